@@ -17,7 +17,7 @@ LIB     := $(DESTDIR)$(LOCAL)/lib
 UNITS   := $(LIB)/systemd/system
 DEVICE  := sys-subsystem-net-devices-can0.device.d
 SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
-# Manual pages and completions, made into $(PREFIX)/share (daemon/commands/manual.py) and linked from here.
+# Manual pages and completions, made into $(PREFIX)/share (programs/manual.py) and linked from here.
 PAGES   := $(foreach p,contactd contactctl contactd-web contactd-zenoh,man/man1/$(p).1 bash-completion/completions/$(p) \
   zsh/site-functions/_$(p) fish/vendor_completions.d/$(p).fish)
 # Debian's zsh looks for those of packages elsewhere.
@@ -29,11 +29,11 @@ PUBLIC  := umask 022;
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help compiled demo web built picture test fuzz check commissioning units soak mutants system dist deb release install install-env install-files install-service uninstall verify reference uplot lock clean
+.PHONY: help compiled demo web built picture test test-slow test-all fuzz check commissioning units soak mutants system dist deb release install install-env install-files install-service uninstall verify reference uplot lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 define check-python
 @$(PYTHON) -c 'import sys; sys.exit("contactd needs Python 3.11 or newer, not " + sys.version.split()[0] + \
@@ -70,8 +70,13 @@ compiled: $(STAMP)  ## build the compiled modules where a source is another
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
 	@trap : INT; $(BIN)/contactd demo $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
 
-test: $(STAMP) compiled  ## all tests, some five minutes
-	$(BIN)/python -m pytest -q -n auto --dist loadfile
+test: $(STAMP) compiled  ## the fast tests, some four minutes
+	$(BIN)/python -m pytest -q -n auto --dist loadfile -m "not slow"
+
+test-slow: $(STAMP) compiled  ## the tests listed in tests/slow.txt, a quarter of an hour
+	$(BIN)/python -m pytest -q -n auto --dist loadfile -m slow
+
+test-all: test test-slow  ## all tests
 
 # New examples for every property in tests/: a failure prints the example and how to repeat it.
 fuzz: SEED ?= $(shell date +%s)
@@ -80,7 +85,7 @@ fuzz: $(STAMP) compiled  ## thousands of new examples for the property-based tes
 	$(BIN)/python -m pytest -q -n auto --dist loadfile -m hypothesis --hypothesis-profile=fuzz \
 	  --hypothesis-seed=$(SEED)
 
-web: page/node_modules/.package-lock.json  ## bundle the page's sources (page/) into daemon/web/built; needs node and npm
+web: page/node_modules/.package-lock.json  ## bundle the page's sources (page/) into programs/web/built; needs node and npm
 	cd page && node build.mjs
 
 page/node_modules/.package-lock.json: page/package.json page/package-lock.json
@@ -93,7 +98,10 @@ picture: $(STAMP) compiled  ## docs/page/push.png: the page in chromium, while t
 commissioning: $(STAMP) compiled  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
 	$(BIN)/python -m bench.commissioning
 
-check: $(STAMP) units built  ## ruff, mypy (strict), import layers, systemd units, the page's bundle
+house: $(STAMP)  ## sizes, words and other limits of the sources, with their goals
+	@$(BIN)/python tests/house.py
+
+check: $(STAMP) units built house  ## ruff, mypy (strict), import layers, limits, systemd units, the page's bundle
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -102,7 +110,7 @@ check: $(STAMP) units built  ## ruff, mypy (strict), import layers, systemd unit
 # The page is bundled into the repository, so that nobody needs node who runs it.
 built:
 	@if ! command -v npm >/dev/null; then \
-	  echo "built: daemon/web/built not checked against page/, there is no npm here"; exit 0; fi; \
+	  echo "built: programs/web/built not checked against page/, there is no npm here"; exit 0; fi; \
 	set -e; $(MAKE) -s page/node_modules/.package-lock.json; cd page; node build.mjs --check
 
 # As installed, but with this environment's contactd. systemd-analyze exits 0 on unknown keys, so it
@@ -168,7 +176,7 @@ ifneq ($(HERE),)
 	systemd-sysusers $(LOCAL)/lib/sysusers.d/contactd.conf
 	systemctl daemon-reload
 	@sed 's|/opt/contactd|$(PREFIX)|' systemd/next-steps
-	@$(PREFIX)/bin/python -P -m compiled
+	@$(PREFIX)/bin/python -P -m common.compiled
 endif
 
 # Built beside the old environment and put in its place at the end. Nothing in it may know $(DESTDIR).
@@ -182,8 +190,8 @@ install-env:
 	rm -rf $(NEW)
 	$(PUBLIC) $(PYTHON) -m venv $(NEW)
 	$(PUBLIC) $(NEW)/bin/pip install --quiet --disable-pip-version-check --no-compile --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock .
-	@$(NEW)/bin/python -P -m compiled
-	$(PUBLIC) $(NEW)/bin/python -P -m daemon.commands.manual $(NEW)/share
+	@$(NEW)/bin/python -P -m common.compiled
+	$(PUBLIC) $(NEW)/bin/python -P -m programs.manual $(NEW)/share
 	$(PYTHON) package/slim.py $(NEW)
 	grep -rlIF $(NEW) $(NEW)/bin $(NEW)/pyvenv.cfg | xargs sed -i 's|$(NEW)|$(PREFIX)|g'
 	-$(PUBLIC) $(NEW)/bin/python -m compileall -qq -s $(NEW) -p $(PREFIX) $(NEW)/lib
@@ -241,13 +249,13 @@ verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloa
 # What `contactd plot` puts into its pages, out of the npm package, whose digest npm knows.
 UPLOT := 1.6.32
 UPLOT_SHA512 := 2883159c6ebccefbb95d751b0b82d010f9e1c0ec41b8bc96d401eda66e882935c89a46cb824332fa369b8cb8122cc6ac36e186cd09bf7a9ded3a4c93c6989023
-uplot:  ## fetch uPlot again (npm), as it is in daemon/recordings/uplot
+uplot:  ## fetch uPlot again (npm), as it is in programs/recordings/uplot
 	rm -rf build/uplot && mkdir -p build/uplot
 	npm pack --silent --pack-destination build/uplot uplot@$(UPLOT)
 	echo "$(UPLOT_SHA512)  build/uplot/uplot-$(UPLOT).tgz" | sha512sum --check --quiet
 	tar xzf build/uplot/uplot-$(UPLOT).tgz -C build/uplot
-	cp build/uplot/package/LICENSE build/uplot/package/dist/uPlot.iife.min.js build/uplot/package/dist/uPlot.min.css daemon/recordings/uplot/
-	cd daemon/recordings/uplot && sha256sum LICENSE uPlot.iife.min.js uPlot.min.css > SHA256SUMS
+	cp build/uplot/package/LICENSE build/uplot/package/dist/uPlot.iife.min.js build/uplot/package/dist/uPlot.min.css programs/recordings/uplot/
+	cd programs/recordings/uplot && sha256sum LICENSE uPlot.iife.min.js uPlot.min.css > SHA256SUMS
 
 reference: $(STAMP)  ## write the reference pages in docs from the code
 	$(BIN)/python docs/reference.py

@@ -5,7 +5,7 @@
 
 A module is compiled if a .pxd with its types lies beside it. Without a compiler on the machine the
 wheel `ziglang` is one. Where even that cannot be (no headers of Python), the modules run as the
-plain Python that they are; this says so, as does `contactd run`.
+plain Python that they are; this warns of it, as does `contactd run`.
 """
 
 import json
@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # a build begins elsewhere
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-import compiled
+from common import compiled
 
 # No contraction: a fused product would round otherwise than the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
@@ -46,8 +46,8 @@ def compiler() -> list[str]:
 
 
 class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
-    """Extensions in a wheel. An editable install gets none: pip hides what a build says, so that
-    `make` builds them beside their sources, and is heard where it cannot."""
+    """Extensions in a wheel. An editable install gets none: pip hides the output of a build, so
+    that `make` builds them beside their sources, and shows where it cannot."""
 
     def dependencies(self) -> list[str]:
         if self.target_name != "wheel":
@@ -93,14 +93,14 @@ def _compile(root: Path, out: Path, include: Path, module: str) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
     cython = [sys.executable, "-m", "cython", "-3", f"{module}.py", "-o", str(c)]
     subprocess.run(cython, cwd=root, check=True)
-    # Put in place whole: who runs the old one keeps it.
+    # Put in place whole: a process that runs the old one keeps it.
     new = extension.with_suffix(".new")
     subprocess.run([*compiler(), *FLAGS, f"-I{include}", str(c), "-o", str(new)], check=True)
     return new.replace(extension)
 
 
 def how() -> list[str]:
-    """What an extension depends on beside its sources."""
+    """Dependencies of an extension beside its sources."""
     return [CYTHON, SUFFIX, *compiler(), *FLAGS]
 
 

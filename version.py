@@ -1,10 +1,10 @@
-"""Version of these sources: the release that git's tags say they are, or lie behind.
+"""Version of these sources: the release of git's last tag, and the distance from it.
 
 At the tag v0.1.0 it is 0.1.0. Twelve commits behind it 0.1.0+12.g1a2b3c4, with `.edited` at its
 end where files differ from the commit: newer than 0.1.0 and older than any next release, for pip
 and dpkg alike. A clone without tags takes the latest release of CHANGELOG.md in the tag's place
 (0.1.0+g1a2b3c4), sources without git are that release. hatchling asks it (pyproject.toml), unless
-a source archive says it already.
+a source archive states it already.
 
     python version.py
 """
@@ -18,7 +18,7 @@ _TAG = "v[0-9]*.[0-9]*.[0-9]*"
 
 
 def version(root: Path) -> str:
-    """Version of the sources in `root`. Raises ValueError where nothing tells."""
+    """Version of the sources in `root`. Raises ValueError where it cannot be determined."""
     described = _describe(root)
     if described.startswith("v"):
         tag, commits, rest = described.split("-", 2)
@@ -41,7 +41,7 @@ def _local(release: str, behind: str) -> str:
 
 def _describe(root: Path) -> str:
     """v0.1.0-12-g1a2b3c4, without a tag 1a2b3c4; nothing where `root` is no clone's own folder."""
-    if not (root / ".git").exists():  # else git would tell of a clone around it
+    if not (root / ".git").exists():  # else git would describe a clone around it
         return ""
     words = ("git", "describe", "--tags", "--long", "--always", "--match", _TAG, "--dirty=-edited")
     try:

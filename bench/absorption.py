@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from arrays import Matrix, Vector
 from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
@@ -34,6 +33,7 @@ from bench.study.detection_report import NARROW
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import spread
 from bench.study.world import LAWS, Law
+from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 
 SHARES: Final = (0.25, 0.5, 0.7, 0.9)

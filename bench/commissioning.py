@@ -1,15 +1,14 @@
 """Commissioning from zero to armed: every step of `contactd identify` on simulated arms.
 
-    python -m bench.commissioning [--part romeo|upright|mistakes|all] [--seed N] [--json]
+    python -m bench.commissioning [--part romeo|upright|all] [--seed N] [--json]
 
-romeo     The daemon's configuration has the wiring and the makers' figures of the Romeo arm; its
-          half-gaps, friction, rotors and thresholds are poor guesses. Masses, torque constants,
-          friction, gaps and rotors of the arm itself are off the nominal ones by the usual
-          mismatch. Beside it: one whose inertias are the model's, and one whose drives do not
-          filter their current.
-upright   An upright arm of six joints with soft gears, weak wrists, encoders that err and masses
-          that are 10 % off (bench/rigs/upright_arm.py), guessed as poorly.
-mistakes  Both arms, wired wrongly: the joint is named, with what is wrong.
+romeo    The daemon's configuration has the wiring and the makers' figures of the Romeo arm; its
+         half-gaps, friction, rotors and thresholds are poor guesses. Masses, torque constants,
+         friction, gaps and rotors of the arm itself are off the nominal ones by the usual
+         mismatch. Beside it: one whose inertias are the model's, and one whose drives do not
+         filter their current.
+upright  An upright arm of six joints with soft gears, weak wrists, encoders that err and masses
+         that are 10 % off (bench/rigs/upright_arm.py), guessed as poorly.
 
 Daemon and arm run in lockstep; the steps are the commands that a person types, and nobody touches
 the arm. What they answer is shown, with --json on stderr. It takes some ten minutes of CPU time.
@@ -28,15 +27,10 @@ from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.study.romeo_commissioning import romeo
 from bench.study.upright_commissioning import upright
-from bench.study.wiring_mistakes import mistakes
 
-Part = Literal["romeo", "upright", "mistakes", "all"]
+Part = Literal["romeo", "upright", "all"]
 Commissioned = Callable[[Path, int, Callable[[str], None]], tuple[list[Target], dict[str, Any]]]
-PARTS: Final[Mapping[str, Commissioned]] = {
-    "romeo": romeo,
-    "upright": upright,
-    "mistakes": mistakes,
-}
+PARTS: Final[Mapping[str, Commissioned]] = {"romeo": romeo, "upright": upright}
 
 
 @click.command(help=help_of(__doc__))

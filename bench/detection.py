@@ -19,7 +19,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
@@ -29,15 +28,14 @@ from rich.console import Console
 from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
-from bench.study.detection_report import joint_table, picture, table
+from bench.study.detection_report import joint_table, table
 from bench.study.detection_score import Score, score
 from bench.study.monte_carlo import Job, Kind, Result, run, spread
 from bench.study.world import LAWS, Law
-from daemon.commands.options import Range
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
+from programs.command_line.options import Range
 
-OUT: Final = Path(__file__).parent / "out"
 LENGTHS_S: Final[dict[Kind, float]] = {
     "free": 60.0,
     "moving": 60.0,
@@ -207,7 +205,6 @@ def main(
         for f in frictions
     }
     alarms = {f: alarmed([r for r in results if r.job.friction == f], c.joint_names) for f in found}
-    drawn = picture(found, c, OUT / f"detection-{motor_position}.png")
     if not as_json:
         filter_ms = 1000 * math.log(2) / c.estimator.gain
         title = (
@@ -221,7 +218,6 @@ def main(
             verdicts = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
             click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {verdicts}")
             click.echo(f"false alarms of {next(iter(by_name))}: {', '.join(alarms[f]) or 'none'}\n")
-        click.echo(f"picture: {drawn}")
     data = {
         "minutes": len(seeds),
         "step_minutes": stepped,

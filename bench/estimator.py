@@ -21,10 +21,10 @@ import click
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix
 from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
+from common.arrays import Matrix
 from daemon.assembly import build_estimator, build_transmission
 from daemon.config.load import Robot, load_robot
 from estimator.estimator import Estimator
@@ -50,8 +50,8 @@ def subjects() -> list[Subject]:
     """Arms of 1, 7 and 14 joints."""
     single, romeo = load_robot(SINGLE_JOINT), load_robot(ROMEO)
     return [
-        Subject("1 joint", build_estimator(single.configuration, single.urdf), _bare(single.urdf)),
-        Subject("7 joints", build_estimator(romeo.configuration, romeo.urdf), _bare(romeo.urdf)),
+        Subject("1 joint", build_estimator(single.configuration, single.model), _bare(single.urdf)),
+        Subject("7 joints", build_estimator(romeo.configuration, romeo.model), _bare(romeo.urdf)),
         _pair(romeo),
     ]
 

@@ -38,12 +38,12 @@ from bench.study.detection_report import NARROW
 from bench.study.estimates import VARIANTS, Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.world import LAWS, Law
-from daemon.commands.options import Range
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.alarms import count_alarms
 from estimator.motor_position import Side
 from estimator.settings import Kind, Variant
+from programs.command_line.options import Range
 
 PARTS: Final = tuple(courses.PARTS)
 FAST: Final = 0.05

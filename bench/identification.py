@@ -1,17 +1,13 @@
 """Errors of the identified friction, rotor inertia and half-gap, over arms that are not the model.
 
-    python -m bench.identification [--arms N] [--plants N] [--makes N] [--seconds S] [--jobs N]
-                                   [--seed N] [--json]
+    python -m bench.identification [--arms N] [--seconds S] [--jobs N] [--seed N] [--json]
 
 Every arm has friction up to 1.5 times more or less than the nominal one, half-gaps 1.3, rotors
 1.25, torque constants 1.02, masses and centres of mass 1.03 times. All move along one excitation;
 their sensors report it with the usual noise, with four times as much, and without the drives'
 filter of the current. Half of the motion is fitted, too. Then a hand leads every link from border
-to border while the motors stand. Then 45 arms have drives that ramp from setpoint to setpoint, step
-or accelerate on their own (bench/study/rotor_drives.py). At last 200 single joints of all sorts
-look for their gaps without a hand (bench/study/gap_plants.py says which of them are observable).
-Simulated without a bus; an arm takes some ten seconds of CPU time. A picture goes to
-bench/out/identification.png.
+to border while the motors stand. Simulated without a bus; an arm takes some ten seconds of CPU
+time.
 """
 
 from collections.abc import Sequence
@@ -22,23 +18,22 @@ import click
 import msgspec
 import numpy as np
 
-from arrays import Vector
 from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.arm_batch import Scatter, SoftHand, random_arm, record_fleet
 from bench.rigs.lockstep import ROMEO
-from bench.study import gap_without_hand, rotor_drives
-from bench.study.identification_report import OUT, allowed_of_gap, lines, picture, summary
+from bench.study.identification_report import allowed_of_gap, lines, summary
 from bench.study.monte_carlo import spread
+from common.arrays import Vector
 from daemon.assembly import build_transmission
-from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import load_robot
-from estimator.identification.excitation import Bounds, fourier_within, trajectory
-from estimator.identification.friction import identify_friction
-from estimator.identification.friction_verdict import Verdict
-from estimator.identification.gap import identify_gap
-from estimator.identification.motion_log import MotionLog
 from estimator.model import Model
+from identification.excitation import Bounds, fourier_within, trajectory
+from identification.friction import identify_friction
+from identification.friction_verdict import Verdict
+from identification.gap import identify_gap
+from identification.motion_log import MotionLog
+from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import Mismatch, SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters
 
@@ -236,39 +231,20 @@ def targets(found: Found) -> list[Target]:
     ]  # fmt: skip
 
 
-def gaps_without_a_hand(plants: int, seed: int, processes: int) -> list[gap_without_hand.Answer]:
-    """Answers of so many random joints."""
-    each = gap_without_hand.TOGETHER
-    jobs = [(min(each, plants - first), seed, first) for first in range(0, plants, each)]
-    title = f"{plants} joints without a hand"
-    return [one for part in spread(gap_without_hand.answers, jobs, processes, title)
-            for one in part]  # fmt: skip
-
-
 @click.command(help=help_of(__doc__))
 @click.option("--arms", default=50, show_default=True)
-@click.option("--plants", default=200, show_default=True, type=click.IntRange(min=1))
-@click.option("--makes", default=45, show_default=True, type=click.IntRange(min=3))
 @click.option("--seconds", default=20.0, show_default=True)
 @JOBS
 @SEED
 @click.option("--json", "as_json", is_flag=True)
-def main(
-    arms: int, plants: int, makes: int, seconds: float, processes: int, seed: int, as_json: bool
-) -> None:
+def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) -> None:
     todo = [
         Job(min(TOGETHER, arms - first), seconds, (seed, first))
         for first in range(0, arms, TOGETHER)
     ]
     title = f"{arms} arms, {TOGETHER} at a time"
     found = joined(list(spread(examine, todo, processes, title)))
-    numbers = [(number, seed) for number in range(makes)]
-    driven = list(
-        spread(rotor_drives.random_rotors, numbers, processes, f"{makes} arms by other drives")
-    )
-    without = gaps_without_a_hand(plants, seed, processes)
     names = load_robot(ROMEO).configuration.joint_names
-    path = picture(found.errors, COEFFICIENTS, found.half_gap, found.true_half_gap, names)
     data: dict[str, Any] = {
         "joints": names,
         "arms": arms,
@@ -276,19 +252,11 @@ def main(
             case: {c: summary(100.0 * e[:, k]) for k, c in enumerate(COEFFICIENTS)}
             for case, e in found.errors.items()
         },
-        "rotors_by_drives": rotor_drives.data(driven),
-        "without_a_hand": gap_without_hand.data(without),
         "half_gap_mrad": summary(1e3 * (found.half_gap - found.true_half_gap)),
-        "picture": str(path.relative_to(OUT.parent.parent)),
     }
     if not as_json:
         click.echo("\n".join(lines(data)))
-    met = [
-        *targets(found),
-        *rotor_drives.targets(driven),
-        *gap_without_hand.targets(without),
-    ]
-    print_report("identification", seed, met, data, as_json=as_json)
+    print_report("identification", seed, targets(found), data, as_json=as_json)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
-"""Loads in the hand, hands that are none, and gears that wear, over arms as wide as the world.
+"""Loads in the hand, and hands that are none, over arms as wide as the world.
 
-    python -m bench.load [--arms N] [--armed-arms N] [--hand-minutes N] [--wear-arms N] [--days N]
-                         [--day-minutes X] [--part load|armed|hand|steady|wear|all] [--jobs N]
-                         [--seed N] [--json]
+    python -m bench.load [--arms N] [--armed-arms N] [--hand-minutes N]
+                         [--part load|armed|hand|all] [--jobs N] [--seed N] [--json]
 
 load  N arms take 0.2 kg, and N arms 0.5 kg, after two minutes at work with nobody there: when it is
       recognised (seconds of motion of joints that carry it), with what mass, and what the residual
@@ -12,13 +11,8 @@ armed N arms are armed after a minute at work, and take these loads while their 
       it is recognised; an arm that cannot go on is started.
 hand  hands push, lead, lean on and pull at arms at work; pulls straight down at the hand change by
       a quarter or more. What is taken for a load.
-steady  hands pull straight down at armed-arms arms at work, with forces that change by 2 to 15 %
-      (root mean square): how many are taken for a load, and of how many that is confirmed.
-wear  one joint of N arms wears (gap doubles, friction +30 % in 30 days), none of N others; every
-      day the arm works for X minutes. Which joint is named, and when.
 
-Arms are those of `bench.false_contacts`, simulated without a bus. The day of the wear is shorter
-than a real one: a day of 20 minutes shows a gap ten times as often as one of two.
+Arms are those of `bench.false_contacts`, simulated without a bus.
 """
 
 from collections.abc import Sequence
@@ -43,19 +37,14 @@ from bench.study.loads import (
     load,
 )
 from bench.study.monte_carlo import spread
-from bench.study.steady_hands import CHANGES, SteadyResult, steady_hand
-from bench.study.wear import WearJob, WearResult, wear
 from bench.study.world import LAWS
-from daemon.config.load import load_robot
 
-Part = Literal["load", "armed", "hand", "steady", "wear", "all"]
+Part = Literal["load", "armed", "hand", "all"]
 MASSES: Final = (0.2, 0.5)
 """[kg]"""
 WITHIN_S: Final = 10.0
 WORKED_S, SAID_S = 60.0, 15.0
 """armed: at work before, and said what to do within"""
-NAMED_BY: Final = 10
-"""days"""
 HAND_S: Final = 300.0
 
 
@@ -98,22 +87,6 @@ def armed_targets(results: Sequence[ArmedResult]) -> list[Target]:
     return rows
 
 
-def wear_targets(results: Sequence[WearResult], joints: Sequence[str]) -> list[Target]:
-    """The right joint is named in time, and no other."""
-    worn = [r for r in results if r.job.joint >= 0]
-    new = [r for r in results if r.job.joint < 0]
-    right = sum(r.named.get(joints[r.job.joint], NAMED_BY + 1) <= NAMED_BY for r in worn)
-    others = sum(bool(set(r.named) - {joints[r.job.joint]}) for r in worn)
-    rows = []
-    if worn:
-        name = f"wear named by day {NAMED_BY} on its joint, of {len(worn)} arms"
-        rows.append(Target(name, 100.0 * right / len(worn), 95.0, "%", "higher"))
-        rows.append(Target("of these arms, other joints named", others, 0, "", "lower"))
-    name = f"arms that do not age and are named, of {len(new)}"
-    rows.append(Target(name, sum(bool(r.named) for r in new), 0, "", "lower"))
-    return rows
-
-
 def loads(arms: int, seed: int, processes: int) -> list[LoadResult]:
     """Arms with each mass."""
     todo = [LoadJob(ROMEO, LAWS[k % len(LAWS)], seed + k, MASSES) for k in range(arms)]
@@ -143,47 +116,10 @@ def hands(minutes: float, seed: int, processes: int) -> list[tuple[HandJob, list
     return sorted(spread(hand, todo, processes, "hands"), key=lambda one: one[0].seed)
 
 
-def steady_hands(arms: int, seed: int, processes: int) -> list[SteadyResult]:
-    """Arms that are pulled at, with every steadiness."""
-    todo = [HandJob(ROMEO, LAWS[k % len(LAWS)], seed + 4999 + k, "pull", 0.0) for k in range(arms)]
-    return [one for arm in spread(steady_hand, todo, processes, "steady hands") for one in arm]
-
-
-def steady_targets(results: Sequence[SteadyResult]) -> list[Target]:
-    """None is a load: the least steady should not be taken for one, the others not confirmed."""
-    rows = []
-    for changes in CHANGES:
-        pulls = [r for r in results if r.changes == changes]
-        name = f"pulls that change by {100 * changes:g} %, of {len(pulls)}: taken for a load"
-        rows.append(Target(name, sum(r.found_s is not None for r in pulls), 0, "", "lower"))
-        name = f"pulls that change by {100 * changes:g} %: confirmed"
-        rows.append(Target(name, sum(r.confirmed_s is not None for r in pulls), 0, "", "lower"))
-    return rows
-
-
-def wears(
-    arms: int, days: int, minutes: float, seed: int, processes: int
-) -> tuple[list[WearResult], list[str]]:
-    """Arms of which one joint with a gap wears, until it must have been named; and as many that do
-    not age, for all days."""
-    c = load_robot(ROMEO).configuration
-    with_gap = [i for i, joint in enumerate(c.joints) if joint.half_gap > 0.0]
-    todo = [
-        WearJob(ROMEO, LAWS[k % len(LAWS)], seed + 2000 + k, joint, length, 60.0 * minutes)
-        for k in range(arms)
-        for joint, length in ((with_gap[k % len(with_gap)], min(days, NAMED_BY)), (-1, days))
-    ]
-    done = spread(wear, todo, processes, "days of gears")
-    return sorted(done, key=lambda r: (r.job.joint, r.job.seed)), c.joint_names
-
-
 @click.command(help=help_of(__doc__))
 @click.option("--arms", type=click.IntRange(min=1), default=100, show_default=True)
 @click.option("--armed-arms", type=click.IntRange(min=1), default=12, show_default=True)
 @click.option("--hand-minutes", type=click.FloatRange(min=1), default=60.0, show_default=True)
-@click.option("--wear-arms", type=click.IntRange(min=1), default=40, show_default=True)
-@click.option("--days", type=click.IntRange(min=1), default=30, show_default=True)
-@click.option("--day-minutes", type=click.FloatRange(min=1), default=4.0, show_default=True)
 @click.option("--part", type=click.Choice(get_args(Part)), default="all")
 @JOBS
 @FIRST_SEED
@@ -192,9 +128,6 @@ def main(
     arms: int,
     armed_arms: int,
     hand_minutes: float,
-    wear_arms: int,
-    days: int,
-    day_minutes: float,
     part: Part,
     processes: int,
     seed: int,
@@ -216,19 +149,10 @@ def main(
         name = f"hands taken for a load in {hand_minutes:g} minutes"
         targets.append(Target(name, len(taken), 0, "", "lower"))
         data["hands"] = taken
-    if part in ("steady", "all"):
-        pulls = steady_hands(armed_arms, seed, processes)
-        targets += steady_targets(pulls)
-        data["steady"] = [asdict(r) for r in pulls]
-    if part in ("wear", "all"):
-        aged, joints = wears(wear_arms, days, day_minutes, seed, processes)
-        targets += wear_targets(aged, joints)
-        data["wear"] = [_plain(r) for r in aged]
-        data["days"], data["day_minutes"] = days, day_minutes
     print_report("load", seed, targets, data, as_json=as_json)
 
 
-def _plain(result: LoadResult | ArmedResult | WearResult) -> dict[str, Any]:
+def _plain(result: LoadResult | ArmedResult) -> dict[str, Any]:
     """For JSON: the job without its folder, None for what is no number."""
     plain = asdict(result)
     plain |= {key: value for key, value in plain.pop("job").items() if key != "robot"}

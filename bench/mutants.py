@@ -27,9 +27,8 @@ from bench.options import help_of
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 COPIED: Final = (
-    "daemon", "drivers", "estimator", "simulator", "bench", "tests", "configs", "docs",
-    "arrays.py", "compiled.py", "elementary.py", "elementary.pxd", "errors.py", "regular_file.py",
-    "pyproject.toml",
+    "bench", "common", "configs", "daemon", "docs", "drivers", "estimator", "identification",
+    "programs", "simulator", "tests", "pyproject.toml",
 )  # fmt: skip
 BUILD: Final = ROOT / "build" / "mutants"
 LISTED: Final = ROOT / "tests" / "equivalent_mutants.yaml"

@@ -4,23 +4,30 @@ whether one reset is enough.
 Every case of `bench.rigs.faults`, in lockstep, on the drives of every make, and what is none: an
 exception in the tick, and a daemon that dies.
 
-    python -m bench.reaction [--json]
+    python -m bench.reaction [--part singles|pairs] [--sample N] [--seed S] [--json]
 
 Ticks count from the one in which the fault is made, which is the first. `found` is held against
 what the fault's row in `daemon.faults.table` says; the stop command against two ticks after that.
 Where the bus takes no frame, its ticks count from when it does. `proved` is when every drive was
 seen to stand; `silence` where nothing can say so, and the drives are left to stop by themselves.
 `stands` is when no motor moves any more. `travel` is that of the joint that came nearest to what
-`contactd check` prints, from the fault on, beside that figure; joints that a hand or a drive of its
-own moves faster than they are ever told to are printed, and not held against it. `reset` is whether
-one, as a client asks for it, was enough when the cause was gone.
+`contactd check` prints, from the fault on, beside that figure (`own way` where a drive runs away);
+joints that a hand moves faster than any setpoint are printed, and not held against it.
+`reset` is whether one, as a client asks for it, was enough when the cause was gone.
+
+Faults of one drive are made at nearly its full speed, too.
+
+`--part pairs` makes every two faults on one arm, the second while the drives stop for the first,
+and compares what the daemon says with what the simulated motors do: nothing may be said to stand,
+nor `reset` be accepted, while a joint moves by itself, and no frame of ours may take the power of
+one that moves before a ramp was tried. `--sample N --seed S` tries N of them by chance.
 """
 
 import logging
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, cast
 
 import click
@@ -29,17 +36,30 @@ import numpy as np
 from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.breakable_arm import BreakableArm, start
+from bench.rigs.bus_faults import pdos_stale
+from bench.rigs.drive_faults import (
+    heartbeat_lost,
+    runaway,
+    samples_repeat,
+    stone_deaf,
+)
 from bench.rigs.faults import PLACES, SHOWN, Case, Place
+from bench.rigs.measurement_faults import all_frozen, encoder_frozen
+from bench.study.fault_pairs import PAIRS, judged_each, sampled
+from common.errors import ProgramError
 from daemon.ending import stop_on_error
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Event, Mode
-from errors import ProgramError
 from simulator.state_machine import State
 
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
 PATIENCE_TICKS = 100
 PERIOD_MS = 10  # of every make
+FULL_SPEED = 0.95  # of the velocity limit
+FAST = (all_frozen, encoder_frozen, samples_repeat, pdos_stale, stone_deaf, heartbeat_lost, runaway)
+# Made at nearly full speed, too. A drive that hears no setpoint any more is not among them: it goes
+# on as it was told until its setpoints are others.
 WORDS = {
     Response.CONTINUE: "continue",
     Response.HOLD: "hold",
@@ -120,7 +140,8 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
     found, told = course.found, course.told
     moved = course.reaction is not Response.CONTINUE
     latched = course.reaction is Response.QUICK_STOP
-    nearest = int(np.argmax(course.furthest / on.travel))
+    bound = on.own_travel if case.own else on.travel
+    nearest = int(np.argmax(course.furthest / bound))
     return row(
         on,
         case,
@@ -130,8 +151,9 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
         stands_tick=course.stood if moved else None,
         proved_tick=course.proved if latched else None,
         silenced=on.rig.tick.drives.silenced,
+        obeys=case.obeys,
         travel_rad=float(course.furthest[nearest]) if moved else None,
-        travel_printed_rad=float(on.travel[nearest]) if moved else None,
+        travel_printed_rad=float(bound[nearest]) if moved else None,
         driven=case.driven,
         one_reset=one_reset(on) if latched else None,
     )
@@ -139,6 +161,11 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
 
 def one_reset(on: BreakableArm) -> bool:
     """Whether one reset brings the arm off, and it can be enabled after it."""
+    drives = on.rig.tick.drives
+    for _ in range(PATIENCE_TICKS):
+        if drives.left_alone or not drives.silenced:
+            break
+        on.tick()
     on.run(0.1)
     try:
         on.rig.reset()
@@ -222,8 +249,9 @@ def line(row: dict[str, Any]) -> str:
     proved, travel, reset = (row.get(k) for k in ("proved_tick", "travel_rad", "one_reset"))
     shown = "-" if proved is None else f"{proved * PERIOD_MS} ms"
     gone = "-" if travel is None else f"{travel:.3f} / {row['travel_printed_rad']:.3f}"
+    name = row["fault"] + (", fast" if row.get("speed") else "")
     return (
-        f"{row['make']:8} {row['fault']:31} {row['condition']:29} {row['stated_ticks']:5} "
+        f"{row['make']:8} {name:36} {row['condition']:29} {row['stated_ticks']:5} "
         f"{row['found_tick']!s:>5}  {row['reaction']:10} {words:11} "
         f"{'silence' if row.get('silenced') and proved is None else shown:>8} "
         f"{'-' if row['stands_tick'] is None else str(row['stands_tick'] * PERIOD_MS) + ' ms':>8} "
@@ -236,20 +264,52 @@ def measured(place: Place) -> list[dict[str, Any]]:
     """Every fault that can be shown at a place, each on an arm of its own."""
     rows = []
     for case in (each.case for each in SHOWN if each.place == place):
-        with place.stage() as on:
-            start(on, armed=case.armed)
-            rows.append(measure(on, case))
+        for speed in (0.0, FULL_SPEED) if case.fault in FAST else (0.0,):
+            with place.stage(speed) as on:
+                start(on, armed=case.armed)
+                rows.append(measure(on, case) | {"speed": speed})
     return [*rows, program_error(place), killed(place)]
 
 
 @click.command(help=help_of(__doc__))
+@click.option("--part", type=click.Choice(["singles", "pairs"]), default="singles")
+@click.option("--sample", type=click.IntRange(min=1, max=len(PAIRS)), help="So many of the pairs.")
+@click.option("--seed", type=int, default=1, show_default=True, help="Of the sample.")
 @click.option("--json", "as_json", is_flag=True)
-def main(as_json: bool) -> None:
+def main(part: str, sample: int | None, seed: int, as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.CRITICAL)  # what a reset mends is no news here
+    if part == "pairs":
+        pairs(sample, seed, as_json=as_json)
+    else:
+        singles(as_json=as_json)
+
+
+def pairs(sample: int | None, seed: int, *, as_json: bool) -> None:
+    """Every two faults on one arm, or a sample of them."""
+    rows = []
+    for pair, verdict in judged_each(sampled(sample, seed)):
+        rows.append({"pair": str(pair), **asdict(verdict)})
+        if not (verdict.good or as_json):
+            click.echo(f"{pair}: {verdict}")
+    targets = [
+        Target("pairs in which a joint was said to stand, and moved", _count(rows, "proved"), 0),
+        Target("pairs in which a reset was open while one moved", _count(rows, "reset"), 0),
+        Target("pairs in which power was cut in motion, no ramp tried", _count(rows, "cut"), 0),
+        Target("pairs", len(rows), sample or len(PAIRS), better="higher"),
+    ]
+    print_report("reaction, pairs", seed, targets, {"rows": rows}, as_json=as_json)
+
+
+def _count(rows: list[dict[str, Any]], what: str) -> int:
+    return sum(bool(row[what]) for row in rows)
+
+
+def singles(*, as_json: bool) -> None:
+    """Every fault alone, on the drives of every make."""
     rows = [row for place in PLACES if place.wire == "virtual" for row in measured(place)]
     if not as_json:
         click.echo(
-            f"{'make':8} {'fault':31} {'found as':29} {'ticks':>5} {'found':>5}  {'reaction':10} "
+            f"{'make':8} {'fault':36} {'found as':29} {'ticks':>5} {'found':>5}  {'reaction':10} "
             f"{'told':11} {'proved':>8} {'stands':>8} {'travel / rad  ':>15} {'reset':>5}"
         )
         for row in rows:
@@ -260,7 +320,9 @@ def main(as_json: bool) -> None:
     held = [r for r in rows if r.get("travel_rad") is not None and not r["driven"]]
     further = [r for r in held if r["travel_rad"] > r["travel_printed_rad"]]
     latched = [r for r in rows if r.get("one_reset") is not None]
-    open_ends = [r for r in latched if r["proved_tick"] is None and not r["silenced"]]
+    open_ends = [
+        r for r in latched if r["proved_tick"] is None and not (r["silenced"] or r["obeys"])
+    ]
     unended = [r for r in latched if not r["one_reset"]]
     share = max(r["travel_rad"] / r["travel_printed_rad"] for r in held)
     worst = max(PATIENCE_TICKS if wait is None else wait for wait in waits)

@@ -17,8 +17,8 @@ class Target:
     name: str
     value: float
     limit: float
-    unit: str
-    better: Literal["lower", "higher"]
+    unit: str = ""
+    better: Literal["lower", "higher"] = "lower"
 
     @property
     def met(self) -> bool:

@@ -32,8 +32,8 @@ from bench.rigs.lockstep import ROMEO
 from bench.rigs.page import page_of, ticks_in
 from bench.rigs.processes import Pair, pair
 from bench.study.beside import cpu_s, median_ratio, p99_us, peak_mb, watch
-from daemon.clients.client import Client
-from daemon.web.server import BUILT
+from programs.clients.client import Client
+from programs.web.server import BUILT
 
 READERS = 5
 LOADS = 5

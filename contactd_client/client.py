@@ -89,16 +89,16 @@ def follow(
     Each connection begins with `Joined`; `Lost` comes once whenever there is none, and again when
     the reason is another. `path` and `timeout_s` are as of Client.
     """
-    told = ""
+    last = ""
     while True:
         try:
             with Client(path, timeout_s) as client:
                 snapshot, states = client.states()
-                told = ""
+                last = ""
                 yield Joined(snapshot)
                 yield from states
         except ContactdError as error:
-            if str(error) != told:
-                told = str(error)
-                yield Lost(told)
+            if str(error) != last:
+                last = str(error)
+                yield Lost(last)
         time.sleep(retry_s)

@@ -16,7 +16,7 @@ ANSWER_S: Final = 2.0
 SLOW_COMMANDS: Final = frozenset({"enable", "reset"})
 SLOW_PATIENCE_S: Final = 30.0
 
-_RETRY_S = 0.001  # where too many wait outside: whoever asks oftener gets in
+_RETRY_S = 0.0003  # where too many wait for a place: the client that asks oftener gets in
 
 
 def patience_s(command: str, timeout_s: float) -> float:

@@ -8,7 +8,7 @@ class ContactdError(Exception):
 
 
 class ControlError(ContactdError):
-    """A request to the daemon was refused, or what was said was not understood."""
+    """A request to the daemon was refused, or a message was not understood."""
 
     exit_code = 1
 

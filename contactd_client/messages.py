@@ -7,7 +7,7 @@ number per joint, in the order of `Snapshot.joints`, SI units at the link side.
 
 from typing import Any, Final, Literal, NotRequired, TypedDict
 
-STATE_FORMAT: Final = 5
+STATE_FORMAT: Final = 6
 Command = Literal[
     "enable",
     "load",
@@ -68,27 +68,29 @@ class Request(TypedDict):
     detached: NotRequired[bool]
     # `gain`: of which joint
     joint: NotRequired[str | None]
-    # `gain`: its K_a from now on [rad/s per Nm]
+    # `gain`: its K_a from now on, 0 or at least LEAST_GAIN [rad/s per Nm]
     gain: NotRequired[float | None]
-    # Who asked the client for this, in its own words: for the log, and believed by nobody.
+    # Person or program on whose behalf the client asks, as stated by the client: for the log only,
+    # not verified.
     on_behalf_of: NotRequired[str | None]
-    # `payload`: what the hand carries from now on, by its name in the configuration, or
+    # `payload`: payload of the hand from now on, by its name in the configuration, or
     name: NotRequired[str | None]
-    # by its mass [kg]; 0: nothing
+    # by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
     mass: NotRequired[float | None]
-    # beside `mass`: its centre in the hand's frame [m]
+    # beside `mass`: its centre in the hand's frame, three numbers [m]
     com: NotRequired[list[float] | None]
     # `go`: to this one, or
     pose: NotRequired[str | None]
-    # to these positions; joints that are not named stay [rad]
+    # to these positions, within the joints' limits; joints that are not named stay [rad]
     targets: NotRequired[dict[str, float] | None]
     # `go`: of the joint that goes furthest; 0.2 unless given [rad/s]
     speed: NotRequired[float | None]
     # `go`: answer only what it would do
     plan: NotRequired[bool]
-    # `go`: positions for which it was planned; refused if the arm stands elsewhere by now [rad]
+    # `go`: positions for which it was planned; refused if the arm is elsewhere by now [rad]
     planned_from: NotRequired[list[float] | None]
-    # `go`, `start` of what was loaded: halt when this connection ends, or asks nothing for 2 s
+    # `go`, `start` of a loaded trajectory: halt when this connection ends, or sends nothing for 2
+    # s, and forget the motion
     attended: NotRequired[bool]
 
 
@@ -101,26 +103,26 @@ class Check(TypedDict):
 
 
 class ToolForce(TypedDict):
-    """Forces at the tool that the arm feels; directions along x, y, z of the URDF's root."""
+    """Forces at the tool that the arm detects; directions along x, y, z of the URDF's root."""
 
-    # where it feels best
+    # in the most sensitive direction
     least_N: float
     least_along: list[float]
-    # where it feels worst, beside where it feels nothing
+    # in the least sensitive direction, except those without detection
     most_N: float
     most_along: list[float]
-    # directions in which no joint feels a force
-    unfelt: NotRequired[list[list[float]]]
+    # directions in which no joint detects a force
+    undetected: NotRequired[list[list[float]]]
 
 
-class Felt(TypedDict):
-    """Touches that the arm feels in its present pose: torque at each joint, force at the tool. Both
-    may be a little larger before they are felt, by errors of the model (docs/estimator.md)."""
+class Sensitivity(TypedDict):
+    """Smallest touches that the arm detects in its present pose: torque at each joint, force at the
+    tool. With errors of the model both may be a little larger (docs/estimator.md)."""
 
     joints: list[str]
-    # the point, in words
+    # description of the tool point
     tool: str
-    # None: a joint that does not sense now, and feels nothing [Nm], every joint at its velocity
+    # None: a joint that does not sense now, and detects nothing [Nm], every joint at its velocity
     # limit
     moving: list[float | None]
     # [Nm], every joint at rest
@@ -130,8 +132,8 @@ class Felt(TypedDict):
 
 
 class Way(TypedDict):
-    """Way to a pose: a straight line through joint space, which knows nothing of what stands in
-    it. All joints arrive together."""
+    """Way to a pose: a straight line through joint space, on which all joints arrive together.
+    Obstacles are not taken into account."""
 
     name: str
     joints: list[str]
@@ -153,7 +155,7 @@ class Permit(TypedDict):
     # ends by time alone; otherwise also with the connection of `pid`
     detached: bool
     left_s: float
-    # as the owner said
+    # as stated by the owner
     on_behalf_of: NotRequired[str]
 
 
@@ -167,10 +169,12 @@ class Trajectory(TypedDict):
     time_s: float
     # None: it has no end
     duration_s: float | None
+    # it halts, and is forgotten, when the program that began it ends
+    attended: NotRequired[bool]
 
 
 class Grant(TypedDict):
-    """One part of the real-time set-up, granted by the machine or not, and the same in words."""
+    """One part of the real-time set-up, granted by the machine or not, with its description."""
 
     name: str
     achieved: bool
@@ -178,7 +182,7 @@ class Grant(TypedDict):
 
 
 class Learned(TypedDict):
-    """What was learned since identification, as shares of what was identified: +0.1 is a tenth
+    """Changes learned since identification, as shares of the identified values: +0.1 is a tenth
     more."""
 
     coulomb: list[float]
@@ -220,7 +224,7 @@ class Status(TypedDict):
     missed: int
     lateness_max_us: float
     work_max_us: float
-    # what was achieved of the real-time set-up, and what not
+    # parts of the real-time set-up, achieved or not
     realtime: list[Grant]
     readers: int
     joints: list[str]
@@ -236,17 +240,17 @@ class Status(TypedDict):
     age_ticks: list[int]
     # 0x1018:4 of the drives
     serials: NotRequired[list[int | None]]
-    # joints that were told to stop and not seen to stand
+    # joints commanded to stop and not confirmed at standstill
     unproved: NotRequired[list[str]]
-    # the drives hear nothing of the daemon until `reset`
+    # the daemon sends nothing to the drives until `reset`
     silenced: NotRequired[bool]
     # None before the first samples
-    felt: NotRequired[Felt | None]
+    sensitivity: NotRequired[Sensitivity | None]
     # joints that sense contact now; None before the first tick
     sensing: NotRequired[list[bool] | None]
     # when that last changed, as `uptime_s` counts
     sensing_since_s: NotRequired[list[float] | None]
-    # share of the samples of late that went missing
+    # share of recent samples that went missing
     lost: NotRequired[list[float] | None]
     # None where nothing is learned
     learned: NotRequired[Learned | None]
@@ -258,18 +262,18 @@ class Status(TypedDict):
     payloads: NotRequired[list[Payload]]
     # that `go` can be asked for: joints by name [rad]
     poses: NotRequired[dict[str, dict[str, float]]]
-    # what their trends say, a line for each joint (`contactctl health`)
+    # findings of their trends, a line for each joint (`contactctl health`)
     gears: NotRequired[list[str]]
-    # load that nobody told, in words, with what to do; empty without one
+    # description of an unannounced payload, with advice; empty without one
     recognised: NotRequired[str]
-    # Files that say something else than those it runs by; looked at while the drives are off.
+    # Files that differ from those in use; checked while the drives are off.
     changed: NotRequired[list[str]]
-    # why a `reload` went on with the old ones, with file and field
+    # reason why a `reload` kept the old ones, with file and field
     not_taken_up: NotRequired[str]
 
 
 class Snapshot(TypedDict):
-    """Context of a recording: all that is needed to read its States. Sent to each reader first."""
+    """Context of a recording: everything needed to read its States. Sent to each reader first."""
 
     # STATE_FORMAT of its program; 0: made before there was one
     format: NotRequired[int]
@@ -302,14 +306,14 @@ class Reply(TypedDict):
     armed: NotRequired[bool]
     # of `arm`
     checks: NotRequired[list[Check]]
-    # of `arm` that is done; a client that does not know it leaves it out
-    felt: NotRequired[Felt | None]
+    # of `arm` that is done
+    sensitivity: NotRequired[Sensitivity | None]
     # of a trajectory: the first that was refused, from 0
     row: NotRequired[int | None]
-    # joints that are told to stop and not seen to stand
+    # joints commanded to stop and not confirmed at standstill
     unproved: NotRequired[list[str]]
-    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen, or
-    # nearer to a limit than a joint may get
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds cover, or nearer
+    # to a limit than a joint may get
     warnings: NotRequired[list[str]]
     # of `go` that is done, or planned
     way: NotRequired[Way | None]
@@ -356,7 +360,7 @@ class Timing(TypedDict):
 
 
 class State(TypedDict):
-    """Record of one tick: everything it measured, estimated and decided."""
+    """Record of one tick: its measurements, estimates and decisions."""
 
     tick: int
     # time of the tick since the loop started
@@ -365,7 +369,7 @@ class State(TypedDict):
     interval_s: float
     mode: Mode
     armed: bool
-    # why this mode, in words
+    # reason for this mode
     cause: str
     # a trajectory is running or will go on after this contact
     moving: bool
@@ -412,20 +416,20 @@ class State(TypedDict):
     quiet_s: float
     notices: list[Notice]
     timing: Timing
-    # joints that were told to stop and not seen to stand
+    # joints commanded to stop and not confirmed at standstill
     unproved: NotRequired[list[str]]
-    # the drives hear nothing of the daemon until `reset`
+    # the daemon sends nothing to the drives until `reset`
     silenced: NotRequired[bool]
     # joints that sense contact now; None in format 1
     sensing: NotRequired[list[bool] | None]
     # time at which that last changed [s]
     sensing_since_s: NotRequired[list[float] | None]
-    # k: share of each configured contact level that learning leaves in force; None where recorded
-    # before it was said
+    # k: share of each configured contact level that learning leaves in force; None in recordings
+    # from before it was published
     level_share: NotRequired[list[float] | None]
-    # while armed; None also in recordings from before it was told
+    # while armed; None also in recordings from before it existed
     permit: NotRequired[Permit | None]
-    # that the model counts in this tick
+    # included in the model in this tick
     payload: NotRequired[Payload | None]
-    # that nobody told; nothing is learned in this tick
+    # unannounced payload; nothing is learned in this tick
     recognised: NotRequired[Payload | None]

@@ -7,8 +7,8 @@ from typing import Any, Final, cast
 from contactd_client.errors import ControlError
 from contactd_client.messages import STATE_FORMAT, Reply, Request, Snapshot, State, Status
 
-_MOST_SAID: Final = 40  # characters of what is not understood
-#: What is looked into here.
+_MOST_SHOWN: Final = 40  # characters of a value that is not understood
+#: Fields that are checked here.
 _SHAPES: Final[dict[str, Callable[[Any], bool]]] = {
     "ok": lambda value: isinstance(value, bool),
     "message": lambda value: isinstance(value, str),
@@ -33,8 +33,8 @@ def decode_reply(packet: bytes) -> Reply:
     message = _decode(packet, "ok")
     for key, is_right in _SHAPES.items():
         if key in message and not is_right(message[key]):
-            said = repr(message[key])[:_MOST_SAID]
-            raise ControlError(f"the daemon speaks another version: its `{key}` is {said}")
+            shown = repr(message[key])[:_MOST_SHOWN]
+            raise ControlError(f"the daemon speaks another version: its `{key}` is {shown}")
     return cast(Reply, message)
 
 

@@ -66,7 +66,7 @@ def why_unreachable(path: Path, error: OSError) -> str:
             return f"{path} is no socket"
         case FileNotFoundError() | ConnectionRefusedError():
             if path == SERVICE_SOCKET and service_installed():
-                how = "`sudo systemctl start contactd`; `systemctl status contactd` says why not"
+                how = "`sudo systemctl start contactd`; `systemctl status contactd` shows why not"
                 return f"no contactd serves {path}: its service does not run ({how})"
             return f"no contactd serves {path}: is it running? (`contactd run CONFIG`)"
         case PermissionError():
@@ -88,7 +88,7 @@ def how_to_be_let_in(path: Path) -> str:
     if group in (CONTROL_GROUP, VIEW_GROUP):
         join = f"sudo usermod -aG {group} YOU; it counts from your next login"
         return f"you may not use {path}: join the group {group} ({join})"
-    # Whoever joined that one, root's for instance, would get far more than an arm.
+    # Joining that one, root's for instance, would give access to far more than an arm.
     wanted = VIEW_GROUP if path.name.endswith("-view.sock") else CONTROL_GROUP
     return (
         f"you may not use {path}: it belongs to the group {group}. Create the group {wanted}, add "

@@ -1,1 +1,1 @@
-"""The service: configuration, loop, modes, limits, faults, control socket, command lines."""
+"""The service: configuration, loop, modes, limits, faults, control socket."""

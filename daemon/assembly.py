@@ -1,11 +1,10 @@
-"""Assembly of one arm from a checked configuration. The only place that knows all its parts."""
+"""Assembly of one arm from a checked configuration: the only module that knows all its parts."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from arrays import Vector
-from daemon.config.dynamics import model_of
+from common.arrays import Vector
 from daemon.config.evidence import objections, parameters_known, parameters_missing
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of, virtual_mass_of
@@ -16,13 +15,15 @@ from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
+from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.messages import Check
 from daemon.tick.arming_checks import ArmingChecks
-from daemon.tick.controller import Controller, ControllerSettings
+from daemon.tick.controller import Controller
+from daemon.tick.decision import ControllerSettings
 from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
@@ -31,21 +32,22 @@ from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import Wire
 from drivers.drives import Drives
 from estimator.estimator import Estimator
-from estimator.thresholds import Thresholds
+from estimator.model import Model
+from estimator.thresholds import LEAST_SHARE, Thresholds
 from estimator.transmission import Transmission, stiction_range
 
-# Share of what drives may differ from their setpoints that a release uses.
+# Share of the permitted deviation of drives from their setpoints that a release uses.
 AHEAD_SHARE = 0.75
 
 
 def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identification: Check) -> Tick:
-    """The tick of `robot` on the wire to drives that are set up. Unless the `identification` passes
-    it does not arm, and closes no loop over the links. Raises ContactdError."""
+    """Tick of `robot` on the wire to drives that are set up. Unless the `identification` check
+    passes, it does not arm and closes no loop over the links. Raises ContactdError."""
     c = robot.configuration
-    drives = Drives(wire, c.joint_drives, c.period_s, clock, c.bus.master_node)
+    drives = Drives(wire, c.joint_drives, c.period_s, clock, c.bus.master_node, c.bus.bitrate)
     return Tick(
         drives,
-        build_estimator(c, robot.urdf),
+        build_estimator(c, robot.model),
         build_controller(robot, links_trusted=identification.passed),
         build_fault_detector(c),
         ArmingChecks(
@@ -61,7 +63,7 @@ def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identificat
 
 
 def seen_motion(robot: Robot) -> SeenMotion:
-    """Motion that identified thresholds have seen; without bounds where they do not say."""
+    """Motion covered by the identified thresholds; unbounded where they do not record it."""
     c, found = robot.configuration, robot.identified
     speed, lower, upper = (np.full(len(c.joints), end) for end in (np.inf, -np.inf, np.inf))
     for i, name in enumerate(c.joint_names):
@@ -73,8 +75,8 @@ def seen_motion(robot: Robot) -> SeenMotion:
 
 
 def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
-    """Arming check of identified.yaml: it must be of these drives and this configuration.
-    serials: of the drives that answered, in the order of the joints."""
+    """Arming check of identified.yaml: it must belong to these drives and this configuration.
+    serials: serial numbers of the drives that answered, in the order of the joints."""
     c, found = robot.configuration, robot.identified
     against = objections(found, c, robot.urdf, dict(zip(c.joint_names, serials, strict=True)))
     text = "; ".join(against) or f"{c.identified} is of these drives"
@@ -82,8 +84,8 @@ def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:
 
 
 def check_parameters(robot: Robot) -> Check:
-    """Arming check of gaps, friction and thresholds: identified, or known otherwise. A loop over
-    the links is closed without them: that is how friction is identified."""
+    """Arming check of gaps, friction and thresholds: identified, or known otherwise. Loops over
+    the links do not need them, since friction is identified with these loops closed."""
     missing = parameters_missing(robot.identified, robot.configuration, robot.urdf)
     text = parameters_known(robot.identified, robot.configuration)
     if missing:
@@ -99,15 +101,15 @@ def build_boot(
     ring: FrameRing | None = None,
     setups: Sequence[DriveSetup] | None = None,
 ) -> DriveBoot:
-    """Boot-up of the drives over the wire of an open bus; `ring` keeps its frames; `setups` are
-    read from the files unless given. Raises ConfigurationError."""
+    """Boot-up of the drives over the wire of an open bus. `ring` keeps its frames; `setups` are
+    built from the robot's files unless given. Raises ConfigurationError."""
     c = robot.configuration
     setups = build_setups(robot) if setups is None else setups
     return DriveBoot(wire, setups, c.period_ms, c.bus.master_node, ring)
 
 
 def build_setups(robot: Robot) -> list[DriveSetup]:
-    """Set-up that each drive must hold before it may be operational. Raises ConfigurationError."""
+    """Set-up that each drive must have before it may be operational. Raises ConfigurationError."""
     c = robot.configuration
     sheets = {
         name: load_data_sheet(robot.folder / profile.eds) for name, profile in c.drives.items()
@@ -120,16 +122,17 @@ def build_setups(robot: Robot) -> list[DriveSetup]:
     ]
 
 
-def build_estimator(c: Configuration, urdf: str) -> Estimator:
+def build_estimator(c: Configuration, model: Model) -> Estimator:
     """Estimator: the whole chain from samples to contact."""
     return Estimator(
-        model_of(c, urdf),
+        model,
         build_transmission(c),
         c.estimator,
         Thresholds(
             contact=row(c, lambda j: j.thresholds.contact),
             collision=row(c, lambda j: j.thresholds.collision),
             per_speed=row(c, lambda j: j.thresholds.per_speed),
+            least_share=np.maximum(row(c, lambda j: j.least_share), LEAST_SHARE),
         ),
         c.period_s,
     )
@@ -188,7 +191,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
 
 
 def following_margin(c: Configuration) -> Vector:
-    """By how much motors may differ from their setpoints (n,) [rad/s]."""
+    """Permitted deviation of the motors from their setpoints (n,) [rad/s]."""
     return c.supervisor.following_margin * row(c, lambda j: j.limits.velocity)
 
 
@@ -205,12 +208,15 @@ def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
         enable_timeout_s=c.supervisor.enable_timeout_s,
         stop_timeout_s=c.supervisor.stop_timeout_s,
     )
-    return Controller(tuning, build_motion(robot, links_trusted=links_trusted))
+    t = build_transmission(c)
+    contact = row(c, lambda j: j.thresholds.contact)
+    witness = HandWitness(contact, t.engaged_coulomb, t.motor_viscous + t.link_viscous)
+    return Controller(tuning, build_motion(robot, links_trusted=links_trusted), witness)
 
 
 def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
-    """Motion: trajectory, admittance, limits; position loops over links only where they are
-    trusted."""
+    """Motion: trajectory, admittance, limits. Position loops are closed over the links only if
+    these are trusted."""
     c = robot.configuration
     manner = MotionSettings(
         position_gain=c.control.position_gain,

@@ -1,7 +1,7 @@
-"""Ending of the arm: at rest as configured and seen to be so, or stopped at once on an error.
+"""Ending of the arm: brought to rest as configured and confirmed, or stopped at once on an error.
 
-`bring_to_rest` ends an undisturbed program; `stop_on_error` tells the drives to quick-stop before
-anything else is done, whatever breaks in the loop.
+`bring_to_rest` ends an undisturbed program; `stop_on_error` commands the drives to quick-stop
+before anything else is done, whatever fails in the loop.
 """
 
 import logging
@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from common.errors import ProgramError
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
@@ -18,11 +19,10 @@ from daemon.tick.loop import Loop
 from daemon.tick.tick import Tick
 from drivers.cia402 import reached
 from drivers.drives import Drives
-from errors import ProgramError
 
-# How long the drives may take to reach the state they end in [s].
+# Time for the drives to reach their final state [s].
 PATIENCE_S = 1.0
-# A frame may be lost: the quick stop is sent so often, a period apart.
+# A frame may be lost: the quick stop is sent this many times, a period apart.
 REPEATS = 3
 
 _log = logging.getLogger("contactd")
@@ -31,7 +31,7 @@ _log = logging.getLogger("contactd")
 def bring_to_rest(
     loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why: str
 ) -> list[str]:
-    """Decelerate, stop, let every joint end as configured, and see that it did.
+    """Decelerate, stop, let every joint end as configured, and confirm that it did.
 
     Returns the names of drives that did not follow. The loop goes on ticking meanwhile, and so does
     our heartbeat; it ends with the last tick.
@@ -45,7 +45,8 @@ def bring_to_rest(
 
     tick.controller.request(Event.DISABLE, why, loop.time_s)
     # A joint that does not stop in time becomes a fault, and then a quick stop. An arm that holds
-    # is off at once, but the next tick tells the drives so, and the SYNC after it makes them hear.
+    # is off at once, but the next tick sends this to the drives, and they latch it at the SYNC
+    # after that.
     resting, heard = (Mode.OFF, Mode.FAULTED), tick.number + 2
     tick_until(
         lambda: machine.mode in resting and tick.number >= heard, stop_timeout_s + PATIENCE_S
@@ -55,13 +56,12 @@ def bring_to_rest(
 
 
 def _stragglers(tick: Tick) -> list[str]:
-    """Names of drives that do not say, in this tick, that they have reached the state that was last
-    asked of them."""
+    """Names of drives that do not report, in this tick, the state that was last commanded."""
     last = tick.last
     if last is None or last.decision is None:
         return []
-    told = zip(last.samples.states, last.decision.power, last.samples.fresh, strict=True)
-    wrong = np.flatnonzero([not (fresh and reached(state, on)) for state, on, fresh in told])
+    joints = zip(last.samples.states, last.decision.power, last.samples.fresh, strict=True)
+    wrong = np.flatnonzero([not (fresh and reached(state, on)) for state, on, fresh in joints])
     return [tick.drives.names[i] for i in wrong]
 
 
@@ -69,8 +69,8 @@ def _stragglers(tick: Tick) -> list[str]:
 def stop_on_error(
     drives: Drives, period_s: float, sleep: Callable[[float], None] = time.sleep
 ) -> Iterator[None]:
-    """Quick stop of all drives on any exception of the block; its traceback goes to the log, and
-    ProgramError is raised from it. The drives hold by themselves from then on."""
+    """Quick stop of all drives on any exception of the block. Its traceback is logged, and
+    ProgramError is raised from it. From then on the drives hold by themselves."""
     try:
         yield
     except Exception as error:
@@ -79,4 +79,4 @@ def stop_on_error(
             sleep(period_s)
         finding = Finding(Condition.PROGRAM_ERROR, f"{type(error).__name__}: {error}")
         _log.critical("%s", finding, exc_info=error)
-        raise ProgramError(f"{finding}; the drives were told to quick-stop") from error
+        raise ProgramError(f"{finding}; a quick stop was sent to the drives") from error

@@ -12,7 +12,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-import compiled
+from common import compiled
+from common.errors import BusError, ContactdError, DriveError
 from contactd_client.paths import default_socket_path
 from daemon.assembly import (
     build_boot,
@@ -26,6 +27,7 @@ from daemon.config.load import Robot
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Grant
+from daemon.protocol.trend_row import trends_folder
 from daemon.service.black_box import BlackBox, default_directory, ring_path
 from daemon.service.journal import log_to_stderr
 from daemon.service.notify import Notifier, notifier_of
@@ -36,21 +38,19 @@ from daemon.service.status import Process, context_of
 from daemon.service.trend_line import TrendLine
 from daemon.tick.loop import Clock, Loop
 from daemon.tick.tick import Tick
-from daemon.trends.day import folder_of
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.bus import open_bus
 from drivers.can.bus_load import frame_rate_hz
 from drivers.can.frame_ring import RecordedWire
-from errors import BusError, ContactdError, DriveError
 
 _log = logging.getLogger("contactd")
 
 
 @dataclass(frozen=True, slots=True)
 class Basis:
-    """What a run of the daemon stands on: a robot as its files said, and the set-up of its drives.
-    `not_taken_up` says why files that are newer are not."""
+    """Basis of one run of the daemon: a robot as read from its files, and the set-up of its drives.
+    `not_taken_up` is the reason why newer files are not in use."""
 
     robot: Robot
     setups: Sequence[DriveSetup]
@@ -80,16 +80,17 @@ class _Arm:
 
 
 def run_daemon(read: ReadRobot, socket: Path | None) -> None:
-    """Run until SIGTERM or SIGINT; at a `reload` end as at these, and begin anew by what `read`
-    finds then, in the same process and at the same socket.
+    """Run until SIGTERM or SIGINT. At a `reload` end in the same way, and start again with the
+    files that `read` finds then, in the same process and at the same socket.
 
-    What cannot be read, or set up, is not taken up: the daemon goes on with what it ran by, off.
-    Raises ContactdError if it cannot start or a drive does not end as it should.
+    Files that cannot be read, or set up, are not put into use: the daemon continues with the
+    previous ones, off. Raises ContactdError if it cannot start or a drive does not end as it
+    should.
     """
     basis = read_basis(read)
     with log_to_stderr():
         signals = _Signals()
-        # The socket comes first: of two daemons for one arm only one gets as far as the bus.
+        # The socket comes first: of two daemons for one arm only one reaches the bus.
         with (
             ControlSocket(socket or default_socket_path()) as control,
             closing(notifier_of(os.environ, os.getpid())) as notifier,
@@ -110,7 +111,7 @@ def run_daemon(read: ReadRobot, socket: Path | None) -> None:
 
 
 def _read_anew(basis: Basis, read: ReadRobot) -> tuple[Basis | None, Basis]:
-    """Basis to go back to, None where it is the same, and that of the next run."""
+    """Basis to return to, None if it is the same, and basis of the next run."""
     leave_realtime()
     try:
         return replace(basis, not_taken_up=""), read_basis(read)
@@ -151,7 +152,7 @@ def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: N
 
 
 def _realtime() -> list[Grant]:
-    """What the machine grants this process from now on; the log says what it does not."""
+    """Real-time set-up of this process, by the part granted; the log reports what is not."""
     not_compiled = compiled.warning()
     if not_compiled:
         _log.warning(not_compiled)
@@ -168,7 +169,7 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     tick, loop, service = arm.tick, arm.loop, arm.service
     if signals.received:
         return False
-    # From the first heartbeat on the drives expect the next.
+    # From the first heartbeat on, the drives expect the next.
     tick.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
@@ -200,8 +201,8 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
 
 
 def _let_go(boot: DriveBoot, *, again: bool) -> None:
-    """At rest for good, the drives need not miss us. Those that are set up `again` are tried there
-    oftener than once."""
+    """Release the drives from watching our heartbeat, as the arm is at rest for good. A failure is
+    only logged if they will be set up `again`, which tries it more than once."""
     try:
         boot.let_go()
     except DriveError as error:
@@ -218,13 +219,14 @@ def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:
 
 
 def _trends_of(robot: Robot) -> Path:
-    return folder_of(default_directory(), robot.configuration.name)
+    return trends_folder(default_directory(), robot.configuration.name)
 
 
 def _warm_up(robot: Robot) -> None:
-    """Let an estimator of the same kind take a few steps: the first ones load code and touch memory
-    for tens of milliseconds, which the first ticks do not have."""
-    estimator = build_estimator(robot.configuration, robot.urdf)
+    """Run an estimator of the same kind for a few steps: the first ones load code and touch memory
+    for tens of milliseconds, more than the first ticks can spare. It is not that of the tick, which
+    begins without any sample."""
+    estimator = build_estimator(robot.configuration, robot.model)
     nothing = np.zeros(len(robot.configuration.joints))
     for _ in range(20):
         estimator.step(nothing, nothing, nothing, nothing)
@@ -244,8 +246,8 @@ def sleep_until(deadline: float) -> None:
 
 
 class _Signals:
-    """Name of the first SIGTERM or SIGINT; a second SIGINT during the end changes nothing, for
-    the arm must be brought to rest."""
+    """Name of the first SIGTERM or SIGINT; a second SIGINT while ending has no effect, as the arm
+    must be brought to rest."""
 
     def __init__(self) -> None:
         self.received = ""

@@ -97,7 +97,7 @@ def _typed_dict(cls: type) -> str:
     return "\n".join([*lines, ""])
 
 
-def _annotation(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kind
+def _annotation(kind: types.Type) -> str:  # noqa: PLR0911, PLR0912 - a line for each kind
     match kind:
         case types.StructType():
             return kind.cls.__name__
@@ -121,6 +121,8 @@ def _annotation(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kin
             return " | ".join(_annotation(part) for part in kind.types)
         case types.ListType():
             return f"list[{_annotation(kind.item_type)}]"
+        case types.Metadata():  # bounds for the schema
+            return _annotation(kind.type)
         case types.DictType():
             return f"dict[{_annotation(kind.key_type)}, {_annotation(kind.value_type)}]"
     raise NotImplementedError(kind)

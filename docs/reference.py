@@ -2,7 +2,7 @@
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
 `contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
-messages of the socket; `concepts/` from `drawings.py`; `daemon/ros/type_hashes.py` from the
+messages of the socket; `concepts/` from `drawings.py`; `programs/zenoh/type_hashes.py` from the
 definitions of ROS 2; the page's `troubleshooting.html` from the document of that name. `faults.md`,
 `modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
 between two markers, which come from what the program runs on.
@@ -21,17 +21,17 @@ import msgspec
 from msgspec import inspect as types
 
 from bench.study.mistakes import MISTAKES
-from daemon.commands.contactctl import main
 from daemon.config.schema import Configuration
 from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 from daemon.protocol.messages import Snapshot, State
+from programs.contactctl.contactctl import main
 from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
-sys.path.append(str(DOCS.parent))  # for `docs` itself, which is in no wheel
+sys.path.insert(0, str(DOCS.parent))  # of this checkout, and `docs` itself, which is in no wheel
 
 from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
 from docs.drawings import drawings  # noqa: E402
@@ -348,9 +348,9 @@ def files() -> dict[Path, str]:
     made |= {DOCS / "concepts" / name: svg for name, svg in drawings().items()}
     trouble = (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
     return made | {
-        DOCS.parent / "daemon/web/built/troubleshooting.html": help_page(trouble),
+        DOCS.parent / "programs/web/built/troubleshooting.html": help_page(trouble),
         DOCS.parent / "contactd_client/messages.py": client_messages(),
-        DOCS.parent / "daemon/ros/type_hashes.py": type_hashes(),
+        DOCS.parent / "programs/zenoh/type_hashes.py": type_hashes(),
     }
 
 

@@ -1,4 +1,4 @@
-"""Hashes of the ROS 2 types that contactd speaks: `daemon/ros/type_hashes.py`, by ros2-pyterfaces.
+"""ROS 2 type hashes of `programs/zenoh/type_hashes.py`, by ros2-pyterfaces.
 
 Never typed: one wrong digit means silence.
 """
@@ -28,7 +28,7 @@ TYPE_HASHES: Final = {
 
 
 def type_hashes() -> str:
-    """daemon/ros/type_hashes.py."""
+    """programs/zenoh/type_hashes.py."""
     lines = []
     for name in TYPES:
         _, space, short = name.split("/")

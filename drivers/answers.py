@@ -1,4 +1,4 @@
-"""Answers of the drives to SYNC: which TPDOs have come, and the samples that they make."""
+"""Answers of the drives to SYNC: TPDOs received so far, and the samples made of them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,12 +7,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 from drivers.cia402 import DriveState, drive_state
 from drivers.codec import SampleDecoder
 from drivers.drive import Drive
-from drivers.events import BusEvent, LateAnswer
+from drivers.events import BusEvent, LateAnswer, OldAnswers, TwoDrives
 from drivers.ids import NODE
+from drivers.punctuality import Punctuality
 
 #: A drive may take so many ticks from NMT start to its first answer.
 START_TICKS = 30
@@ -26,8 +27,8 @@ class Samples:
     them. Nothing of it changes afterwards: the arrays, of shape (n,), are read-only.
 
     A joint is fresh when all its TPDOs of this SYNC came in time; of any other the values are the
-    last that came (NaN before the first), not necessarily of one SYNC, and `age_ticks` says for how
-    many ticks, or for how many SYNC has been sent again. `starting` are those that have not
+    last that came (NaN before the first), not necessarily of one SYNC, and `age_ticks` counts the
+    ticks since, or those for which SYNC has been sent again. `starting` are those that have not
     answered since then and may still be on their way to operational.
     """
 
@@ -45,7 +46,7 @@ class Samples:
 
 @dataclass(slots=True)
 class Counters:
-    """Counters of what ought not to happen on the bus."""
+    """Counters of irregular frames and failures on the bus."""
 
     unknown_frames: int = 0
     short_frames: int = 0
@@ -60,10 +61,16 @@ class Answers:
     """TPDOs in, samples out. Which are still awaited is one integer, a bit for each of them."""
 
     def __init__(
-        self, drives: Sequence[Drive], counters: Counters, tell: Callable[[BusEvent], None]
+        self,
+        drives: Sequence[Drive],
+        counters: Counters,
+        report: Callable[[BusEvent], None],
+        period_s: float,
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
-        self._counters, self._tell = counters, tell
+        self._counters, self._report = counters, report
+        self.punctuality = Punctuality(period_s)
+        self._nodes = tuple(drive.node for drive in drives)
         self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
         slots = self._decoder.slots
@@ -77,34 +84,50 @@ class Answers:
         self._all = (1 << len(self._tpdos)) - 1
         self.missing = 0
         """Not zero while one is awaited."""
-        # What had come when the tick before this one ended: another before the next SYNC says that
-        # the first was old.
-        self._answered = 0
+        self._asked = False  # by a SYNC in this tick
         n = len(drives)
         self._every = _frozen(np.ones(n, dtype=np.bool_))
         self._none = self._starting = _frozen(np.zeros(n, dtype=np.bool_))
         self._start_ticks = 0  # left, in which a drive may still be on its way to operational
         self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
         self._statuswords: tuple[int, ...] = ()
-        self._states: tuple[DriveState, ...] = ()  # that they say
+        self._states: tuple[DriveState, ...] = ()  # encoded in them
         self.samples = self._samples(self._none, ())
         """Samples of the last tick; before the first, NaN and unknown states."""
 
     def start_anew(self) -> None:
-        """After a time without SYNC: count the age of samples from the next tick on, and take what
-        comes before it for no answer."""
+        """Start over after a time without SYNC: count the age of samples from the next tick on, and
+        take no earlier frame for an answer."""
         self._age_ticks = self._no_age
-        self._answered = self.missing = 0
+        self.missing, self._asked = 0, False
+        self.punctuality.start_anew()
         self._start_ticks, self._starting = START_TICKS, self._every
 
     def expect_none(self) -> None:
-        """Until the next SYNC, whatever comes is late."""
+        """Count every frame until the next SYNC as late."""
         self.missing = 0
 
-    def expect_all(self) -> None:
-        """SYNC is about to go out."""
-        self._answered = 0
+    def expect_all(self, now: float) -> None:
+        """Await an answer of every drive: SYNC is about to go out."""
+        self.punctuality.asked(now)
+        self.missing, self._asked = self._all, True
+
+    def miss_all(self) -> None:
+        """Count the answers of this tick as missing: they belong to no SYNC, or not surely to this
+        one."""
         self.missing = self._all
+
+    def joints_of(self, tpdos: int) -> list[int]:
+        """Joints whose drives send one of these."""
+        return [i for i, bits in enumerate(self._joint_bits) if bits & tpdos]
+
+    def judge(self) -> None:
+        """Report drives that answer twice, or a period late, by the numbers of their answers."""
+        found = self.punctuality
+        if found.twice:
+            self._report(TwoDrives(tuple(self._nodes[i] for i in self.joints_of(found.twice))))
+        if found.old:
+            self._report(OldAnswers(tuple(self._nodes[i] for i in self.joints_of(found.old))))
 
     def take(self, cob_id: int, data: bytes | bytearray) -> bool:
         """Keep a frame if it is a TPDO; False if it is none."""
@@ -120,14 +143,16 @@ class Answers:
             self.missing ^= bit
         else:
             self._counters.late_frames += 1
-            if self._answered & bit:
-                self._tell(LateAnswer(cob_id & NODE))
+            if self.punctuality.unawaited(bit):
+                self._report(LateAnswer(cob_id & NODE))
         return True
 
     def finish(self, events: tuple[BusEvent, ...]) -> Samples:
-        """Make the samples of this tick of what has come until now, with `events` beside them."""
+        """Make the samples of this tick from the frames received so far, with `events`."""
         missing, fresh = self.missing, self._every
-        self._answered = self._all & ~missing
+        if self._asked:
+            self.punctuality.ended(missing)
+            self._asked = False
         self._decoder.decode()
         if missing:
             self._counters.missing_frames += missing.bit_count()

@@ -1,6 +1,6 @@
 """CiA 402 power state machine as data (IEC 61800-7-201): statusword -> state -> controlword.
 
-Nothing here waits: one statusword in, one controlword out, every tick. The tables say all there is.
+Nothing here waits: one statusword in, one controlword out, every tick. The tables are complete.
 """
 
 from enum import IntEnum
@@ -50,21 +50,26 @@ FAULT_RESET: Final = 0x0080
 
 _S = DriveState
 
-# Rows are states, columns are targets. In a state that is not understood the only command that
-# neither moves the drive nor takes its torque is the quick stop. A drive that reacts to a fault or
-# starts up ignores commands; bit 7 stays clear there, so that a reset finds its rising edge.
+# Rows are states, columns are targets. One statusword may be false, so no controlword does more
+# harm in another state than in the reported one: the quick stop changes nothing in a drive without
+# power (CiA 402, transitions 7 and 10), starts a ramp in operation (11) and nothing in a fault; bit
+# 7 stays clear, so that a reset finds its rising edge. OFF is for drives that stand, and no other
+# target takes power.
 CONTROLWORD_TABLE: Final = {
     #                            OFF              ON                QUICK_STOP
     _S.UNKNOWN:                (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
-    _S.NOT_READY_TO_SWITCH_ON: (DISABLE_VOLTAGE, DISABLE_VOLTAGE,  DISABLE_VOLTAGE),
-    _S.SWITCH_ON_DISABLED:     (DISABLE_VOLTAGE, SHUTDOWN,         DISABLE_VOLTAGE),
-    _S.READY_TO_SWITCH_ON:     (DISABLE_VOLTAGE, SWITCH_ON,        DISABLE_VOLTAGE),
-    _S.SWITCHED_ON:            (DISABLE_VOLTAGE, ENABLE_OPERATION, DISABLE_VOLTAGE),
+    _S.NOT_READY_TO_SWITCH_ON: (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
+    _S.SWITCH_ON_DISABLED:     (DISABLE_VOLTAGE, SHUTDOWN,         QUICK_STOP),
+    _S.READY_TO_SWITCH_ON:     (DISABLE_VOLTAGE, SWITCH_ON,        QUICK_STOP),
+    _S.SWITCHED_ON:            (DISABLE_VOLTAGE, ENABLE_OPERATION, QUICK_STOP),
     _S.OPERATION_ENABLED:      (DISABLE_VOLTAGE, ENABLE_OPERATION, QUICK_STOP),
     _S.QUICK_STOP_ACTIVE:      (DISABLE_VOLTAGE, ENABLE_OPERATION, QUICK_STOP),
-    _S.FAULT_REACTION_ACTIVE:  (DISABLE_VOLTAGE, DISABLE_VOLTAGE,  DISABLE_VOLTAGE),
-    _S.FAULT:                  (DISABLE_VOLTAGE, DISABLE_VOLTAGE,  DISABLE_VOLTAGE),
+    _S.FAULT_REACTION_ACTIVE:  (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
+    _S.FAULT:                  (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
 }  # fmt: skip
+
+# On the way to ON these take the power of a drive that is in operation already (8, 5).
+_TAKES_POWER: Final = frozenset({SHUTDOWN, SWITCH_ON})
 
 # The motor has no torque in these; quick stop asks no more of them.
 UNPOWERED: Final = frozenset(
@@ -93,19 +98,19 @@ def _classify(statusword: int) -> DriveState:
     return DriveState.UNKNOWN
 
 
-# Only bits 0-3, 5 and 6 tell the state, so that 112 answers serve all 65 536 statuswords.
+# Only bits 0-3, 5 and 6 encode the state, so that 112 entries serve all 65 536 statuswords.
 _STATES: Final = tuple(_classify(bits) for bits in range(0x6F + 1))
 
 
 def drive_state(statusword: int) -> DriveState:
-    """State encoded in an object 0x6041; bits without a say in it are ignored."""
+    """State encoded in an object 0x6041; the other bits are ignored."""
     return _STATES[statusword & 0x6F]
 
 
 def in_words(statusword: int) -> str:
-    """Statusword for people: `switch on disabled (statusword 0x0250)`; negative is none yet."""
+    """Statusword as text: `switch on disabled (statusword 0x0250)`; negative is none yet."""
     if statusword < 0:
-        return "no state that it told"
+        return "no reported state"
     name = drive_state(statusword).name.lower().replace("_", " ")
     return f"{name} (statusword 0x{statusword:04X})"
 
@@ -117,11 +122,14 @@ def controlword(
 
     A fault is left only when `reset` is asked, by a rising edge of bit 7: `previous`, the
     controlword sent last, decides which half of the edge comes now, so that a reset that is asked
-    for several ticks gives an edge every other tick.
+    for several ticks gives an edge every other tick. Where `previous` was for a drive in operation
+    and the drive now reports that it is in none, it gets a quick stop in between: the way up begins
+    with the next statusword, so that a single false one does no harm.
     """
     if reset and state is DriveState.FAULT:
         return DISABLE_VOLTAGE if previous & FAULT_RESET else FAULT_RESET
-    return CONTROLWORD_TABLE[state][target]
+    word = CONTROLWORD_TABLE[state][target]
+    return QUICK_STOP if previous == ENABLE_OPERATION and word in _TAKES_POWER else word
 
 
 def reached(state: DriveState, target: PowerTarget) -> bool:

@@ -5,7 +5,7 @@ of the motor shaft, fraction of the rated current). At the link side:
 
     current        [A]      motor_sign * rated_current_A * value  (torque likewise)
     motor_velocity [rad/s]  motor_sign * value / gear             (motor_position [rad] likewise)
-    link_position  [rad]    link_sign * value + link_offset - what `link_correction` says
+    link_position  [rad]    link_sign * value + link_offset - `link_correction`
 
 and a target velocity goes the same way backwards. All but the correction is affine, so that the
 whole arm is one multiplication and one addition. COB-IDs are those of `drivers.ids`.
@@ -18,12 +18,12 @@ from typing import Final
 
 import numpy as np
 
-from arrays import Vector, check_shapes
+from common.arrays import Vector, check_shapes
+from common.errors import ConfigurationError
 from drivers.counts import Table, correct, decode, encode
 from drivers.drive import Drive
 from drivers.ids import NEXT_PDO, RPDO, TPDO
 from drivers.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
-from errors import ConfigurationError
 
 STRUCT_CODES: Final = {
     "INTEGER8": "b",
@@ -59,7 +59,7 @@ def type_limits(type_name: str) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class PdoField:
-    """One mapped object: what it is to us, and where it is in the drive."""
+    """Mapped object: its meaning here, and its place in the drive."""
 
     entry: PdoEntry
     index: int
@@ -163,7 +163,7 @@ def link_side(drive: Drive, entry: PdoEntry) -> tuple[float, float]:
     return factor * where.scale, factor * where.offset + bias
 
 
-def _harmonics(drives: Sequence[Drive]) -> Table:
+def harmonics(drives: Sequence[Drive]) -> Table:
     """Errors of the link encoders (n, k, 3), k the most that one joint has; zeros fill it up."""
     given = [[(h.order, h.cosine, h.sine) for h in d.wiring.link_correction] for d in drives]
     table = np.zeros((len(drives), max(map(len, given), default=0), 3))
@@ -209,7 +209,7 @@ class SampleDecoder:
         self._rows = row_of["current"], row_of["link_position"], row_of["motor_velocity"]
         self._motor_row = row_of.get("motor_position")
         self._offset = np.array([drive.wiring.link_offset for drive in drives])
-        self._harmonics = _harmonics(drives)
+        self._harmonics = harmonics(drives)
         self.motor_position: Vector | None = None
         self.decode()
 

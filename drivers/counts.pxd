@@ -2,7 +2,7 @@
 
 cimport cython
 
-from elementary cimport cosine, sine
+from common.elementary cimport cosine, sine
 
 cdef double _ROUNDING, _LARGEST
 

@@ -8,8 +8,8 @@ Ordinary Python, which runs as it is; `counts.pxd` names the types for the compi
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
-from elementary import cosine, sine
+from common.arrays import Matrix, Vector
+from common.elementary import cosine, sine
 
 Table = NDArray[np.float64]
 

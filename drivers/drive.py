@@ -1,4 +1,4 @@
-"""One drive of an arm: the joint that it turns, its place on the bus, its kind, its speeds."""
+"""Drive of an arm: the joint that it turns, its place on the bus, its kind, its speeds."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ class Drive:
     name: str  # of the joint
     wiring: JointWiring
     profile: DriveProfile
-    velocity: float  # the fastest that it is told [rad/s at the link]
+    velocity: float  # highest commanded speed [rad/s at the link]
     quick_stop: float  # deceleration of its quick stop [rad/s2 at the link]
 
     @property

@@ -1,8 +1,8 @@
 """Events on the bus beside the samples: typed facts, judged elsewhere.
 
-`str()` of one is its detail, without what its type's name says; `described` puts the drive in
-front. Error codes of an EMCY message are put in words after CiA 301, 7.2.7.1, and CiA 402-2, annex
-of error codes.
+`str()` of one is its detail, without the name of its type; `described` puts the drive in front.
+Error codes of an EMCY message are put in words after CiA 301, 7.2.7.1, and CiA 402-2, annex of
+error codes.
 """
 
 import errno
@@ -12,9 +12,12 @@ from enum import StrEnum
 from typing import Final
 
 #: Kinds of emergency codes (CiA 301): of communication, after which some drives take a reset only
-#: when set up again; and of what they were sent.
+#: when set up again; and of the frames that were sent to them.
 COMMUNICATION_ERROR: Final = 0x8100
 PROTOCOL_ERROR: Final = 0x8200
+#: A drive misses our heartbeat.
+MASTER_SILENT: Final = 0x8130
+OF_COMMUNICATION: Final = frozenset({COMMUNICATION_ERROR, PROTOCOL_ERROR})
 #: Code of a message that is too short to have one.
 UNKNOWN_CODE: Final = -1
 
@@ -57,17 +60,17 @@ class NotOperational:
 
 
 class RunningOn(StrEnum):
-    """How a drive that is told to stop does not, and what is done about it."""
+    """Way in which a drive disobeys a command to stop, and the reaction to it."""
 
     UNHEARD = "NMT stop sent"
-    MOVES = "it says that it stops, and moves on"
-    BEYOND = "it says that it stops, and moves on beyond its travel: power cut"
+    MOVES = "it reports that it stops, but moves on"
+    BEYOND = "it reports that it stops, but moves on beyond its travel: power cut"
 
 
 @dataclass(frozen=True, slots=True)
 class NotSeenToStop:
-    """Drives are told to stop, by setpoint and by SDO, and nothing says that they do; or they say
-    so, and move as if they did not."""
+    """Drives were commanded to stop, by setpoint and by SDO, and nothing confirms that they do; or
+    they report it, but move as if they did not."""
 
     nodes: tuple[int, ...]
     how: RunningOn = RunningOn.UNHEARD
@@ -77,8 +80,19 @@ class NotSeenToStop:
 
 
 @dataclass(frozen=True, slots=True)
+class Repeats:
+    """All samples of these drives repeat to the last bit while their motors move, or were commanded
+    to: they were not measured."""
+
+    nodes: tuple[int, ...]
+
+    def __str__(self) -> str:
+        return "all of its samples repeat while its motor moves, or was commanded to"
+
+
+@dataclass(frozen=True, slots=True)
 class Unproved:
-    """Nothing says that these drives stop after the NMT stop, too; they hear nothing more of us."""
+    """Nothing confirms that these drives stop after the NMT stop either; we fall silent."""
 
     nodes: tuple[int, ...]
 
@@ -108,7 +122,7 @@ class Rebooted:
 
 @dataclass(frozen=True, slots=True)
 class ForeignMaster:
-    """Somebody else sends what only the master may send."""
+    """Another node sends what only the master may send."""
 
     cob_id: int
 
@@ -118,7 +132,7 @@ class ForeignMaster:
 
 @dataclass(frozen=True, slots=True)
 class BadSetpoint:
-    """A target velocity that is not finite was refused; the drives were told to stop instead."""
+    """A target velocity that is not finite was refused; the drives get a quick stop instead."""
 
     text: str
 
@@ -128,13 +142,48 @@ class BadSetpoint:
 
 @dataclass(frozen=True, slots=True)
 class LateAnswer:
-    """A drive answered one SYNC twice: what was taken for the answer was that to the SYNC before,
-    a whole period old."""
+    """A drive answered one SYNC twice: the first was the answer to the SYNC before, a whole period
+    old."""
 
     node: int
 
     def __str__(self) -> str:
         return "answers later than a whole period"
+
+
+@dataclass(frozen=True, slots=True)
+class OldAnswers:
+    """Drives answer every SYNC a period late, so that their samples are old: they answered when no
+    SYNC was sent."""
+
+    nodes: tuple[int, ...]
+
+    def __str__(self) -> str:
+        return "it answers when no SYNC is sent"
+
+
+@dataclass(frozen=True, slots=True)
+class TwoDrives:
+    """Every SYNC, or SDO, is answered twice: another drive has the same node number."""
+
+    nodes: tuple[int, ...]
+
+    def __str__(self) -> str:
+        return "two drives answer as this node"
+
+
+@dataclass(frozen=True, slots=True)
+class BusLoaded:
+    """Too much of the bus is taken, by frames of others beside those of the arm."""
+
+    load: float  # share of the bus, at least
+    unknown_hz: float  # frames of unknown senders, per second
+    most: int | None  # identifier of the most of these, if one stands out
+
+    def __str__(self) -> str:
+        unknown = f", {self.unknown_hz:.0f} unknown frames/s" if self.unknown_hz else ""
+        most = "" if self.most is None else f", 0x{self.most:03X} among them"
+        return f"at least {self.load:.0%} of the bus is taken{unknown}{most}".replace("%", " %")
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +227,16 @@ BusEvent = (
     | HeartbeatLost
     | NotOperational
     | NotSeenToStop
+    | Repeats
     | Unproved
     | Absent
     | Rebooted
     | ForeignMaster
     | BadSetpoint
     | LateAnswer
+    | OldAnswers
+    | TwoDrives
+    | BusLoaded
     | ErrorPassive
     | BusOff
     | AdapterGone
@@ -192,7 +245,7 @@ BusEvent = (
 
 
 def described(event: BusEvent, joints: Mapping[int, str]) -> str:
-    """An event in words, for people who know their drives by joint; `joints`: of each node."""
+    """Text of an event, with the joint of each drive; `joints`: names by node."""
     nodes = getattr(event, "nodes", None) or (getattr(event, "node", None),)
     drives = ", ".join(
         f"node {node} ({joints[node]})" if node in joints else f"node {node}"
@@ -202,7 +255,7 @@ def described(event: BusEvent, joints: Mapping[int, str]) -> str:
     return ": ".join(filter(None, (drives, str(event))))
 
 
-# A socket that said one of these does not come back, whatever becomes of the adapter. ENETDOWN is
+# A socket that raised one of these does not come back, whatever becomes of the adapter. ENETDOWN is
 # not among them: an interface that is set up again serves the sockets it had.
 _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, errno.ESHUTDOWN})
 
@@ -210,13 +263,13 @@ _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, err
 def bus_failure(doing: str, error: Exception) -> AdapterGone | BusTrouble:
     """Event for a failure of the bus; `doing` is "sending" or "receiving"."""
     number = getattr(error, "errno", None) or getattr(error, "error_code", None)
-    # ValueError is what select() says of a socket that was closed.
+    # select() raises ValueError for a socket that was closed.
     gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
     text = f"{doing} failed: {error}"
     return AdapterGone(text) if gone else BusTrouble(text)
 
 
-# Classes of Linux' error frames (linux/can/error.h), and where class 4 says what it means.
+# Classes of Linux' error frames (linux/can/error.h), and the bits that detail class 4.
 _CONTROLLER: Final = 0x004
 _BUS_OFF: Final = 0x040
 _PASSIVE: Final = 0x30  # data[1]: receiving or transmitting
@@ -226,7 +279,7 @@ _ERROR_CLASSES: Final = (
     (_CONTROLLER, "controller problem"),
     (0x008, "protocol violation"),
     (0x010, "transceiver trouble"),
-    (0x020, "nobody acknowledges (is a drive powered, the bus terminated?)"),
+    (0x020, "no node acknowledges (is a drive powered, the bus terminated?)"),
     (_BUS_OFF, "bus off"),
     (0x080, "bus error"),
     (0x100, "controller restarted"),
@@ -235,7 +288,7 @@ _ERROR_CLASSES: Final = (
 
 def error_frame(error_class: int, data: bytes | bytearray) -> BusOff | ErrorPassive | BusTrouble:
     """Event for an error frame; `error_class` is its identifier. An adapter that reports trouble of
-    the controller without saying which (socketcand) is taken to mean error-passive."""
+    the controller without detail (socketcand) is taken to mean error-passive."""
     if error_class & _BUS_OFF:
         return BusOff()
     if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):
@@ -270,7 +323,7 @@ _WORDS: Final = {
     0x8611: "following error",
 }
 
-# Where a code is not in the table, its first digits still say of what kind it is.
+# Where a code is not in the table, its first digits still give its kind.
 _KINDS: Final = (
     (0xFF00, 0x2100, "current, input side"),
     (0xFF00, 0x2200, "current inside the drive"),
@@ -303,7 +356,7 @@ _KINDS: Final = (
 
 
 def emergency_words(code: int) -> str:
-    """Words for an error code (0x603F); empty for one that no standard knows."""
+    """Words for an error code (0x603F); empty for one that no standard defines."""
     if words := _WORDS.get(code):
         return words
     return next((words for mask, kind, words in _KINDS if code & mask == kind), "")

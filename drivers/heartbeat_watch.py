@@ -1,4 +1,4 @@
-"""Watch on the heartbeat of one drive (CiA 301), and on what it says of its NMT state.
+"""Watch on the heartbeat of one drive (CiA 301), and on the NMT state that it reports.
 
 Time is an argument.
 """
@@ -15,9 +15,9 @@ HEARTBEATS_MISSED: Final = 3
 
 @dataclass(slots=True)
 class HeartbeatWatch:
-    """Tells the loss of a heartbeat, and a drive that stops being operational, once each.
+    """Detects the loss of a heartbeat and the end of operational, and reports each once.
 
-    Made when the drive has just been told to be operational, at `heard_at`.
+    Made when the drive has just been commanded operational, at `heard_at`.
     """
 
     node: int
@@ -27,11 +27,11 @@ class HeartbeatWatch:
     # Heartbeats of before NMT start may still be under way after it: no longer being operational
     # is news only of a drive that was heard to be.
     operational: bool = False
-    # It has left NMT operational or started anew: it does not hold what it was told any more.
+    # It has left NMT operational or started anew: its set-up is lost.
     forgot: bool = False
 
     def excuse(self, now: float) -> None:
-        """Nobody listened until `now`."""
+        """Count from `now`: the bus was not read until then."""
         self.heard_at = now
 
     def hear(self, nmt_state: int, now: float) -> NotOperational | Rebooted | None:

@@ -26,6 +26,6 @@ ENTER_PRE_OPERATIONAL: Final = 128
 RESET_NODE: Final = 129
 RESET_COMMUNICATION: Final = 130
 
-# What a heartbeat says; boot-up is the first of all.
+# NMT states in a heartbeat; boot-up is the first of all.
 BOOT_UP: Final = 0
 OPERATIONAL: Final = 5

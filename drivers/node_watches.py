@@ -1,23 +1,35 @@
-"""Watches on all nodes of an arm: heartbeats, NMT states, emergencies, and who is set up.
+"""Watches on all nodes of an arm: heartbeats, NMT states, emergencies, state of the set-up.
 
 From frames to facts; what they mean is judged elsewhere. Time is an argument.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from drivers.answers import Counters
 from drivers.cia402 import DriveState
 from drivers.drive import Drive
-from drivers.events import COMMUNICATION_ERROR, UNKNOWN_CODE, BusEvent, Emergency
+from drivers.events import (
+    OF_COMMUNICATION,
+    PROTOCOL_ERROR,
+    UNKNOWN_CODE,
+    BusEvent,
+    Emergency,
+)
 from drivers.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
 from drivers.ids import EMERGENCY, HEARTBEAT, NODE
+
+#: A drive sends its emergencies in its own time (inhibit time 0x1015): one of protocol (0x82xx)
+#: that comes so soon after its set-up is about earlier frames. The set-up was read back.
+SETTLING_S: Final = 0.5
 
 
 @dataclass(slots=True)
 class _Node:
     beat: HeartbeatWatch
-    complained: bool = False  # of communication (0x81xx), since it was set up
+    set_up_s: float
+    complained: bool = False  # of communication (0x81xx, 0x82xx), since it was set up
 
 
 class NodeWatches:
@@ -30,7 +42,7 @@ class NodeWatches:
 
     def _watched(self, drive: Drive, now: float) -> _Node:
         timeout_s = HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3)
-        return _Node(HeartbeatWatch(drive.node, timeout_s, now))
+        return _Node(HeartbeatWatch(drive.node, timeout_s, now), now)
 
     def start(self, now: float, renewed: Iterable[int] | None) -> None:
         """Expect heartbeats from `now` on; `renewed` were just set up (None: all), of the others
@@ -52,7 +64,10 @@ class NodeWatches:
         if service == HEARTBEAT:
             return node.beat.hear(data[0], now) if data else None
         code = data[0] | data[1] << 8 if len(data) > 1 else UNKNOWN_CODE
-        node.complained |= code & 0xFF00 == COMMUNICATION_ERROR
+        kind = code & 0xFF00
+        node.complained |= kind in OF_COMMUNICATION
+        if kind == PROTOCOL_ERROR and now - node.set_up_s < SETTLING_S:
+            return None
         return Emergency(node.beat.node, code, data[2] if len(data) > 2 else 0)
 
     def check(self, now: float) -> Iterator[BusEvent]:
@@ -68,18 +83,18 @@ class NodeWatches:
 
     @property
     def set_up(self) -> list[bool]:
-        """Of each drive, whether it holds what it was told, as far as is known."""
+        """True for each drive that still holds its set-up, as far as is known."""
         return [not node.beat.forgot for node in self._nodes]
 
     @property
     def heard(self) -> list[bool]:
-        """Of each drive, whether its heartbeat comes and says that it is operational."""
+        """True for each drive whose heartbeat arrives and reports operational."""
         return [node.beat.operational and not node.beat.lost for node in self._nodes]
 
     def unfit(self, states: Sequence[DriveState]) -> list[int]:
         """Joints whose drives are silent, restarted, no longer operational, or in fault after an
-        error of communication (0x81xx, CiA 301): another error may hide that one, which only a
-        reset of its communication ends."""
+        error of communication (0x81xx, 0x82xx, CiA 301): another error may hide that one, which
+        only a reset of its communication ends."""
         return [
             i
             for i, (node, state) in enumerate(zip(self._nodes, states, strict=True))

@@ -1,4 +1,4 @@
-"""Presence of ours on the bus: when the next heartbeat is due, and whether the drives may miss us.
+"""Presence of the master on the bus: due time of the next heartbeat, and gaps that drives notice.
 
 It counts from the last heartbeat that was really sent: a late wake-up, a suspension and a bus that
 takes no frame are the same gap to a drive. After one, the drives may have stopped by themselves,

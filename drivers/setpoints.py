@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 
-from arrays import Vector
+from common.arrays import Vector
 from drivers.can.wire import Frame
 from drivers.cia402 import QUICK_STOP, DriveState, PowerTarget, controlword
 from drivers.codec import SetpointEncoder, receive_pdos
@@ -70,7 +70,7 @@ class Setpoints:
         """Take each drive on its way to its target. One that is not in operation, or not wanted
         there, gets velocity zero.
 
-        velocity: (n,) rad/s at the link; where one is not finite, all drives are told to stop
+        velocity: (n,) rad/s at the link; where one is not finite, all drives get a quick stop
         instead, and ValueError is raised.
         """
         standstill = self._encoder.standstill

@@ -71,10 +71,10 @@ PdoLayout = dict[PdoNumber, Annotated[list[PdoEntry], Meta(min_length=1, max_len
 
 
 class DriveProfile(Settings, frozen=True):
-    """One kind of drive: its EDS, where each quantity is, and how its PDOs are laid out.
+    """Kind of drive: its EDS, the place of each quantity, and the layout of its PDOs.
 
-    What the motor gives comes as current or as torque, whichever the drive reports better: as both
-    are fractions of what is rated, they count the same.
+    The motor's effort comes as current or as torque, whichever the drive reports better: as both
+    are fractions of the rated value, they count the same.
     """
 
     eds: str
@@ -127,7 +127,7 @@ class JointWiring(Settings, frozen=True):
     motor_sign: Sign = 1  # -1 where the motor counts against the joint
     link_sign: Sign = 1  # -1 where the link encoder counts against the joint
     link_offset: float = 0.0  # of the link encoder [rad]
-    # What the link encoder errs with each of its turns, taken off its samples. Found by
+    # Error of the link encoder that repeats with each turn, subtracted from its samples. Found by
     # `contactd identify encoders`, and only then worth writing.
     link_correction: Annotated[list[Harmonic], Meta(max_length=4)] = []
     # Of the motor shaft; given, the drive's own figure (0x6076) must agree with it.

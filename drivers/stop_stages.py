@@ -1,8 +1,8 @@
-"""Stop of one drive in stages: each has a deadline, and only what is seen ends it. Pure.
+"""Stop of one drive in stages, each with a deadline; only an observed standstill ends it. Pure.
 
-A drive that was told to stop stands when fresh readings say so: a statusword that has left
-operation, and a velocity or a position that shows no motion. Until then it counts as running. The
-stages get stronger, and none takes for granted what the one before needs:
+A drive that was commanded to stop stands when fresh readings confirm it: a statusword that has left
+operation, and every sensor that it has (`witness`). Until then it counts as running. The
+stages get stronger, and none relies on what the one before needs:
 
     SETPOINT  quick stop in its RPDO, which acts at a SYNC
     SDO       quick stop written to 0x6040, which acts at once, also in pre-operational
@@ -18,25 +18,21 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from drivers.cia402 import UNPOWERED, DriveState, PowerTarget
+from drivers.cia402 import UNPOWERED, DriveState
 from drivers.drive import Drive
+from drivers.witness import MOVES, STANDS, Witness
 
-#: A drive needs two ticks to take a quick stop from its RPDO and to say so.
+#: A drive needs two ticks to take a quick stop from its RPDO and to report it.
 FEWEST_TICKS: Final = 3
-#: Slower than this a motor stands [rad/s at the link]: a few counts of a coarse velocity...
-STANDS: Final = 0.02
-#: ...and this is how far one creeps at most in `STILL_S`; some velocities have a bias.
-STILL_S: Final = 0.2
-STILL_RAD: Final = STANDS * STILL_S
 #: Readings in a row, so that noise proves nothing.
 STILL_READINGS: Final = 2
-#: A quick stop may take so much longer than its ramp: the load pulls, the loop lags...
+#: Lowest deceleration of a quick stop as a share of its ramp: the load pulls, the loop lags.
 RAMP_SHARE: Final = 0.5
-#: ...and so long until it begins [s].
+#: Longest time until the ramp begins [s].
 RAMP_LAG_S: Final = 0.02
-#: A motor may swing so fast [rad/s]...
+#: Speed at which a motor may swing after its ramp [rad/s].
 SWINGS: Final = 0.1
-#: ...for so long after its ramp [s]: its link falls to and fro in the gap.
+#: Longest time for which it may swing [s]: its link falls to and fro in the gap.
 SWINGS_S: Final = 1.0
 #: Ticks are quotients of times, travels products.
 ROUNDING: Final = 0.01
@@ -45,13 +41,11 @@ ROUNDING: Final = 0.01
 READING_TICKS: Final = 10
 #: A motor that was knocked off its ramp slows down by this share from one reading to the next.
 FALLING_SHARE: Final = 0.03
-#: A motor that gives this share of its current limit against its motion does what it can.
+#: A motor that gives this share of its current limit against its motion resists as it can.
 RESISTING_SHARE: Final = 0.5
-#: After so many readings in a row that say otherwise it runs on, and what was proved is void.
+#: After so many contrary readings in a row it counts as running on, and its proof is void.
 VOID_READINGS: Final = 20
-#: A drive that is to be without power may wait so long for its brake [s].
-BRAKE_S: Final = 1.0
-#: States of a drive that does what a stop asks: without power, or stopping and holding by itself.
+#: States of a drive that obeys a stop: without power, or stopping and holding by itself.
 OBEYING: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
 
 
@@ -73,16 +67,21 @@ class Seen:
     velocity: float  # of the motor
     current: float = math.nan
     position: float = math.nan  # of the link
+    motor: float = math.nan  # position of the motor, where it has a sensor of its own
+    asked: bool = False  # read by SDO, which needs neither SYNC nor PDO
 
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """Travel of a joint from a fault on, at its velocity limit [rad at the link]."""
+    """Travel of a joint from a fault on, of a drive that goes on at its velocity limit and obeys
+    nothing; and of one that goes its `own` way, faster, and obeys a quick stop [rad at the link].
+    """
 
     noticing: float  # until the fault is found
     stages: float  # until the last stage begins
     patience: float  # until the drive misses us
     braking: float  # while it decelerates
+    own: float  # of the other
 
     @property
     def total(self) -> float:
@@ -91,7 +90,7 @@ class Travel:
 
 
 def least_patience_s(drives: Sequence[Drive]) -> float:
-    """How long the least patient drive waits for our heartbeat (0x1016) [s]."""
+    """Shortest time that a drive waits for our heartbeat (0x1016) [s]."""
     return min(drive.profile.master_timeout_ms for drive in drives) / 1000.0
 
 
@@ -101,24 +100,35 @@ def stage_ticks(patience_s: float, period_s: float) -> int:
     return max(FEWEST_TICKS, int(patience_s / period_s / 3.0 + 1e-9))
 
 
-def worst_travel(drives: Sequence[Drive], period_s: float, noticing_ticks: int) -> list[Travel]:
+def worst_travel(
+    drives: Sequence[Drive], period_s: float, noticing_ticks: int, speed_margin: float = 1.0
+) -> list[Travel]:
     """Worst travel of each joint: full speed v until the fault is found, for the stages before
-    silence, and for the drive's patience; then its quick stop, v^2 / (2 a)."""
+    silence, and for the drive's patience; then its quick stop, v^2 / (2 a). Its own way is one of
+    `speed_margin` times v, beyond which it is found at once."""
     stages_s = 3 * stage_ticks(least_patience_s(drives), period_s) * period_s
+    noticing_s = noticing_ticks * period_s
     return [
         Travel(
-            noticing=drive.velocity * noticing_ticks * period_s,
+            noticing=drive.velocity * noticing_s,
             stages=drive.velocity * stages_s,
             patience=drive.velocity * drive.profile.master_timeout_ms / 1000.0,
             braking=drive.velocity**2 / (2.0 * drive.quick_stop),
+            own=_braked(drive, speed_margin, noticing_s + FEWEST_TICKS * period_s),
         )
         for drive in drives
     ]
 
 
+def _braked(drive: Drive, speed_margin: float, seconds: float) -> float:
+    """Travel at so many times its velocity limit for so long, and then down its quick stop."""
+    speed = speed_margin * drive.velocity
+    return speed * seconds + speed**2 / (2.0 * drive.quick_stop)
+
+
 @dataclass(frozen=True, slots=True)
 class StopBounds:
-    """How one drive stops, at the link, and how long and far that may take."""
+    """Bounds of one drive's stop, at the link: deceleration, current, time and travel."""
 
     deceleration: float  # of its quick stop [rad/s2]
     current: float  # its limit [A]
@@ -129,11 +139,11 @@ class StopBounds:
 
 
 class StopWatch:
-    """Watch on one drive: does it do what it was told, where it was told to stop?
+    """Watch on one drive: checks that it obeys a command to stop.
 
-    Stronger stages are for a drive that is in operation, or unheard. One that says it stops gets
-    none for being moved: NMT stop and silence ask of it what it does already, and would cost the
-    others their master. Once it runs on beyond its travel its power is to be `cut`, as where a
+    Stronger stages are for a drive that is in operation, or unheard. One that reports that it stops
+    gets none for being moved: NMT stop and silence ask of it what it does already, and would cost
+    the others their master. Once it runs on beyond its travel its power is to be `cut`, as where a
     monitored ramp is not kept (SS1-r of IEC 61800-5-2). It stands only when it is seen to.
     """
 
@@ -142,54 +152,64 @@ class StopWatch:
     """It was seen to stand, and nothing against it since."""
     cut: bool
     """Its quick stop does not stop it within its travel: it is to be without power."""
-    _wrong: float  # ticks without what was asked, less those with
+    _wrong: float  # ticks without obedience, less those with
     _now_s: float
-    _from: float  # position at which it was told [rad]
+    _from: tuple[float, float]  # positions of link and motor at the command to stop [rad]
+    _turned: float  # integral of its velocity since, as far as it is more than bias [rad]
     _gone: float  # travel since [rad]
-    _speed: float  # last known [rad/s]
+    _speed: float  # velocity that was last known [rad/s]
     _obeyed_s: float  # when it was last seen to
-    _left_s: float  # when it was seen to have left operation...
-    _left_speed: float  # ...and its speed then [rad/s]
-    _still: int  # readings in a row that say so
-    _moving: int  # readings in a row that say otherwise
+    _left_s: float  # when it was seen to have left operation
+    _left_speed: float  # its speed then [rad/s]
+    _still: int  # readings in a row that show a standstill
+    _moving: int  # readings in a row that show it running on
     _beyond: int  # those of them that were taken beyond its travel
-    _here: float  # where it has not moved from [rad]...
-    _here_s: float  # ...since when
+    _asked: Witness  # of the readings by SDO since the command to stop
 
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
-        self.begin(math.nan, Stage.NONE, math.nan, math.nan)
+        self.witness = Witness()
+        """Witness of its samples, while it runs, too."""
+        self.begin(math.nan, Stage.NONE, math.nan)
 
     @property
     def unproved(self) -> bool:
-        """True while it is to stand and was not seen to."""
+        """True while it was commanded to stop and is not confirmed at standstill."""
         return self.stage is not Stage.NONE and not self.proved
 
     @property
+    def speed(self) -> float:
+        """The last that is known [rad/s]."""
+        return abs(self._speed)
+
+    @property
     def runs_on(self) -> bool:
-        """True while it says that it stops, and moves as if it did not."""
+        """True while it reports that it stops, but moves as if it did not."""
         return self._moving >= VOID_READINGS
 
-    def begin(self, now: float, stage: Stage, speed: float, position: float) -> None:
-        """It is told to stop, in this stage, at `position` [rad] with `speed` [rad/s], the last
-        that are known. What was proved before is void."""
+    def begin(self, now: float, stage: Stage, speed: float) -> None:
+        """Begin a stop in this stage, from the last known `speed` [rad/s], at the positions of its
+        last samples. Earlier proof is void."""
         self.stage, self.proved, self.cut = stage, False, False
         self._wrong, self._now_s = 0.0, now
-        self._from, self._gone = position, 0.0
-        self._speed = 0.0 if math.isnan(speed) else abs(speed)
+        self._from = self.witness.link.value, self.witness.motor.value
+        self._turned = self._gone = 0.0
+        self._speed = 0.0 if math.isnan(speed) else speed
         self._left_s, self._obeyed_s = math.nan, -math.inf
         self._still = self._moving = self._beyond = 0
-        self._here = math.nan
+        # The history of readings by SDO goes on from that of the samples.
+        self._asked = self.witness.copy()
 
     def allow(self) -> None:
         """It may run."""
         self.stage, self.proved, self.cut = Stage.NONE, False, False
 
-    def step(self, now: float, target: PowerTarget, seen: Seen | None) -> Stage | None:
+    def step(self, now: float, seen: Seen | None) -> Stage | None:
         """Judge what was seen since the last tick (None: nothing fresh), after `begin`. Returns the
         stage that begins, None while none does."""
         dt, self._now_s = now - self._now_s, now
         if seen is not None:
+            seen = self._measured(now, seen)
             self._judge(now, seen)
         if self.proved or self.stage is Stage.SILENCE:
             return None
@@ -200,7 +220,9 @@ class StopWatch:
             self._wrong += min(dt / self._bounds.period_s, 2.0)
         self._follow(seen, dt)
         self.cut = self.cut or self._goes_further(seen)
-        if self._wrong < self._patience_ticks(target) - ROUNDING and not self._runs_out():
+        # Commanding a drive by SDO and reading its state takes an answer in each of three ticks.
+        patience_ticks = self._bounds.ticks * self.stage
+        if self._wrong < patience_ticks - ROUNDING and not self._runs_out():
             return None
         self.stage, self._wrong = Stage(self.stage + 1), 0.0
         return self.stage
@@ -208,24 +230,32 @@ class StopWatch:
     def _lately_obeyed(self, now: float) -> bool:
         return now - self._obeyed_s <= (READING_TICKS + ROUNDING) * self._bounds.period_s
 
-    def _patience_ticks(self, target: PowerTarget) -> float:
-        if target is PowerTarget.OFF and self.stage <= Stage.SDO:
-            return BRAKE_S / self._bounds.period_s
-        # To tell a drive by SDO and to read what it does takes an answer in each of three ticks.
-        return self._bounds.ticks * self.stage
-
     # --- what a reading proves ---------------------------------------------------------------
+
+    def _measured(self, now: float, seen: Seen) -> Seen:
+        """Take the readings of its sensors, and return those that were measured."""
+        witness = self._witness(seen)
+        witness.take(now, seen.velocity, seen.current, seen.position, seen.motor)
+        return Seen(seen.state, math.nan, asked=seen.asked) if witness.repeats else seen
+
+    def _witness(self, seen: Seen) -> Witness:
+        return self._asked if seen.asked else self.witness
+
+    def _complete(self, seen: Seen) -> bool:
+        """True if every sensor that it has is in a reading."""
+        motor = self.witness.motor.known and math.isnan(seen.motor)
+        return not (math.isnan(seen.velocity) or math.isnan(seen.position) or motor)
 
     def _judge(self, now: float, seen: Seen) -> None:
         """Keep whether it is proved to stand."""
         if seen.state not in OBEYING:
             if self.proved:
-                self.begin(now, Stage.SETPOINT, seen.velocity, seen.position)
+                self.begin(now, Stage.SETPOINT, seen.velocity)
             self._left_s, self._still, self._moving = math.nan, 0, 0
             return
         if math.isnan(self._left_s):
             self._left_s, self._left_speed = now, abs(seen.velocity)
-        still = self._is_still(now, seen)
+        still = self._complete(seen) and self._witness(seen).stands(now, seen.velocity)
         self._still = self._still + 1 if still else 0
         # Without power it moves as the load or a hand will.
         calm = still or seen.state in UNPOWERED or self._stops(now, seen)
@@ -235,15 +265,9 @@ class StopWatch:
         elif self.runs_on:
             self.proved = False
 
-    def _is_still(self, now: float, seen: Seen) -> bool:
-        if math.isnan(self._here) or not abs(seen.position - self._here) <= STILL_RAD:
-            self._here, self._here_s = seen.position, now
-        rests = not math.isnan(self._here) and now - self._here_s >= STILL_S
-        return abs(seen.velocity) < STANDS or rests
-
     def _stops(self, now: float, seen: Seen) -> bool:
-        """True if it slows down along the ramp, or at least does what it can: somebody may push
-        harder than it brakes."""
+        """True if it slows down along the ramp, or resists as it can: a person may push harder than
+        it brakes."""
         deceleration = RAMP_SHARE * self._bounds.deceleration
         ramp_s = now - self._left_s - RAMP_LAG_S
         bound = self._left_speed - deceleration * max(ramp_s, 0.0)
@@ -251,24 +275,27 @@ class StopWatch:
         speed, resists = abs(seen.velocity), -math.copysign(1.0, seen.velocity) * seen.current
         return (
             speed <= max(bound, SWINGS if swings else STANDS)
-            or speed <= (1.0 - FALLING_SHARE) * self._speed
+            or speed <= (1.0 - FALLING_SHARE) * self.speed
             or resists >= RESISTING_SHARE * self._bounds.current
         )
 
     # --- how far it goes ---------------------------------------------------------------------
 
     def _follow(self, seen: Seen | None, dt: float) -> None:
-        """Keep how far it has gone: as measured; else at its last known speed, which sinks along
-        the ramp where it was seen to obey."""
-        if seen is not None and not math.isnan(seen.velocity):
-            self._speed = abs(seen.velocity)
-        elif self._lately_obeyed(self._now_s):
-            self._speed = max(self._speed - RAMP_SHARE * self._bounds.deceleration * dt, 0.0)
-        position = math.nan if seen is None else seen.position
-        if math.isnan(position) or math.isnan(self._from):
-            self._gone += self._speed * dt
-        else:
-            self._gone = abs(position - self._from)
+        """Keep how far it has gone: as measured, by the sensor that shows the most; else at its
+        last known speed, which sinks along the ramp where it was seen to obey."""
+        if seen is None or math.isnan(seen.velocity):
+            if self._lately_obeyed(self._now_s):
+                slowed = self.speed - RAMP_SHARE * self._bounds.deceleration * dt
+                self._speed = math.copysign(max(slowed, 0.0), self._speed)
+            self._turned += self._speed * dt
+            self._gone += self.speed * dt
+            return
+        self._speed = seen.velocity
+        self._turned += seen.velocity * dt if abs(seen.velocity) >= MOVES else 0.0
+        # A sensor that stands still proves nothing: the one that shows the most counts.
+        gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
+        self._gone = max(abs(each) for each in gone if not math.isnan(each))
 
     def _goes_further(self, seen: Seen | None) -> bool:
         """True if it runs on beyond its travel, for as many readings as a stage has ticks."""
@@ -281,7 +308,7 @@ class StopWatch:
         """True if the stages after this one could only just stop it within its travel."""
         if self.stage is Stage.SETPOINT or not self._wrong:
             return False
-        bounds, v = self._bounds, self._speed
+        bounds, v = self._bounds, self.speed
         left_s = bounds.patience_s
         if self.stage is Stage.SDO:
             left_s += bounds.ticks * bounds.period_s

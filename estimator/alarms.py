@@ -1,20 +1,20 @@
-"""Alarms: where a residual is beyond its level, and which levels would have been quiet. Pure.
+"""Alarms of residuals beyond their levels, and levels that would have been quiet. Pure.
 
-A residual alarms where |r| is beyond its threshold in force. What that has beyond the configured
-level, near rest or while something is unknown, is its raise. Where learning has sunk the level, the
+A residual alarms where |r| is beyond its threshold in force. Its excess over the configured level,
+near rest or while something is unknown, is its raise. Where learning has sunk the level, the
 share k of the configured one that was in force is known, too, and the level at which an alarm
 begins follows for every tick:
 
     k(L) L = min(max(k C, k_least L), L)      L: another configured level instead of C
     alarm at L    if    |r| - (threshold - k C) > k(L) L
 
-as what was needed, k C, does not depend on what is configured.
+as the level that was needed, k C, does not depend on the configured one.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from estimator.thresholds import LEAST_SHARE
 
 
@@ -26,7 +26,7 @@ def count_alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int
 
 
 def excess(residual: Matrix, raised: Matrix) -> Matrix:
-    """What of |r| the raise does not explain (ticks, n) [Nm]: the lowest level without an alarm."""
+    """|r| beyond the raise (ticks, n) [Nm]: the lowest level without an alarm."""
     beyond: Matrix = np.maximum(np.abs(residual) - raised, 0.0)
     return beyond
 

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from arrays import Matrix, Vector
-from errors import ModelError
+from common.arrays import Matrix, Vector
+from common.errors import ModelError
 
 PARAMETERS = 10
 """m, m c (3), and I about the joint's origin as xx, xy, yy, xz, yz, zz: pinocchio's order"""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from estimator.thresholds import Level
 
 

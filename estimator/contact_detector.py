@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
-from errors import ModelError
+from common.arrays import Vector
+from common.errors import ModelError
 from estimator.contact import Contact
 from estimator.levels import Levels
 from estimator.thresholds import LEVELS

@@ -2,7 +2,7 @@
 
 cimport cython
 
-from elementary cimport cosine, sine
+from common.elementary cimport cosine, sine
 
 cdef class Dynamics:
     cdef readonly Py_ssize_t n

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Matrix, Vector, product
-from elementary import cosine, sine
+from common.arrays import Matrix, Vector, product
+from common.elementary import cosine, sine
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from estimator.contact import Contact
 
 SENSED_PERIODS = 2.5
@@ -60,6 +60,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """sign(r) max(|r| - threshold, 0) [Nm]"""
     level_share: Vector
     """k: share of the configured contact level that learning leaves in force"""
+    uncorrected: Vector
+    """the residual that decides, without what was learned of friction [Nm]"""
     contacts: tuple[Contact, ...]
     """contacts that begin in this tick"""
     touched_link: str
@@ -84,7 +86,7 @@ class SampleRows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EstimateRows:
-    """What `Estimate` says, of many ticks: arrays of shape (ticks, n), or (ticks,)."""
+    """Contents of `Estimate` for many ticks: arrays of shape (ticks, n), or (ticks,)."""
 
     q: Matrix
     q_dot: Matrix
@@ -95,6 +97,7 @@ class EstimateRows:
     threshold: Matrix
     thresholded: Matrix
     level_share: Matrix
+    uncorrected: Matrix
     side: NDArray[np.int8]
     residual: Matrix
     beside: dict[str, Matrix]

@@ -4,8 +4,8 @@ Samples are first brought to one common instant (`link_velocity`); everything af
 motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
 
 A joint whose sample is missing does not blind the others. They take its link to go on as it did,
-and its own interval lasts until its next sample comes, so that no impulse is lost: what the bridge
-was wrong by is in the next increment.
+and its own interval lasts until its next sample comes, so that no impulse is lost: the error of the
+bridge is in the next increment.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -15,8 +15,8 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
-from errors import ModelError
+from common.arrays import Matrix, Vector
+from common.errors import ModelError
 from estimator import memory
 from estimator.contact import Contact
 from estimator.dynamics import Dynamics
@@ -30,9 +30,10 @@ from estimator.transmission import Transmission
 
 _FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
 _INVALID = int(Flag.INVALID)
-# Rows of what the kernel shows.
+# Rows of the kernel's output.
 _SHOWN = (
     "q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded", "level_share",
+    "uncorrected",
 )  # fmt: skip
 
 
@@ -57,7 +58,7 @@ class Estimator:
                 f"sign_width {settings.sign_width} and {transmission.sign_width} differ"
             )
         self.model, self.transmission, self.settings = model, transmission, settings
-        self.period_s = period_s
+        self.period_s, self.contact = period_s, thresholds.contact
         self.variants = (settings.residual, *settings.beside)
         dynamics = Dynamics(model.bodies(), model.down)
         self._kernel = k = Kernel(dynamics, transmission, settings, thresholds, period_s)
@@ -69,6 +70,9 @@ class Estimator:
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
         self.residuals: Matrix = np.asarray(k.residual.corrected)
         """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
+        self.given_up, self.met = np.asarray(k.given_up), np.asarray(k.doubt.met)
+        """how often the friction that was learned was given up, and one place interrupted (n,);
+        those of now, not a copy"""
         self._sensing = np.asarray(k.sensing).view(np.bool_)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         self._shape = (model.n,)
@@ -92,9 +96,9 @@ class Estimator:
         contacts' time; by default the sum of all dt. fresh: joints (n,) of which there is a sample
         in this tick, by default all; values of the others are not used.
 
-        Samples that are not finite are not used; finite ones of which the arithmetic makes what is
-        not finite start everything anew. Either way the last good values come back, flagged
-        INVALID. Raises ModelError for arrays of another shape.
+        Samples that are not finite are not used; finite ones that overflow in the arithmetic start
+        everything anew. Either way the last good values come back, flagged INVALID. Raises
+        ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
         self._check_shape("current", current)
@@ -159,8 +163,8 @@ class Estimator:
         )
 
     def levels_at(self, speed: Vector) -> Vector:
-        """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with what
-        is known now of friction and gaps. Changes nothing."""
+        """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with the
+        present knowledge of friction and gaps. Changes nothing."""
         return np.array([self._kernel.level_at(i, abs(speed[i])) for i in range(self.model.n)])
 
     def reset(self) -> None:
@@ -175,9 +179,9 @@ class Estimator:
             self._kernel.restart(i)
 
     def carry(self, payload: Payload | None) -> None:
-        """Count what the hand carries from the next tick on; None is nothing. The residuals go on
-        from what they are, and follow what the new model says of the external torque as they follow
-        any: r_dot = K (tau_ext - r)."""
+        """Count the payload in the hand from the next tick on; None is none. The residuals go on
+        from their values, and follow the external torque by the new model as they follow any:
+        r_dot = K (tau_ext - r)."""
         row = np.zeros(4)
         if payload is not None:
             row[0], row[1:] = (
@@ -190,10 +194,15 @@ class Estimator:
         """Learn nothing from the next tick on, or learn again."""
         self._kernel.frozen = int(frozen)
 
+    def place(self, i: int) -> float:
+        """Middle of the place at which joint i was interrupted last [rad]."""
+        doubt = self._kernel.doubt
+        return 0.5 * float(doubt.low[i] + doubt.high[i])
+
     def learned(self) -> tuple[Matrix, Vector]:
-        """What was learned of each joint: its Coulomb and viscous friction (2, n) over those that
-        were identified, and what is left of the deviation of the first (n,), 1 before anything was
-        learned."""
+        """Learned friction of each joint: Coulomb and viscous (2, n) over the identified values,
+        and the remaining share of the deviation of the first (n,), 1 before anything was learned.
+        """
         learning = self._kernel.learning
         viscous, coulomb = np.asarray(learning.shares)[:, 1:].T
         return 1.0 - np.stack([coulomb, viscous]), np.array(learning.coulomb_left)
@@ -211,7 +220,7 @@ class Estimator:
         self, name: str, values: NDArray[Any], shape: tuple[int, ...] | None = None
     ) -> None:
         """Raise ModelError for another shape: numpy would stretch one number over all joints, and
-        what is compiled read beyond the end of a short one. By default (n,)."""
+        compiled code would read beyond the end of a short one. By default (n,)."""
         wanted = self._shape if shape is None else shape
         if getattr(values, "shape", None) != wanted:
             given = getattr(values, "shape", type(values).__name__)
@@ -234,9 +243,9 @@ class Estimator:
         words: Sequence[int],
         contacts: tuple[Contact, ...] = (),
     ) -> Estimate:
-        """Of one tick: shown (9, n), residuals (variants, n), flags and touched link."""
+        """Estimate of one tick: shown (10, n), residuals (variants, n), flags and touched link."""
         flags, link = words
-        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded, level_share = shown
+        q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded, level_share, raw = shown
         return Estimate(
             q=q,
             q_dot=q_dot,
@@ -250,6 +259,7 @@ class Estimator:
             threshold=threshold,
             thresholded=thresholded,
             level_share=level_share,
+            uncorrected=raw,
             contacts=contacts,
             touched_link=self._link_names[link],
             flags=_FLAGS[flags],

@@ -3,8 +3,9 @@
 cimport cython
 
 from estimator.contact_detector cimport ContactDetector
+from estimator.doubt cimport Doubt
 from estimator.dynamics cimport Dynamics
-from elementary cimport decay, smooth_sign
+from common.elementary cimport decay, smooth_sign
 from estimator.interval cimport Interval
 from estimator.learning cimport Learning
 from estimator.levels cimport Levels
@@ -14,6 +15,7 @@ from estimator.residual cimport Residual
 from estimator.stiction cimport Stiction, displacement
 
 cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
+cdef long long _ENDED, _FRICTION
 cdef double _REST_VELOCITY
 cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
 cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION
@@ -30,6 +32,7 @@ cdef class Kernel:
     cdef readonly Levels levels
     cdef readonly ContactDetector detector
     cdef readonly Learning learning
+    cdef readonly Doubt doubt
     cdef readonly bint learns
     cdef bint _always_acts
     cdef double _period, _per_width
@@ -39,10 +42,11 @@ cdef class Kernel:
     cdef readonly long long[::1] came, going
     cdef readonly unsigned char[::1] sensing
     cdef readonly double[::1] since, q, q_dot, tau_M, threshold
-    cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded, _share
+    cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded, _share, _uncorrected
     cdef readonly long long begun, touched_link
     cdef long long _pressed, _landed
     cdef long long[::1] _crossing
+    cdef readonly long long[::1] given_up
     cdef public double elapsed_s
     cdef readonly double[::1] payload
     cdef public long long frozen
@@ -61,6 +65,7 @@ cdef class Kernel:
     cpdef void put_on(self, double[::1] payload) noexcept
     cpdef void restart(self, Py_ssize_t i) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
+    @cython.locals(unknown=double)
     cpdef void resume(self) noexcept
     @cython.locals(above=double, viscous=double, coulomb=double)
     cpdef double level_at(self, Py_ssize_t i, double speed) noexcept
@@ -73,6 +78,15 @@ cdef class Kernel:
     cdef double _joint(self, Py_ssize_t i, double gap) noexcept
     @cython.locals(came=bint, unknown=bint, crossing=bint, shaken=bint, unsure=double)
     cdef double _judge(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
+    @cython.locals(
+        q=double, velocity=double, corrected=double, raw=double, agree=bint, believed=double,
+        usual=double, unknown=double, above=double, lowered=double, stated=double,
+        verdict="long long"
+    )
+    cdef void _hold_against(self, Py_ssize_t i, double dt) noexcept
+    @cython.locals(doubt=double, doubted=double)
+    cdef double _unknown(self, Py_ssize_t i) noexcept
+    @cython.locals(learning=double)
     cdef void _put_in_force(
         self, Py_ssize_t i, double unsure, double speed, double dt
     ) noexcept
@@ -85,7 +99,8 @@ cdef class Kernel:
         self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double rest,
         double tau_M
     ) noexcept
+    @cython.locals(doubt=double, share=double, crossing=double)
     cdef void _apply(self, Py_ssize_t i) noexcept
-    @cython.locals(speed=double, usual=double, moving=bint)
+    @cython.locals(speed=double, usual=double, doubt=double, moving=bint)
     cdef void _learn(self, Py_ssize_t i, double dt, double theta_dot, bint acts) noexcept
     cdef void _show(self, Py_ssize_t i) noexcept

@@ -9,9 +9,10 @@ What is not finite raises nothing here: the tick is taken back, and everything s
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
-from elementary import decay, smooth_sign
+from common.arrays import Vector
+from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
+from estimator.doubt import ENDED, FRICTION, Doubt
 from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
@@ -34,6 +35,7 @@ _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.R
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
 _TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
 _STICTION = 10
+_ENDED, _FRICTION = ENDED, FRICTION
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
@@ -43,7 +45,7 @@ _BRIDGED_PERIODS = 5.5
 
 class Kernel:
     """The parts of an estimator, and their step. The caller writes `alignment.samples`, and `came`
-    (n,), 1 where a joint has a sample; and reads `shown` (9, n) and the parts."""
+    (n,), 1 where a joint has a sample; and reads `shown` (10, n) and the parts."""
 
     def __init__(
         self,
@@ -64,8 +66,9 @@ class Kernel:
         self.residual = Residual((s.residual, *s.beside), s.gain, period_s, n)
         self.levels = Levels(t, thresholds, s)
         self.detector = ContactDetector(t.joints, self.levels, s.debounce)
-        self.learning = Learning(thresholds.contact, period_s)
+        self.learning, self.doubt = Learning(thresholds, period_s), Doubt(n)
         self.learns = s.learning
+        self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
         self._always_acts = s.residual.kind != "backlash"
         if self.learns:
             for i in range(n):
@@ -93,9 +96,10 @@ class Kernel:
         # What the last link carries: mass [kg], and where in its joint's frame [m].
         self.payload = np.zeros(4)
         self.frozen = 0  # 1: nothing is learned, whatever the residuals say
-        self.shown = np.zeros((9, n))
+        self.shown = np.zeros((10, n))
         self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
-        self._sigma, self.tau_M, self.threshold, self._thresholded, self._share = self.shown[4:]
+        self._sigma, self.tau_M, self.threshold, self._thresholded, self._share = self.shown[4:9]
+        self._uncorrected = self.shown[9]
         for i in range(n):
             self._still(i, 0.0)
 
@@ -144,7 +148,7 @@ class Kernel:
         """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after a
         tick where `resets` (N,) is 1.
 
-        What comes out goes to rows 1 to N of shown (N + 1, 9, n), residuals (N + 1, variants, n),
+        What comes out goes to rows 1 to N of shown (N + 1, 10, n), residuals (N + 1, variants, n),
         side (N + 1, n), and words (N + 1, 2): flags and touched link. Row 0 is what was last; an
         INVALID tick repeats the row before.
         """
@@ -205,6 +209,7 @@ class Kernel:
         self.levels.reset(i)
         self.detector.reset(i)
         self.learning.reset(i)
+        self.doubt.reset(i)
 
     def resume(self) -> None:
         """Go on from a state that was written from outside."""
@@ -214,7 +219,8 @@ class Kernel:
             self.residual.correct(i, self.learning.correction[i])
             if self.learns:
                 self._apply(i)
-            self.levels.add_up(i, self.learning.unknown[i], abs(self.interval.begin[_THETA_DOT, i]))
+            unknown = self._unknown(i) if self.learns else 0.0
+            self.levels.add_up(i, unknown, abs(self.interval.begin[_THETA_DOT, i]))
             self._show(i)
         if self._pressed:
             self.touched_link = self.detector.touched_link(self.residual.corrected[0])
@@ -284,6 +290,9 @@ class Kernel:
         for i in range(self.n):
             everything += self._joint(i, self._gaps[i])
         for i in range(self.n):
+            if self.learns and self.came[i]:
+                self._hold_against(i, dt)
+        for i in range(self.n):
             everything += self._judge(i, self._gaps[i], dt, bridged)
         if everything - everything != 0.0:
             return _INVALID
@@ -327,6 +336,8 @@ class Kernel:
     def _judge(self, i: int, gap: float, dt: float, bridged: bool) -> float:
         """Levels and contacts of joint i, once all joints have their residuals. bridged: samples of
         some joint are missing. Returns the level of contact [Nm]."""
+        if self.learns:
+            self._apply(i)
         unknown = self.motor_position.side[i] == _SIDE_UNKNOWN
         crossing, shaken = self._crossing[i] != 0, self._landed > 0
         unsure = self.levels.unsure(i, unknown, crossing, shaken, gap / self._period)
@@ -336,9 +347,46 @@ class Kernel:
         self.begun += self.detector.step(i, self.residual.corrected[0, i], came, waits)
         return float(self.threshold[i])
 
+    def _hold_against(self, i: int, dt: float) -> None:
+        """Hold the residual of joint i against what was learned; doubt that where they differ."""
+        learning, levels, doubt = self.learning, self.levels, self.doubt
+        q, velocity = self.alignment.aligned[0, i], self.alignment.aligned[3, i]
+        corrected, raw = self.residual.corrected[0, i], self.residual.values[0, i]
+        agree = corrected * raw > 0.0 or corrected == raw
+        believed = min(abs(corrected), abs(raw)) if agree else 0.0
+        usual = levels.usual(i, abs(velocity))
+        unknown = self._unknown(i)
+        above = levels.raised[i] + levels.friction[i]
+        lowered = above + learning.level(i) * (usual + learning.unknown[i])
+        stated = above + usual + unknown + learning.identified(i)
+        verdict = doubt.step(
+            i, self.detector.streak[0, i] != 0, q, velocity, corrected, believed,
+            lowered, stated, dt,
+        )  # fmt: skip
+        doubt.rest(i, learning.still_s[i])
+        if verdict == _FRICTION:
+            learning.unsettle(i)
+            if abs(raw) < abs(corrected):
+                learning.give_up(i)
+                self.given_up[i] += 1
+        if verdict == _ENDED and doubt.cold(i):
+            # What a rest has changed of one gear it may have changed of all.
+            for k in range(self.n):
+                if doubt.cold(k):
+                    doubt.raise_all(k)
+
+    def _unknown(self, i: int) -> float:
+        """Uncertainty of the friction of joint i [Nm]; doubt adds the part that the raise near rest
+        does not contain already."""
+        learning, doubt = self.learning, self.doubt.at(i, self.alignment.aligned[0, i])
+        if doubt <= 0.0:
+            return float(learning.unknown[i])
+        doubted = learning.doubted_at(i, doubt) - self.levels.friction[i]
+        return float(max(learning.unknown[i], doubted))
+
     def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
         """Levels of joint i, over dt [s]."""
-        learning = self.learning.unknown[i]
+        learning = self._unknown(i) if self.learns else 0.0
         self.threshold[i] = self.levels.put_in_force(i, learning, unsure, speed, dt)
 
     def _at_an_instant(
@@ -397,9 +445,11 @@ class Kernel:
         levels, speed = self.levels, abs(theta_dot)
         usual = levels.usual(i, speed)
         moving = acts and speed > _REST_VELOCITY and not self.frozen
+        self.doubt.moving[i] = moving
+        doubt = self.doubt.at(i, self.alignment.aligned[0, i])
         learning.learn(
             i, residual.values[0, i], self.threshold[i], usual, levels.friction[i],
-            levels.raised[i], moving, dt,
+            levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
         )  # fmt: skip
         self._apply(i)
 
@@ -407,14 +457,16 @@ class Kernel:
         """Let the rest know what was learned of joint i."""
         self.motor_position.friction[i] = self.learning.friction(i)
         self.motor_position.friction_error[i] = self.learning.error(i)
-        self.levels.share[i] = self.learning.level(i)
-        self.levels.crossing[i] = self.learning.crossing_level(i)
+        doubt = self.doubt.at(i, self.alignment.aligned[0, i])
+        share, crossing = self.learning.level(i), self.learning.crossing_level(i)
+        self.levels.share[i] = share + doubt * (1.0 - share)
+        self.levels.crossing[i] = crossing + doubt * (1.0 - crossing)
 
     def _show(self, i: int) -> None:
-        """What follows from the state of joint i; the thresholded residual has no jump."""
+        """Outputs of joint i from its state; the thresholded residual has no jump."""
         r, threshold = self.residual.corrected[0, i], self.threshold[i]
         self._theta[i], self._sigma[i] = self.motor_position.theta[i], self.motor_position.sigma[i]
         self._phi[i] = self.q[i] - self._theta[i]
-        self._share[i] = self.levels.share[i]
+        self._share[i], self._uncorrected[i] = self.levels.share[i], self.residual.values[0, i]
         self._thresholded[i] = r - min(max(r, -threshold), threshold)
         self._pressed += self._thresholded[i] != 0.0

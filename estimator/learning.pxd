@@ -7,42 +7,53 @@ cdef extern from "math.h":
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
 cdef double _STANDS_S, _RESTS_S, _RESTING
-cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _FROZEN_S
-cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _LEAST_LEVEL, _GROWS, _LARGEST
+cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
+cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _GROWS, _LARGEST, _LEANS_S, _DOUBTED, _RELEARNS, _SETTLES_S, _PASSES_S
 
 cdef class Learning:
     cdef double[:, ::1] _variance
-    cdef double[::1] _noise, _bound, _forgets_s, _x
+    cdef double[::1] _noise, _lowest, _highest, _forgets_s, _x, _least
     cdef readonly double[:, :, ::1] covariance
     cdef readonly double[:, ::1] columns, shares
     cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
-    cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen
+    cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen, lean, settled, passing
 
     cpdef void reset(self, Py_ssize_t i) noexcept
-    @cython.locals(share=double)
+    @cython.locals(share=double, peak=double)
     cpdef double level(self, Py_ssize_t i) noexcept
+    @cython.locals(least=double)
     cpdef double crossing_level(self, Py_ssize_t i) noexcept
     cpdef double friction(self, Py_ssize_t i) noexcept
     cpdef double error(self, Py_ssize_t i) noexcept
     cpdef double unknown_at(self, Py_ssize_t i, double coulomb, double viscous) noexcept
+    cpdef double doubted_at(self, Py_ssize_t i, double doubt) noexcept
+    cpdef double identified(self, Py_ssize_t i) noexcept
+    cpdef void unsettle(self, Py_ssize_t i) noexcept
+    cpdef void give_up(self, Py_ssize_t i) noexcept
     @cython.locals(constant=double)
     cpdef void step(
         self, Py_ssize_t i, double coulomb, double viscous, double dt, double pole, double share
     ) noexcept
-    @cython.locals(size=double, b=double, surprise=double, calm=bint, known=bint)
+    @cython.locals(
+        corrected=double, size=double, b=double, surprise=double, freezes=double, calm=bint, known=bint
+    )
     cpdef void learn(
         self, Py_ssize_t i, double residual, double level, double usual, double friction, double raised,
-        bint moving, double dt
+        double doubt, bint rubs, bint moving, double dt
     ) noexcept
-    @cython.locals(needed=double, most=double, quiet=bint)
+    @cython.locals(size=double, needed=double, most=double, quiet=bint)
     cdef void _note(
-        self, Py_ssize_t i, double size, double level, double usual, double friction, double raised,
+        self, Py_ssize_t i, double corrected, double level, double usual, double friction, double raised,
         bint moving, double dt
     ) noexcept
-    @cython.locals(fade=double)
-    cdef void _measure(self, Py_ssize_t i, double size, double needed, double dt) noexcept
+    @cython.locals(fade=double, size=double, alone=double, known=double, square=double, peak=double)
+    cdef void _measure(
+        self, Py_ssize_t i, double corrected, double usual, double friction, double dt
+    ) noexcept
     @cython.locals(fade=double)
     cdef void _rest(self, Py_ssize_t i, double dt) noexcept
+    @cython.locals(moved=double)
+    cdef bint _relearns(self, Py_ssize_t i, double usual) noexcept
     cdef void _say_what_is_left(self, Py_ssize_t i) noexcept
     @cython.locals(fade=double)
     cdef void _drift(self, Py_ssize_t i, Py_ssize_t column, double dt) noexcept

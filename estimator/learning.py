@@ -26,8 +26,8 @@ from math import sqrt
 
 import numpy as np
 
-from arrays import Vector
-from estimator.thresholds import LEAST_SHARE
+from common.arrays import Vector
+from estimator.thresholds import Thresholds
 
 # What is followed; and how long each is remembered [s], of motion but for b.
 _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS = 0, 1, 2, 3
@@ -35,14 +35,15 @@ _FORGETS_S = (10.0, 600.0, 600.0)
 # Standard deviation of each, that of b of the contact level; and of what is neither, which lasts
 # _NOISE_S.
 _SPREAD, _NOISE, _NOISE_S = (0.4, 0.4, 0.4), 0.2, 0.1
-# Largest share of each.
-_BOUND = (1e9, 0.7, 0.7)
+# Largest share of each, and least: friction may be 0.3 to 2.2 times what was identified.
+_MOST, _LEAST = (1e9, 0.7, 0.7), (-1e9, -1.2, -1.2)
 # Share by which friction that was identified may be off before anything is learned, and that which
 # remains however much was: it depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
-# expected, no share is learned; and beyond it, the residual is loud.
-_FREEZES, _FROZEN_S = 0.5, 0.3
+# expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
+# another, up to _THAWS of it teach.
+_FREEZES, _THAWS, _FROZEN_S = 0.5, 0.9, 0.3
 # A gear that has stood for _STANDS_S cools down: what its joint needed is forgotten in _RESTS_S,
 # and its friction _RESTING times as slowly as in motion.
 _STANDS_S, _RESTS_S, _RESTING = 60.0, 7200.0, 12.0
@@ -55,9 +56,14 @@ _OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 600.0, 1.0
 # While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
 # so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
 _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7
-_LEAST_LEVEL = LEAST_SHARE
 # One peak raises the level by no more than this: it may have been a person all the same.
 _GROWS = 1.1
+# Mean of the residual over so much motion [s]: what leans on the arm, and raises no level. Nor does
+# anything while so much of what was learned is in doubt.
+_LEANS_S, _DOUBTED = 5.0, 0.1
+# While its friction is so much of its level from where it was in so much motion before [s], only
+# peaks raise it, and fade in _PASSES_S.
+_RELEARNS, _SETTLES_S, _PASSES_S = 0.05, 10.0, 15.0
 # Of the configured level: whatever is larger shows a sample that was none, and must not last.
 _LARGEST = 10.0
 
@@ -65,14 +71,17 @@ _LARGEST = 10.0
 class Learning:
     """Shares of an arm's joints; `correction` and `unknown` (n,) [Nm]."""
 
-    def __init__(self, contact: Vector, period_s: float) -> None:
-        """contact: levels (n,) [Nm]."""
+    def __init__(self, thresholds: Thresholds, period_s: float) -> None:
+        """thresholds: the configured contact levels, and what of each must be left."""
+        contact = thresholds.contact
         n = len(contact)
+        self._least: Vector = thresholds.least_share.copy()
         spread = np.repeat(_SPREAD, n).reshape(_COLUMNS, n)
         spread[_CONSTANT] *= contact
         self._variance = spread**2  # (columns, n)
         self._noise = (_NOISE * contact) ** 2 * _NOISE_S
-        self._bound, self._forgets_s = np.array(_BOUND), np.array(_FORGETS_S)
+        self._lowest, self._highest = np.array(_LEAST), np.array(_MOST)
+        self._forgets_s = np.array(_FORGETS_S)
         # Of what each joint's residual is made of now, filtered; and what is known of it.
         self.columns, self.shares = np.zeros((2, n, _COLUMNS))
         self.covariance = np.zeros((n, _COLUMNS, _COLUMNS))
@@ -86,6 +95,9 @@ class Learning:
         self.peak, self.crossing_peak = np.zeros(n), np.ones(n)
         # Those that count when it was quiet after them: a contact begins below the level, too.
         self.peak_seen, self.crossing_seen = np.zeros((2, n))
+        self.lean = np.zeros(n)  # mean of the corrected residual in motion [Nm]
+        # Share of Coulomb friction, smoothed; and peaks while it is learned anew.
+        self.settled, self.passing = np.zeros((2, n))
         self._x = np.zeros(_COLUMNS)
         for i in range(n):
             self._forget(i)
@@ -101,11 +113,13 @@ class Learning:
     def level(self, i: int) -> float:
         """Share of the configured level that joint i needs in motion."""
         share = _OF_RMS * sqrt(self.squares_s[i] / self.moved_s[i])
-        return float(min(max(share, _OF_PEAK * self.peak[i], _LEAST_LEVEL), 1.0))
+        peak = max(self.peak[i], self.passing[i])
+        return float(min(max(share, _OF_PEAK * peak, self._least[i]), 1.0))
 
     def crossing_level(self, i: int) -> float:
         """Share of the configured level that joint i needs while it crosses its gap."""
-        return float(min(max(_OF_CROSSING * self.crossing_peak[i], _LEAST_CROSSING), 1.0))
+        least = max(_LEAST_CROSSING, self._least[i])
+        return float(min(max(_OF_CROSSING * self.crossing_peak[i], least), 1.0))
 
     def friction(self, i: int) -> float:
         """Friction of joint i over what was identified."""
@@ -116,10 +130,32 @@ class Learning:
         return _REMAINS + _OFF * float(self.coulomb_left[i])
 
     def unknown_at(self, i: int, coulomb: float, viscous: float) -> float:
-        """What is unknown of such friction of joint i [Nm]."""
+        """Uncertainty of such friction of joint i [Nm]."""
         return float(
             _OFF * (self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb))
         )
+
+    def doubted_at(self, i: int, doubt: float) -> float:
+        """Uncertainty of the present friction of joint i at a doubt of 0 to 1 in learning [Nm]."""
+        return float(_OFF * doubt * self.identified(i))
+
+    def identified(self, i: int) -> float:
+        """Size of the friction of joint i as it was identified, filtered as r is [Nm]."""
+        return float(abs(self.columns[i, _VISCOUS]) + abs(self.columns[i, _COULOMB]))
+
+    def unsettle(self, i: int) -> None:
+        """Know friction no better than before anything was learned of it, and keep what is believed
+        of it until it is learned anew."""
+        for k in range(_VISCOUS, _COLUMNS):
+            for m in range(_COLUMNS):
+                self.covariance[i, k, m] = self.covariance[i, m, k] = 0.0
+            self.covariance[i, k, k] = self._variance[k, i]
+        self._say_what_is_left(i)
+
+    def give_up(self, i: int) -> None:
+        """Believe the friction that was identified."""
+        self.shares[i, _VISCOUS] = self.shares[i, _COULOMB] = 0.0
+        self.correction[i] = 0.0
 
     def step(
         self, i: int, coulomb: float, viscous: float, dt: float, pole: float, share: float
@@ -136,16 +172,20 @@ class Learning:
 
     def learn(
         self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
-        moving: bool, dt: float,
+        doubt: float, rubs: bool, moving: bool, dt: float,
     ) -> None:  # fmt: skip
         """Learn of joint i, if nothing may be touching it: from the residual before its
         correction, the contact levels in force and configured, and what the one in force has of
-        friction near rest, and of what fades [Nm]; moving: and rotor and link touch."""
-        size = abs(residual - self.correction[i])
-        self._note(i, size, level, usual, friction, raised, moving, dt)
+        friction near rest, and of what fades [Nm]; doubt: in what was learned, 0 to 1; rubs:
+        friction was seen to be another; moving: and rotor and link touch."""
+        corrected = residual - self.correction[i]
+        size = abs(corrected)
+        if doubt < _DOUBTED:
+            self._note(i, corrected, level, usual, friction, raised, moving, dt)
+        freezes = _THAWS if rubs else _FREEZES
         b = self.shares[i, _CONSTANT] * self.columns[i, _CONSTANT]
         surprise = abs(residual - self.correction[i] - b)
-        calm = surprise <= _FREEZES * level and size <= level  # NaN is not
+        calm = surprise <= freezes * level and size <= level  # NaN is not
         self.calm_s[i] = self.calm_s[i] + dt if calm else 0.0
         self._drift(i, _CONSTANT, dt)
         self.still_s[i] = 0.0 if moving else self.still_s[i] + dt
@@ -157,12 +197,20 @@ class Learning:
                 self._drift(i, _VISCOUS, dt)
                 self._drift(i, _COULOMB, dt)
             self._follow(i, residual, friction + raised, dt, known)
+            self.settled[i] += dt / _SETTLES_S * (self.shares[i, _COULOMB] - self.settled[i])
+
+    def _relearns(self, i: int, usual: float) -> bool:
+        """True while friction of joint i is learned anew: what shows of it is over soon, and no
+        level is for it."""
+        moved = abs(self.shares[i, _COULOMB] - self.settled[i]) * abs(self.columns[i, _COULOMB])
+        return bool(moved > _RELEARNS * usual)
 
     def _note(
-        self, i: int, size: float, level: float, usual: float, friction: float, raised: float,
+        self, i: int, corrected: float, level: float, usual: float, friction: float, raised: float,
         moving: bool, dt: float,
     ) -> None:  # fmt: skip
-        """Note what level joint i needs, from the size of its corrected residual [Nm]."""
+        """Note what level joint i needs, from its corrected residual [Nm]."""
+        size = abs(corrected)
         quiet = size <= _FREEZES * level  # NaN is not
         self.quiet_s[i] = self.quiet_s[i] + dt if quiet else 0.0
         self.loud_s[i] = 0.0 if quiet else self.loud_s[i] + dt
@@ -171,26 +219,36 @@ class Learning:
         if self.loud_s[i] > _LASTS_S:
             self.peak_seen[i] = self.crossing_seen[i] = 0.0
         elif moving:
-            needed = (size - friction) / (usual + self.unknown[i])
+            self.passing[i] -= dt / _PASSES_S * self.passing[i]
             if raised > _CROSSING * usual:
+                needed = (size - friction) / (usual + self.unknown[i])
                 self.crossing_peak[i] -= dt / _CROSSING_S * self.crossing_peak[i]
                 self.crossing_seen[i] = max(self.crossing_seen[i], needed)
             else:
-                self._measure(i, size / usual, needed, dt)
+                self._measure(i, corrected, usual, friction, dt)
         if self.quiet_s[i] > _FROZEN_S:
             most = _GROWS * self.level(i) / _OF_PEAK
-            self.peak[i] = max(self.peak[i], min(self.peak_seen[i], most))
+            if self._relearns(i, usual):
+                self.passing[i] = max(self.passing[i], min(self.peak_seen[i], most))
+            else:
+                self.peak[i] = max(self.peak[i], min(self.peak_seen[i], most))
             self.crossing_peak[i] = max(self.crossing_peak[i], self.crossing_seen[i])
             self.peak_seen[i] = self.crossing_seen[i] = 0.0
 
-    def _measure(self, i: int, size: float, needed: float, dt: float) -> None:
-        """Put the size of a residual, and what it needed, both over the configured level, to those
-        before."""
-        fade, size = dt / _RMS_S, min(size, _LARGEST)
-        self.squares_s[i] += dt * size * size - fade * self.squares_s[i]
-        self.moved_s[i] += dt - fade * self.moved_s[i]
+    def _measure(self, i: int, corrected: float, usual: float, friction: float, dt: float) -> None:
+        """Put the size of a corrected residual [Nm], and what it needed, both over the configured
+        level, to those before. What leans on the arm raises neither."""
+        fade, size = dt / _RMS_S, abs(corrected)
+        alone = size - min(max(self.lean[i] if corrected > 0.0 else -self.lean[i], 0.0), size)
+        self.lean[i] += dt / _LEANS_S * (corrected - self.lean[i])
+        known = sqrt(self.squares_s[i] / self.moved_s[i]) * usual
+        if abs(self.lean[i]) <= known and not self._relearns(i, usual):
+            square = min(max(alone, min(size, known)) / usual, _LARGEST)
+            self.squares_s[i] += dt * square * square - fade * self.squares_s[i]
+            self.moved_s[i] += dt - fade * self.moved_s[i]
         self.peak[i] -= dt / _PEAK_S * self.peak[i]
-        self.peak_seen[i] = max(self.peak_seen[i], needed)
+        peak = max(alone, min(size, self.level(i) / _OF_PEAK * usual))
+        self.peak_seen[i] = max(self.peak_seen[i], (peak - friction) / (usual + self.unknown[i]))
 
     def _rest(self, i: int, dt: float) -> None:
         """Know less of joint i after dt [s] in which its motion told nothing."""
@@ -226,7 +284,7 @@ class Learning:
         for k in range(_COLUMNS):
             gain_k = self._x[k] / variance if known or k == _CONSTANT else 0.0
             self.shares[i, k] = min(
-                max(self.shares[i, k] + gain_k * error, -self._bound[k]), self._bound[k]
+                max(self.shares[i, k] + gain_k * error, self._lowest[k]), self._highest[k]
             )
             for m in range(_COLUMNS):
                 gain_m = self._x[m] / variance if known or m == _CONSTANT else 0.0
@@ -240,7 +298,7 @@ class Learning:
         self.viscous_left[i] = self._left(i, _VISCOUS)
 
     def _left(self, i: int, column: int) -> float:
-        """Of the standard deviation of a share before anything was learned."""
+        """Standard deviation of a share, relative to the one before anything was learned."""
         left = self.covariance[i, column, column] / self._variance[column, i]
         return sqrt(min(max(left, 0.0), 1.0))
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 
 FADE_S: Final = 0.3
 """After a touch the residual still fades, and the link swings back through its gap: a contact that
@@ -44,7 +44,7 @@ class Debounce:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Time in which somebody touched the arm [s]."""
+    """Time in which a person touched the arm [s]."""
 
     begin_s: float
     end_s: float
@@ -104,13 +104,13 @@ class Sweep:
 
 
 def levels_passed(passed: Matrix, levels: Vector) -> Counts:
-    """How many of the levels, which ascend, lie below `passed` (ticks,), with its sign."""
+    """Number of the levels, which ascend, below `passed` (ticks,), with its sign."""
     count = np.searchsorted(levels, np.abs(passed), side="left")
     return np.where(passed < 0.0, -count, count)
 
 
 def _between(low: Counts, high: Counts, count: int) -> Counts:
-    """How many of the spans low <= k < high hold each k."""
+    """Number of the spans low <= k < high that hold each k."""
     edges = np.bincount(low, minlength=count + 1) - np.bincount(high, minlength=count + 1)
     return np.cumsum(edges)[:count]
 

@@ -2,7 +2,7 @@
 
 cimport cython
 
-from elementary cimport decay
+from common.elementary cimport decay
 
 cdef double _MISSING_SHARE, _MISSING_MOST, _SHAKEN_SHARE
 

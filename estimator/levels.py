@@ -16,8 +16,8 @@ Ordinary Python, which runs as it is; `levels.pxd` names the types for the compi
 
 import numpy as np
 
-from elementary import decay
-from errors import ModelError
+from common.elementary import decay
+from common.errors import ModelError
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission

@@ -66,7 +66,7 @@ class Alignment:
         self.count[i] = min(self.count[i] + 1, _SAMPLES)
 
     def _begin(self, i: int) -> None:
-        """What was before the first sample of joint i: as if its link had moved with its motor."""
+        """Invent a past of joint i at its first sample: its link moved with its motor."""
         self.interval[i] = self.interval_before[i] = self._period
         for k in range(1, _SAMPLES):
             turned = k * self._period * self.samples[_MOTOR_VELOCITY, i]

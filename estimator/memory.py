@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.kernel import Kernel
 from estimator.link_velocity import SAMPLES
 
@@ -29,7 +29,12 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
         *("calm_s", "quiet_s", "loud_s", "still_s", "correction", "unknown"),
         *("squares_s", "moved_s"),
-        *("peak", "crossing_peak", "peak_seen", "crossing_seen"),
+        *("peak", "crossing_peak", "peak_seen", "crossing_seen", "lean", "settled", "passing"),
+    ),
+    "doubt": (
+        *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s", "warm_s"),
+        *("way", "beyond", "rubs", "placed", "moving"),
+        *("low", "high", "cleared_s", "upwards_s", "downwards_s", "met", "away_s"),
     ),
 }
 # Only where something is carried, or learning stands still; else the memory is as it ever was.
@@ -57,6 +62,13 @@ _RANGES = {
     "learning.crossing_peak": (0.0, _LARGEST),
     "learning.peak_seen": (0.0, _LARGEST),
     "learning.crossing_seen": (0.0, _LARGEST),
+    "learning.passing": (0.0, _LARGEST),
+    "doubt.value": (0.0, 1.0),
+    "doubt.way": (-1, 1),
+    "doubt.beyond": (0, 1),
+    "doubt.rubs": (0, 1),
+    "doubt.placed": (0, 1),
+    "doubt.moving": (0, 1),
 }
 
 
@@ -95,7 +107,7 @@ def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
 
 def _parts(kernel: Kernel, carries: bool) -> Iterator[tuple[str, tuple[str, ...], Any]]:
     for part, names in _STATE.items():
-        if part == "learning" and not kernel.learns:
+        if part in ("learning", "doubt") and not kernel.learns:
             continue
         yield part, names, kernel if part == "kernel" else getattr(kernel, part)
     if carries:

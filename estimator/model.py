@@ -8,12 +8,12 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix, Vector, check_shapes
-from errors import ModelError
+from common.arrays import Matrix, Vector, check_shapes
+from common.errors import ModelError
+from common.regular_file import read_text
 from estimator.body_inertia import PARAMETERS, BodyInertia, refuse_impossible
 from estimator.dynamics import Body, Dynamics
-from estimator.urdf import moved_links
-from regular_file import read_text
+from estimator.urdf import MovedLink, moved_links
 
 # That of a milligram at a millimetre: what is less is rounding.
 _NO_INERTIA = 1e-12  # kg m2
@@ -29,10 +29,14 @@ class Model:
 
     `mass` [kg] is that of all links that move; `reach` [m] how far they may extend from the first
     joint, each body as far beyond its centre of mass as that is from its joint; `hand` is the name
-    of the URDF's last link, `tool` says in words which point `tool_jacobian` is about, and
-    `tool_place` (3,) [m] where that is in the hand's frame.
+    of the URDF's last link, `tool` names the point of `tool_jacobian` in words, and `tool_place`
+    (3,) [m] is that point in the hand's frame.
 
-    `bodies`, by joint, stand in the place of what the URDF says of what these joints move.
+    `bodies`, by joint, replace those of the URDF, and not those in `links`, which are as it
+    describes them.
+
+    All users of an arm share its model: nothing in it changes, and no answer depends on an earlier
+    one. Its methods share working memory, however, so they are for one thread.
 
     Raises ModelError if the file cannot be read, a joint is missing, named twice, not measured or
     not a joint of one coordinate with limits; if the mass or inertia of a link that moves is none
@@ -45,7 +49,7 @@ class Model:
         joints: Sequence[str],
         bodies: Mapping[str, BodyInertia] = MappingProxyType({}),
     ) -> None:
-        model = _read(urdf)
+        model, self.links = _read(urdf)
         self.names = tuple(joints)
         self.n = len(self.names)
         where = "the URDF" if isinstance(urdf, str) else str(urdf)
@@ -85,13 +89,13 @@ class Model:
         return np.array(self.recursion.momentum), np.array(self.recursion.beta)
 
     def bodies(self) -> list[Body]:
-        """What the joints move, each behind its parent: the caller's order is in `Body.row`."""
+        """Bodies of the joints, each behind its parent: the caller's order is in `Body.row`."""
         order = np.arange(self.n) if self._order is None else self._order
         row = np.argsort(order)
         return [_body(self._model, k, int(row[k])) for k in range(self.n)]
 
     def parameters(self) -> Matrix:
-        """Ten parameters of what each joint moves (n, 10), `body_inertia.PARAMETERS`: a copy."""
+        """Ten parameters of each joint's body (n, 10), `body_inertia.PARAMETERS`: a copy."""
         return np.array(
             [self._model.inertias[self._model.getJointId(j)].toDynamicParameters()
              for j in self.names]
@@ -99,7 +103,7 @@ class Model:
 
     def regressor(self, q: Vector, q_dot: Vector, q_ddot: Vector) -> Matrix:
         """Torques that move the links, M q_ddot + C q_dot + g, for each unit of each parameter of
-        what each joint moves: (n, n, 10), the first axis that of the torques."""
+        each joint's body: (n, n, 10), the first axis that of the torques."""
         pair = np.empty((2, self.n))
         v, a = self._inward(q_dot, pair[0]), self._inward(q_ddot, pair[1])
         inward = self._inward(q, self._q)
@@ -114,7 +118,7 @@ class Model:
         return self._outward(g.copy())
 
     def inertia(self, q: Vector) -> Vector:
-        """Diagonal of M(q), a copy, shape (n,) [kg m2]: what each joint moves about its axis."""
+        """Diagonal of M(q), a copy, shape (n,) [kg m2]: inertia of each joint about its axis."""
         M = pin.crba(self._model, self._data, self._inward(q, self._q))
         return self._outward(np.diag(M).copy())
 
@@ -131,17 +135,15 @@ class Model:
     def payload_torques(self, q: Vector, down: Vector) -> tuple[Vector, Matrix]:
         """Torques that a point mass at the hand puts on the joints, for each kg and kg m: (n,)
         where it is in the origin of the hand's frame, and (n, 3) for its place in that frame. down:
-        what it weighs, per kg, along the axes of the URDF's root (3,) [m/s2]."""
+        its weight per kg along the axes of the URDF's root (3,) [m/s2]."""
         model, data, joint = self._model, self._data, self._model.njoints - 1
         axes = pin.LOCAL_WORLD_ALIGNED
         pin.computeJointJacobians(model, data, self._inward(q, self._q))
         J = pin.getJointJacobian(model, data, joint, axes).reshape(6, self.n)
         J = J if self._order is None else J[:, self._order]
         R = data.oMi[joint].rotation
-        lever = R @ self._hand_place
-        force = np.cross(lever, down)
-        axis = R @ self._hand_rotation
-        turning = np.cross(axis.T, down).T  # moment of each axis of the hand
+        force = _cross(R @ self._hand_place, down)
+        turning = _cross(R @ self._hand_rotation, down)  # moment of each axis of the hand
         return J[:3].T @ down + J[3:].T @ force, J[3:].T @ turning
 
     @property
@@ -170,12 +172,21 @@ class Model:
         return x if self._order is None else x[self._order]
 
 
-def _read(urdf: Path | str) -> pin.Model:
-    """pinocchio's model of a file, or of the text of one."""
+def _cross(x: Matrix, y: Vector) -> Matrix:
+    """Cross product of x (3,), or of each column of x (3, n), with y (3,). numpy's takes three to
+    ten times as long, and a start computes thousands."""
+    return np.array(
+        [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
+    )
+
+
+def _read(urdf: Path | str) -> tuple[pin.Model, tuple[MovedLink, ...]]:
+    """pinocchio's model of a file, or of the text of one, and its links that move."""
     where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
         text = urdf if isinstance(urdf, str) else read_text(urdf)
-        mass = sum(link.mass for link in moved_links(text))
+        links = tuple(moved_links(text))
+        mass = sum(link.mass for link in links)
         model = pin.buildModelFromXML(text)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
@@ -188,7 +199,7 @@ def _read(urdf: Path | str) -> pin.Model:
             f"{where}: pinocchio reads only {read:g} of the {mass:g} kg that move: no tab and no "
             "line break is allowed within a value of an <inertial>"
         )
-    return model
+    return model, links
 
 
 def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
@@ -210,7 +221,7 @@ def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
 
 
 def _body(model: pin.Model, coordinate: int, row: int) -> Body:
-    """What joint `coordinate` + 1 moves; the coordinates are in the order of the joints."""
+    """Body of joint `coordinate` + 1; the coordinates are in the order of the joints."""
     index = coordinate + 1
     joint, inertia = model.joints[index], model.inertias[index]
     placement = model.jointPlacements[index]
@@ -243,8 +254,8 @@ def _hand(model: pin.Model) -> tuple[str, pin.SE3]:
 
 def _add_tool(model: pin.Model) -> tuple[str, int]:
     """The tool point, in words, and its frame: the origin of the URDF's last link if that is off
-    the axis of the last joint, as a fixed `tool0` is; else the centre of mass of what that joint
-    moves, as the origin of a link that turns about it has no lever."""
+    the axis of the last joint, as a fixed `tool0` is; else the centre of mass of that joint's body,
+    as the origin of a link that turns about it has no lever."""
     joint = model.njoints - 1
     links = [
         (i, frame)

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 import msgspec
 from msgspec import Meta
 
-from errors import ModelError
+from common.errors import ModelError
 
 HEAVIEST_KG = 100.0
 FURTHEST_M = 2.0

@@ -5,7 +5,7 @@
 Ordinary Python, which runs as it is; `play.pxd` names the types for the compiler, decision 0037.
 """
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 
 
 def put_play(half_gap: Vector, phi: Vector, sigma: Vector, way: Matrix) -> None:

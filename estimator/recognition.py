@@ -6,16 +6,16 @@ A mass m at c in the hand's frame puts on the joints, in every pose and at every
 
 so the residuals of some seconds in motion are linear in m and m c. A load is recognised where one
 such pair explains what all joints show, where each second shows the same mass by itself, and where
-the joints that carry it have moved. What a hand does changes, in force or direction. What cannot
-be told from a load is a pull of constant force, straight down, at the hand, for as long as that.
-So it is confirmed only where the mass stayed as it is, more closely, for two more seconds of motion
-and twice the way; the mass is then that of these last seconds, without those of the pick-up.
+the joints that carry it have moved. The force of a hand changes, in size or direction. Only a pull
+of constant force, straight down, at the hand, for as long as that cannot be distinguished from a
+load. So it is confirmed only where the mass stayed the same, more closely, for two more seconds of
+motion and twice the way; the mass is then that of these last seconds, without those of the pick-up.
 
 Ticks in which no joint moves do not count, as friction may hide anything then. Means are taken over
 a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
-last one of each makes a fit of four unknowns. Beside it, what the model's errors look like while
-nothing touches, a load and gains of the motors, is followed, and taken off; of motion older than
-what is looked at, so that a load is not taken for an error while it is looked at.
+last one of each makes a fit of four unknowns. Beside it, the model's errors without contact, as an
+apparent load and gains of the motors, are tracked and subtracted; from motion older than the blocks
+in use, so that a load is not taken for an error while it is being recognised.
 
 Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
 """
@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from estimator.contact import dead_band
 from estimator.model import Model
 from estimator.payload import HEAVIEST_KG, Payload
@@ -43,13 +43,13 @@ _WAY: Final = 0.25  # [rad] that joints which clearly carry it must have moved, 
 _LEAST_KG, _SURE = 0.08, 5.0  # mass, and that over its standard deviation
 # Deviation of the place from the tool point along each axis [m]: expected, and at most.
 _PLACE, _AT_HAND = 0.03, 0.2
-# What the fit may leave, of all that there is to explain: at most; and where it is more than so
-# many standard deviations.
+# Share of the residuals that the fit may leave: at most; and where it is more than so many standard
+# deviations.
 _LEFT, _LEFT_CLEAR, _LEFT_NOISE = 0.3, 0.03, 0.6
 # Deviation of the parts from the mass, root mean square: of the mass, or [kg]; and at most, of a
-# part that tells as much of it as the others do.
+# part with as much information on it as the others.
 _SPREAD, _SPREAD_KG, _WORST = 0.05, 0.015, 2.0
-# Of its mass must show before the errors below are taken off.
+# Share of its mass that must show before the errors below are subtracted.
 _SHOWS: Final = 0.5
 # The load that the model's errors look like, and the share by which each motor's torque is off:
 # fade over so many blocks, weigh so much less, as they are alike, and are expected to be so much
@@ -58,18 +58,18 @@ _FADES, _ALIKE, _ERRORS, _GAIN = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005), 0.03
 # It is confirmed where so many more blocks in a row show it, with parts as much alike as this, and
 # joints that carry it having moved so far [rad].
 _CONFIRMS, _ALIKE_SHARE, _CONFIRMED_WAY = 8, 0.04, 0.5
-# What was recognised is forgotten when it did not explain what is felt for so long [s], or when the
-# last blocks, so many or more since then, clearly show a mass that is off by this share: below the
-# levels nothing is felt.
+# A recognised load is forgotten when it did not explain the detected contact for so long [s], or
+# when the last blocks, so many or more since then, clearly show a mass that is off by this share:
+# below the levels no contact is detected.
 _FORGOTTEN_S: Final = 0.5
 _SINCE, _ANOTHER = 8, 0.5
 
 
 def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector, Vector]:
-    """What a load shows of itself (n, 4), by mass at the tool point and by mass times distance from
-    it, what motors show whose torque is twice what is believed (n,), and what the joints show (n,),
-    all over the standard deviation of each; mean of q, |q_dot|, residual and threshold (4, n),
-    gravity less acceleration (3,) [m/s2]."""
+    """Columns of a load (n, 4), by mass at the tool point and by mass times distance from it, those
+    of motors with twice the believed torque (n,), and the residuals (n,), all over the standard
+    deviation of each; mean of q, |q_dot|, residual and threshold (4, n), gravity less acceleration
+    (3,) [m/s2]."""
     by_mass, by_place = model.payload_torques(mean[0], gravity)
     columns = np.column_stack((by_mass + by_place @ model.tool_place, by_place))
     weight = 1.0 / (np.where(mean[1] > _MOVES, _NOISE, _AT_REST) * mean[3])
@@ -125,31 +125,30 @@ class Recognition:
         # Of the last blocks in motion, the newest last: columns and residuals over their deviation.
         self._columns = np.zeros((_BLOCKS, n, 4))
         self._motors, self._shown, self._way = np.zeros((3, _BLOCKS, n))
-        # Of these, joints that moved; and those that tell of the model's errors: nothing touched.
+        # Of these, joints that moved; and those that show the model's errors: nothing touched.
         self._moves, self._free = np.zeros((2, _BLOCKS, n), dtype=np.bool_)
         self._filled = self._since = 0  # the latter since one was found
         self._prior = np.diag(np.array([*_ERRORS, *[_GAIN] * n]) ** -2.0)
         self._information, self._evidence = np.zeros((4 + n, 4 + n)), np.zeros(4 + n)
 
     def begin(self) -> None:
-        """Begin anew with another model: what its errors looked like may have been a load, too."""
+        """Begin anew with another model: its apparent errors may have been a load, too."""
         self._information[:], self._evidence[:] = 0.0, 0.0
         self.forget()
 
     def forget(self) -> None:
-        """Forget what is carried, or felt: it is another now. What the model's errors look like is
-        kept."""
+        """Forget the load, or the contact: it is another now. The model's errors are kept."""
         self.found, self.confirmed = None, False
         self._filled = self._again = self._unexplained = 0
         self.pause()
 
     def pause(self) -> None:
-        """Leave out the block of now, in which something is not known."""
+        """Leave out the present block, in which something is not known."""
         self._sum[:] = 0.0
         self._count, self._touched, self._before = 0, False, None
 
     def left(self, q: Vector, residual: Vector, threshold: Vector) -> Vector:
-        """Thresholded residual (n,) [Nm] of what the load that was found does not explain at q."""
+        """Thresholded residual (n,) [Nm] that the load found does not explain at q."""
         if self.found is None:
             return dead_band(residual, threshold)
         by_mass, by_place = self._model.payload_torques(q, self._model.down)
@@ -186,7 +185,7 @@ class Recognition:
         way = count * self._period_s * mean[1]
         self.pause()
         if not np.isfinite(mean).all():
-            return  # else it would stay in what is followed of the model's errors
+            return  # else it would stay in the tracked errors of the model
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
         gravity = self._model.down - acceleration
@@ -236,7 +235,7 @@ class Recognition:
                 self.found, self.confirmed = fit.load, True
 
     def _take_errors(self, free: NDArray[np.bool_]) -> None:
-        """Put the oldest block to those before it, as far as it tells of the model's errors."""
+        """Add the oldest block to those before it, as far as it shows the model's errors."""
         if not free.any():
             return
         moved = np.hstack((self._columns[0], np.diag(self._motors[0])))[free]
@@ -244,13 +243,13 @@ class Recognition:
         self._evidence += _ALIKE * (moved.T @ self._shown[0, free]) - self._evidence / _FADES
 
     def _less_errors(self) -> Matrix:
-        """What the last blocks show (blocks, n), less what the model's errors look like."""
+        """Residuals of the last blocks (blocks, n), less the model's errors."""
         errors = np.linalg.solve(self._prior + self._information, self._evidence)
         left: np.ndarray = self._shown - self._columns @ errors[:4] - self._motors * errors[4:]
         return left
 
     def _fit(self) -> _Fit | None:
-        """The load that the last blocks show, None where they show none."""
+        """Load that the last blocks show, None where they show none."""
         shown = self._less_errors()
         x = self._columns.reshape(-1, 4)
         y = shown.reshape(-1)
@@ -263,7 +262,7 @@ class Recognition:
         noise = max(_LEFT_NOISE**2 * len(y), _LEFT_CLEAR * power)
         if left @ left > min(_LEFT * power, noise):
             return None
-        # What a kg there shows: by parts, the mass alone.
+        # Residual per kg there: by parts, the mass alone.
         per_kg = self._columns @ (fitted / mass)
         parts = _BLOCKS // _PART
         known = np.sum((per_kg**2).reshape(parts, -1), axis=1)

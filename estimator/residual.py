@@ -23,8 +23,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from arrays import Matrix, Vector
-from errors import ModelError
+from common.arrays import Matrix, Vector
+from common.errors import ModelError
 from estimator.interval import ROW
 from estimator.settings import Kind, Variant
 
@@ -139,7 +139,7 @@ class Residual:
         self.corrected[0, i] -= correction
 
     def sum(self, i: int) -> float:
-        """Of the values of joint i: finite if they all are."""
+        """Sum of the values of joint i: finite if they all are."""
         total = 0.0
         for k in range(self._variants):
             total += self.values[k, i]

@@ -65,7 +65,7 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     # that allows; before it has shown it, they are raised.
     learning: bool = True
     # [rad] of motion until friction is built up, at least and at most; the default suits gears
-    # of which nobody knows it.
+    # for which it is unknown.
     presliding: tuple[Presliding, Presliding] = (0.0001, 0.002)
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0

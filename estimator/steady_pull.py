@@ -1,10 +1,10 @@
-"""Steady pull: what a contact looks like that could be a load at the hand, within two seconds.
+"""Steady pull: detects within two seconds a contact that could be a load at the hand.
 
 An arm that yields to a load hardly moves, so that it is not recognised for a long time, or never
-(`recognition`). But one pose already tells whether what all joints feel is a pull straight down at
-the hand, and how many kg would pull so. That is no evidence of a load: a hand that rests on the arm
-looks the same. It is enough to say what to do if it is one, and for nothing else: nothing here
-changes how the arm reacts.
+(`recognition`). But one pose already shows whether the residuals of all joints are a pull straight
+down at the hand, and how many kg would pull so. That is no evidence of a load: a hand that rests on
+the arm looks the same. It is enough for advice in case it is one, and for nothing else: nothing
+here changes how the arm reacts.
 
 Means are taken over a quarter of a second, at rest, too. Time is counted in ticks; no I/O.
 """
@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from estimator.model import Model
 from estimator.payload import HEAVIEST_KG
 from estimator.recognition import fitted_load, weighed
@@ -21,18 +21,18 @@ from estimator.recognition import fitted_load, weighed
 _BLOCK_S: Final = 0.25
 _BLOCKS: Final = 8  # in a row that show the same mass
 _LEAST_KG: Final = 0.1
-# What the fit may leave of all that there is to explain, and the least that it explains, in
-# standard deviations of the joints together.
+# Share of the residuals that the fit may leave, and the least that it explains, in standard
+# deviations of the joints together.
 _LEFT, _CLEAR = 0.2, 1.0
 # Of the masses of the blocks, off their median at most: of it, or [kg].
 _SPREAD, _SPREAD_KG = 0.2, 0.05
-# A contact that was felt so many blocks ago still lasts: an arm that yields comes to rest just
-# where its load is no longer felt.
+# A contact that was detected so many blocks ago still lasts: an arm that yields comes to rest just
+# where its load is no longer detected.
 _LASTS: Final = 10
 
 
 class SteadyPull:
-    """Steady pull at one arm; `mass` is what would pull so [kg], 0 while nothing does."""
+    """Steady pull at one arm; `mass` is the load that would pull so [kg], 0 while none does."""
 
     def __init__(self, model: Model, period_s: float) -> None:
         self.mass = 0.0
@@ -46,11 +46,11 @@ class SteadyPull:
 
     @property
     def lasts(self) -> bool:
-        """True while something is felt, or was a moment ago."""
+        """True while a contact is detected, or was a moment ago."""
         return self._quiet < _LASTS
 
     def forget(self) -> None:
-        """Forget what pulls: it is another now."""
+        """Forget the pull: it is another now."""
         self.mass, self._quiet = 0.0, _LASTS
         self._masses[:] = np.nan
         self.pause()

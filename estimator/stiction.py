@@ -21,7 +21,7 @@ Ordinary Python, which runs as it is; `stiction.pxd` names the types for the com
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from estimator.transmission import CREEP, LINK_REST
 
 _BELIEFS = 5  # pre-slidings that are followed
@@ -60,7 +60,7 @@ class Stiction:
         self.held[i], self.unknown[i] = 0.0, self._most[i]
 
     def unknown_at_rest(self, i: int) -> float:
-        """What will be unknown of joint i where it comes to rest, or is where it rests."""
+        """Uncertainty of the stiction of joint i where it rests, or will come to rest [Nm]."""
         return float(max(self.unknown[i], 0.5 * (self._most[i] - self._least[i])))
 
     def step(self, i: int, displacement: float, sign: float) -> None:

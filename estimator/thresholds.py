@@ -5,13 +5,13 @@ from typing import Literal
 
 import numpy as np
 
-from arrays import Vector
-from errors import ModelError
+from common.arrays import Vector
+from common.errors import ModelError
 
 Level = Literal["contact", "collision"]
 LEVELS: tuple[Level, Level] = ("contact", "collision")
 LEAST_SHARE = 0.2
-"""Of a configured contact level: what learning leaves of it at least."""
+"""Least share of a configured contact level that learning leaves in force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +25,8 @@ class Thresholds:
     collision: Vector
     per_speed: Vector = field(default_factory=lambda: np.array(0.0))
     """both grow by this times |theta_dot| [Nm s/rad], >= 0; one number stands for all"""
+    least_share: Vector = field(default_factory=lambda: np.array(LEAST_SHARE))
+    """share of the contact level that learning leaves at least, LEAST_SHARE to 1; likewise"""
 
     def __post_init__(self) -> None:
         for name in LEVELS:
@@ -40,6 +42,10 @@ class Thresholds:
         object.__setattr__(self, "per_speed", growth)
         if not np.all((growth >= 0.0) & np.isfinite(growth)):
             raise ModelError(f"thresholds: per_speed is {growth}; it must be >= 0")
+        least = np.broadcast_to(np.asarray(self.least_share, dtype=np.float64), growth.shape)
+        object.__setattr__(self, "least_share", least)
+        if not np.all((least >= LEAST_SHARE) & (least <= 1.0)):
+            raise ModelError(f"thresholds: least_share is {least}; it must be {LEAST_SHARE:g} to 1")
         for i in np.flatnonzero(~good):
             raise ModelError(
                 f"thresholds of joint {i + 1}: contact {self.contact[i]}, collision "

@@ -1,12 +1,13 @@
-"""Force at the tool that the joints feel, by direction.
+"""Smallest detectable force at the tool, by direction.
 
-A force F at the tool is J^T F at the joints, and is felt once that of one joint exceeds its level:
+A force F at the tool is J^T F at the joints, and is detected once that of one joint exceeds its
+level:
 
     |a_i . F| > 1 for one i, with a_i = J_i / level_i
 
-What is not felt is therefore a polytope around zero. Its nearest face is the direction in which the
-arm feels best; its furthest corner that in which it feels worst. Where it has no end, as along a
-stretched arm, nothing is felt.
+The undetected forces are therefore a polytope around zero. Its nearest face is the direction of the
+best detection, its furthest corner that of the worst. Where it has no end, as along a stretched
+arm, nothing is detected.
 """
 
 from dataclasses import dataclass
@@ -15,51 +16,51 @@ from itertools import combinations, product
 
 import numpy as np
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 
-UNFELT_N = 1000.0
-"""[N]; what takes more to be felt counts as not felt: a hand is hurt by a tenth of it."""
+UNDETECTED_N = 1000.0
+"""[N]; a direction that needs more counts as undetectable: a hand is hurt by a tenth of it."""
 JOINTS = 12
-"""Joints that are looked at, those that feel most: more would take longer than there is between two
-ticks, and can only lower the force that is felt."""
+"""Number of joints used, the most sensitive ones: more would take longer than there is between two
+ticks, and can only lower the detectable force."""
 
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class ToolSense:
-    """Forces [N] that are felt, and the directions (3,) in which; each stands for its opposite."""
+    """Detectable forces [N] and their directions (3,); each stands for its opposite."""
 
     least: float
     least_along: Vector
     most: float
-    """at worst, within the directions that are felt at all"""
+    """at worst, within the detectable directions"""
     most_along: Vector
-    unfelt: Matrix
-    """orthogonal directions in which nothing is felt, (0 to 3, 3)"""
+    undetected: Matrix
+    """orthogonal directions in which nothing is detected, (0 to 3, 3)"""
 
 
 def tool_sense(jacobian: Matrix, level: Vector) -> ToolSense:
-    """Forces that are felt at the tool, for its jacobian (3, n) [m] and the levels (n,) [Nm] > 0,
-    infinite where a joint feels nothing.
+    """Detectable forces at the tool, for its jacobian (3, n) [m] and the levels (n,) [Nm] > 0,
+    infinite where a joint senses nothing.
 
-    Where no direction is felt, least and most are UNFELT_N.
+    Where no direction is detectable, least and most are UNDETECTED_N.
     """
     a = (jacobian / level).T
     strength = np.linalg.norm(a, axis=1)
     a = a[np.argsort(-strength)[:JOINTS]]
     _, sizes, axes = np.linalg.svd(a, full_matrices=True)
-    felt = int(np.count_nonzero((sizes * UNFELT_N > 1.0) & (sizes > _ROUNDING * sizes[0])))
-    unfelt = axes[felt:]
-    if felt == 0:
-        return ToolSense(UNFELT_N, axes[0], UNFELT_N, axes[0], unfelt)
-    # Within the directions that are felt, so that the polytope is bounded.
-    inside = a @ axes[:felt].T
-    corner = _furthest_corner(inside) @ axes[:felt]
+    seen = int(np.count_nonzero((sizes * UNDETECTED_N > 1.0) & (sizes > _ROUNDING * sizes[0])))
+    undetected = axes[seen:]
+    if seen == 0:
+        return ToolSense(UNDETECTED_N, axes[0], UNDETECTED_N, axes[0], undetected)
+    # Within the detectable directions, so that the polytope is bounded.
+    inside = a @ axes[:seen].T
+    corner = _furthest_corner(inside) @ axes[:seen]
     most = float(np.linalg.norm(corner))
-    best = inside[0] @ axes[:felt]
+    best = inside[0] @ axes[:seen]
     nearest = float(np.linalg.norm(best))
-    return ToolSense(1.0 / nearest, best / nearest, most, corner / most, unfelt)
+    return ToolSense(1.0 / nearest, best / nearest, most, corner / most, undetected)
 
 
 def _furthest_corner(a: Matrix) -> Vector:
@@ -80,7 +81,7 @@ def _furthest_corner(a: Matrix) -> Vector:
 
 @cache
 def _choices(m: int, r: int) -> tuple[np.ndarray, Matrix]:
-    """Which r of m faces meet, and on which sides; the opposite corner is as far."""
+    """Choices of r of m faces that meet, and their sides; the opposite corner is as far."""
     sets = np.array(list(combinations(range(m), r)))
     signs = np.array([(1.0, *others) for others in product((-1.0, 1.0), repeat=r - 1)])
     return sets, signs

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector, check_shapes
-from errors import ModelError
+from common.arrays import Vector, check_shapes
+from common.errors import ModelError
 from estimator.play import put_play
 
 REST_VELOCITY = 0.05  # [rad/s]
@@ -20,7 +20,7 @@ LINK_REST = 0.01
 """[rad/s]; a link encoder's noise stays below it"""
 
 STICTION_ERROR = 0.3
-"""Of a share of stiction that was identified."""
+"""Error of an identified share of stiction."""
 
 _SCALARS = ("joints", "sign_width")
 _SHARES = ("least_stiction", "most_stiction")

@@ -13,7 +13,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from errors import ModelError
+from common.errors import ModelError
 
 _COUNTS = {1: "one finite number", 3: "three finite numbers"}  # of an attribute
 # Less than Python takes for a number, as is what the parser of URDFs takes.

@@ -2,9 +2,9 @@
 
     python package/deb.py build/deb dist
 
-dpkg-deb does the work. control is made of debian/control and of what only the tree tells: version,
+dpkg-deb does the work. control is made of debian/control and of facts of the tree: version,
 architecture, size, and the very Python that the environment was made with. The package has no
-conffiles: what people edit, it does not bring (decision 0069).
+conffiles: it does not contain the files that people edit (decision 0068).
 """
 
 import hashlib
@@ -21,8 +21,8 @@ def build(root: Path, out: Path) -> Path:
     """The package, in `out`. Raises CalledProcessError where a tool refuses."""
     about = root / "DEBIAN"
     about.mkdir()
-    version = _said(root / "opt/contactd/bin/python", "-P", "-c", _VERSION)
-    architecture = _said("dpkg", "--print-architecture")
+    version = _output(root / "opt/contactd/bin/python", "-P", "-c", _VERSION)
+    architecture = _output("dpkg", "--print-architecture")
     (library,) = (root / "opt/contactd/lib").glob("python3.*")
     files = sorted(path for path in root.rglob("*") if path.is_file() and about != path.parent)
     fields = (_OURS / "control").read_text().splitlines(keepends=True)
@@ -45,12 +45,12 @@ def build(root: Path, out: Path) -> Path:
 _VERSION = "from importlib.metadata import version; print(version('contactd'))"
 
 
-def _said(*words: str | Path) -> str:
+def _output(*words: str | Path) -> str:
     return subprocess.run(words, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def _kilobytes(root: Path) -> int:
-    return int(_said("du", "-sk", "--exclude=DEBIAN", root).split()[0])
+    return int(_output("du", "-sk", "--exclude=DEBIAN", root).split()[0])
 
 
 def _digest(path: Path, root: Path) -> str:

@@ -2,9 +2,9 @@
 
     make release RELEASE=0.1.0
 
-What takes no time comes first, and all of it is told; then checks and tests, and the packages out
+Quick points come first, and all of them are reported; then checks and tests, and the packages out
 of a fresh clone that has the tag already, the wheel's demo in an environment with nothing else.
-It tags and pushes nothing: at the end it says what is left to do by hand.
+It tags and pushes nothing: at the end it lists what is left to do by hand.
 """
 
 import re
@@ -26,13 +26,13 @@ what is left to do:
 """
 
 
-def said(*words: str | Path, cwd: Path = ROOT) -> str:
+def output(*words: str | Path, cwd: Path = ROOT) -> str:
     """Output of a command. Raises CalledProcessError."""
     return subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def done(*words: str | Path, cwd: Path = ROOT) -> str:
-    """What is wrong with a command that shows its own output: nothing where it succeeds."""
+    """Failure of a command that shows its own output, in words; empty where it succeeds."""
     status = subprocess.run(words, cwd=cwd, check=False).returncode
     return f"`{' '.join(map(str, words))}` ended with {status}" if status else ""
 
@@ -42,11 +42,11 @@ def a_version(release: str) -> str:
 
 
 def all_is_committed(release: str) -> str:
-    return said("git", "status", "--porcelain")
+    return output("git", "status", "--porcelain")
 
 
 def the_tag_is_free(release: str) -> str:
-    return said("git", "tag", "--list", f"v{release}") and f"v{release} is there"
+    return output("git", "tag", "--list", f"v{release}") and f"v{release} is there"
 
 
 def the_changelog_is_cut(release: str, root: Path = ROOT) -> str:
@@ -66,13 +66,13 @@ def the_client_has_its_number(release: str, root: Path = ROOT) -> str:
 
 
 def checks_and_tests(release: str) -> str:
-    return done("make", "check", "test")
+    return done("make", "check", "test-all")
 
 
 def packages_of_a_clone_with_the_tag(release: str) -> str:
     shutil.rmtree(OUT, ignore_errors=True)
-    said("git", "clone", "--quiet", ROOT, OUT)
-    said("git", "tag", f"v{release}", cwd=OUT)
+    output("git", "clone", "--quiet", ROOT, OUT)
+    output("git", "tag", f"v{release}", cwd=OUT)
     if wrong := done("make", "dist", "deb", cwd=OUT):
         return wrong
     made = {path.name for path in (OUT / "dist").iterdir()}
@@ -99,7 +99,7 @@ LONG = (checks_and_tests, packages_of_a_clone_with_the_tag, the_wheels_demo_away
 
 
 def passes(point: Callable[[str], str], release: str) -> bool:
-    """Whether a point holds, which is told."""
+    """True if a point holds; the result is printed."""
     wrong = point(release)
     print(f"{'NO' if wrong else 'ok':3} {point.__name__.replace('_', ' ')}", flush=True)
     if wrong:

@@ -1,4 +1,4 @@
-"""What an installed environment never runs, taken out of it: half of its size.
+"""Removal of files that an installed environment never runs: half of its size.
 
     python package/slim.py /opt/contactd.new
 
@@ -37,7 +37,7 @@ OURS = ("activate", "contactctl", "contactd", "python")
 
 
 def slim(environment: Path) -> None:
-    """Take it out of a virtual environment. Raises ValueError where there is none."""
+    """Remove them from a virtual environment. Raises ValueError where there is none."""
     folders = list(environment.glob("lib/python3*/site-packages"))
     if not (environment / "pyvenv.cfg").is_file() or len(folders) != 1:
         raise ValueError(f"{environment} is no virtual environment")

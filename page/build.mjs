@@ -1,4 +1,4 @@
-// Bundle the page into daemon/web/built: the same bytes from the same sources and lock file.
+// Bundle the page into programs/web/built: the same bytes from the same sources and lock file.
 // `node build.mjs --check` writes nothing, and fails where the built files are not what it would write.
 
 import { build } from "esbuild";
@@ -7,7 +7,7 @@ import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const out = join(here, "../daemon/web/built");
+const out = join(here, "../programs/web/built");
 const copied = ["index.html", "enter.html", "icon.svg"];
 const kept = "troubleshooting.html";  // of docs/reference.py
 
@@ -55,13 +55,13 @@ if (process.argv.includes("--check")) {
   }
   for (const name of there) if (!files.has(name)) wrong.push(name);
   if (wrong.length) {
-    console.error(`daemon/web/built: not what page/ gives: ${wrong.join(", ")}; run make web`);
+    console.error(`programs/web/built: not what page/ gives: ${wrong.join(", ")}; run make web`);
     process.exit(1);
   }
-  console.log(`daemon/web/built: ${files.size} files are what page/ gives`);
+  console.log(`programs/web/built: ${files.size} files are what page/ gives`);
 } else {
   await rm(out, { recursive: true, force: true });
   await mkdir(out, { recursive: true });
   for (const [name, bytes] of files) await writeFile(join(out, name), bytes);
-  console.log(`daemon/web/built: ${[...files.keys()].join(", ")}`);
+  console.log(`programs/web/built: ${[...files.keys()].join(", ")}`);
 }

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import can
 import numpy as np
 
-from arrays import Vector
-from errors import ConfigurationError
+from common.arrays import Vector
+from common.errors import ConfigurationError
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive, Surroundings
 from simulator.events import Happening, Listener
@@ -57,7 +57,7 @@ class SimulatedArm:
         makes = description.drives()
         sensors = Sensors(description, settings, self.plant.q, [drive.make for drive in makes])
         self.sense = sensors.read
-        """What the drives' sensors say; who wants them to lie puts something else in its place."""
+        """Reading of the drives' sensors; replace it to simulate faulty ones."""
         self._periods = ServoPeriods(
             self.servo, sensors, self.plant.masses, parameters.torque_constant
         )
@@ -180,7 +180,7 @@ class SimulatedArm:
             self.hand.begin(self.now)
 
     def _due(self) -> None:
-        """What drives and hand do at the beginning of a servo period."""
+        """Actions of drives and hand at the beginning of a servo period."""
         now = self.now
         for drive in self.drives:
             if drive.due <= now:
@@ -196,8 +196,8 @@ class SimulatedArm:
         return self.hand.busy or (self.hand.began and not self.hand.done)
 
     def _undisturbed(self, most: int) -> int:
-        """How many whole servo periods from now on, of at most so many, neither a drive nor the
-        hand has anything to do at the beginning of a later one."""
+        """Number of whole servo periods from now on, at most `most`, in which neither a drive nor
+        the hand has anything to do at the beginning of a later one."""
         if most < 2 or self._handled:
             return min(most, 1)
         due, step_s, steps = min(drive.due for drive in self.drives), self.settings.step_s, 0

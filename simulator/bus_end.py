@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import can
 
-from errors import BusError
+from common.errors import BusError
 
 FAILURES = (can.CanError, OSError, ValueError)
 REOPEN_S = 0.2

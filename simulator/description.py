@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 from simulator.friction_law import FrictionLaw, Kind
 from simulator.profile import SimulatedMake, profile_of
 
@@ -61,7 +61,7 @@ class JointDescription:
     brake: bool = False
     """A brake that holds the motor whenever the drive is not energised."""
     gear_stiffness: float | None = None
-    """Of the gear beyond its gap [Nm/rad], instead of `SimulationSettings.contact_stiffness`."""
+    """Gear stiffness beyond its gap [Nm/rad], instead of the settings' `contact_stiffness`."""
     encoder_errors: tuple[EncoderError, ...] = ()
     drive: DriveDescription | None = None
     """None: the make of `ArmDescription.eds`, known by its product code."""

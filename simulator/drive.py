@@ -12,6 +12,7 @@ from simulator.emergency import (
     GENERIC_ERROR,
     HEARTBEAT_LOST,
     HISTORY,
+    PDO_TOO_LONG,
     PDO_TOO_SHORT,
     Emergencies,
 )
@@ -100,6 +101,7 @@ class Drive:
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
         self._asked: deque[tuple[float, bytes]] = deque()
+        self._unsent: deque[tuple[float, bytes]] = deque()  # emergencies that wait for their time
 
     @property
     def state(self) -> State:
@@ -119,6 +121,7 @@ class Drive:
         self._reload_pdos()
         self._heard_at, self.due, self._locked = None, 0.0, False
         self._asked.clear()
+        self._unsent.clear()
         self.nmt, self._booting, self._booted_at = Nmt.BOOT, True, None
         if not self.make.boot_s:
             self._boot_end()
@@ -165,7 +168,7 @@ class Drive:
             self._emergencies.clear_error()
 
     def lock(self) -> None:
-        """Lock up as after the loss of the master, and say that it is over once it is heard."""
+        """Lock up as after the loss of the master, and report it over once the master is heard."""
         self.make = replace(self.make, locks=True, says_over=True)
         self._lose_master()
 
@@ -179,9 +182,10 @@ class Drive:
             return
         if self.axis.stopping:
             self.axis.stop_further()
-        while self._asked and self._asked[0][0] <= now:
-            self._answer(self._asked.popleft()[1])
-        self.due = self._asked[0][0] if self._asked else float("inf")
+        self.due = min(
+            _served(self._asked, now, self._answer),
+            _served(self._unsent, now, self._put_emergency),
+        )
         period = self.objects.number(0x1017)
         if period:
             if now >= self._next_heartbeat:
@@ -236,6 +240,8 @@ class Drive:
             if pdo.cob_id == cob_id:
                 if len(data) < pdo.length:
                     self._emergencies.raise_error(PDO_TOO_SHORT, COMMUNICATION_ERROR)
+                elif len(data) > pdo.length and self.make.minds_longer:
+                    self._emergencies.raise_error(PDO_TOO_LONG, COMMUNICATION_ERROR)
                 else:
                     pdo.receive(data, self._apply)
 
@@ -270,8 +276,8 @@ class Drive:
     # -- objects ---------------------------------------------------------------------------------
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
-        """Take the counts that the sensors have sampled. What an object has no room for stands at
-        its end: an arm that is thrown turns faster than a drive can say."""
+        """Take the counts that the sensors have sampled. Values beyond an object's range are
+        clipped to it: an arm that is thrown turns faster than a drive can report."""
         hold, profile = self.objects.hold, self.make
         hold(profile.link_position, link)
         hold(profile.motor_velocity, velocity)
@@ -364,9 +370,23 @@ class Drive:
                 self.axis.happen(event)
 
     def _send_emergency(self, data: bytes) -> None:
+        if self.make.emergency_delay_s:
+            self._unsent.append((self._wired.now() + self.make.emergency_delay_s, data))
+            self.due = 0.0
+        else:
+            self._put_emergency(data)
+
+    def _put_emergency(self, data: bytes) -> None:
         if self.nmt is not Nmt.STOPPED and not self._booting:
             self._wired.send(0x80 + self.node, data)
 
     def _report(self, reason: str) -> None:
         self.why = reason
         self._wired.report(f"node {self.node}: {reason}")
+
+
+def _served(queue: deque[tuple[float, bytes]], now: float, serve: Callable[[bytes], None]) -> float:
+    """Serve what is due by `now`; returns when the next is [s]."""
+    while queue and queue[0][0] <= now:
+        serve(queue.popleft()[1])
+    return queue[0][0] if queue else float("inf")

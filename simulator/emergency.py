@@ -6,7 +6,7 @@ from collections.abc import Callable
 from simulator.objects import Objects, key
 
 HEARTBEAT_LOST = 0x8130
-PDO_TOO_SHORT = 0x8210
+PDO_TOO_SHORT, PDO_TOO_LONG = 0x8210, 0x8220
 GENERIC_ERROR, COMMUNICATION_ERROR = 0x01, 0x11
 ERROR_REGISTER, HISTORY, ERROR_CODE = key(0x1001), key(0x1003), key(0x603F)
 LONGEST_HISTORY = 8

@@ -37,7 +37,7 @@ def _value_guard(index: int, peak_permille: int) -> o.Guard:
 
 
 def _mode_guard(objects: Objects) -> o.Guard:
-    """Modes by the bits of 6502, and 0 for none; a drive that does not say has but one."""
+    """Guard of the mode: those by the bits of 6502, and 0 for none; CSV alone without them."""
     modes = objects.number(0x6502) or 1 << (CSV - 1)
 
     def guard(_: int, value: int) -> None:

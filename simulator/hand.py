@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from arrays import Vector
-from errors import ConfigurationError
+from common.arrays import Vector
+from common.errors import ConfigurationError
 from simulator.hand_script import (
     STRONGEST,
     AnyAct,
@@ -21,13 +21,13 @@ from simulator.hand_script import (
 )
 
 TAKING_S, VISIT_S, WAY_S = 1.5, 0.9, 0.25
-"""Of `gap`: while the link's weight is taken up; from one border to the next, and how much of that
-the way takes."""
+"""Times of the act `gap`: taking up the link's weight; from one border to the next, and the part of
+that for the way."""
 SOFT = 0.01
-"""Share of a motor's torque with which a hand presses that is to feel it, and not to turn it."""
+"""Share of a motor's torque with which a hand presses without turning it."""
 LEADING, OVER_FRICTION = 0.2, 4.0
-"""The same of one that is to be followed, and not taken for a crash; and how many times the joint's
-friction it pulls with at most: identified levels are as small as that is."""
+"""The same of one that leads the arm and is not taken for a crash; and its largest pull, in
+multiples of the joint's friction: identified levels are as small as that."""
 
 
 class Hand:
@@ -48,8 +48,8 @@ class Hand:
         strongest: Vector | float = 100.0,
         friction: Vector | float = np.inf,
     ) -> None:
-        """give: puts something into the arm's hand. weight: what holds the links at q (n,) [Nm].
-        strongest: what the motors can give, friction: what holds the joints (n,) [Nm].
+        """give: puts a load into the arm's hand. weight: torque that holds the links, at q (n,).
+        strongest: largest torque of the motors, friction: that of the joints (n,) [Nm].
         Raises ConfigurationError when the script names an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
@@ -82,7 +82,7 @@ class Hand:
                 raise ConfigurationError(f"hand script: joint {joint!r} is none of {known}")
 
     def take(self, act: AnyAct) -> str:
-        """Begin an act that somebody asks for now, whatever its `at_s`; returns it in words. Raises
+        """Begin an act that is requested now, whatever its `at_s`; returns it in words. Raises
         ConfigurationError for an unknown joint."""
         self._refuse_unknown(act)
         self._asked.append(act)

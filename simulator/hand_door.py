@@ -1,8 +1,8 @@
 """Socket of the simulator's hand: acts of a script, asked for while it runs.
 
 A client connects, sends one act as a line of JSON and reads one back, `{"ok": ..., "text": ...}`.
-It is the simulator's own socket: nothing of it passes through the daemon, which must feel a hand by
-itself. Only the user who simulates may connect.
+It is the simulator's own socket: nothing of it passes through the daemon, which must detect a hand
+by itself. Only the user who simulates may connect.
 """
 
 import contextlib
@@ -14,12 +14,12 @@ from pathlib import Path
 
 import msgspec
 
-from errors import BusError, ConfigurationError
+from common.errors import BusError, ConfigurationError
 from simulator.hand_script import AnyAct
 
 LONGEST = 4096
 PATIENCE_S = 0.05
-"""Of a client that connects and says nothing: the arm does not wait for it longer."""
+"""Longest wait for a client that connects and sends nothing."""
 
 
 class HandDoor:

@@ -1,4 +1,4 @@
-"""Script of a hand: what it does to the arm and when, in a file of YAML."""
+"""Script of a hand: its acts on the arm and their times, in a file of YAML."""
 
 import re
 from pathlib import Path
@@ -8,13 +8,13 @@ import msgspec
 import yaml
 from msgspec import Meta
 
-from errors import ConfigurationError
-from regular_file import read_text
+from common.errors import ConfigurationError
+from common.regular_file import read_text
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
-# Far more than anybody has, and less than what throws a light link through the plant's step: no
-# number of a script leads to an arm that is nowhere.
+# Far more than any person has, and less than would throw a light link through the plant's step: no
+# number of a script makes the simulation diverge.
 Torque = Annotated[float, Meta(ge=-500.0, le=500.0)]  # [Nm]
 Strength = Annotated[float, Meta(gt=0.0, le=500.0)]  # [Nm]
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]  # of a link [rad]
@@ -37,7 +37,7 @@ class Push(Act, frozen=True, kw_only=True, tag="push"):
 
 
 STRONGEST = 4.0
-"""Torque of a hand at a joint, unless told otherwise [Nm]."""
+"""Default torque of a hand at a joint [Nm]."""
 
 
 class Grip(Act, frozen=True, kw_only=True):
@@ -45,7 +45,7 @@ class Grip(Act, frozen=True, kw_only=True):
 
     stiffness: Positive = 40.0
     damping: NotNegative = 2.0
-    # as `Hand` makes it of what the joint's motor can give and its friction, if None
+    # as `Hand` derives it from the torque of the joint's motor and its friction, if None
     max_torque: Strength | None = STRONGEST
 
 
@@ -88,7 +88,7 @@ class Gap(Act, frozen=True, kw_only=True, tag="gap"):
     beyond one, rest, beyond the other, so many times, carrying the weight that the joint bears."""
 
     joint: str
-    # pressed with at most [Nm], beside the weight; `hand.SOFT` of what the motor can give if None
+    # pressed with at most [Nm], beside the weight; `hand.SOFT` of the motor's torque if None
     torque: Strength | None = None
     times: Annotated[int, Meta(ge=1, le=1000)] = 30
     reach: Positive = 0.06  # each way, more than the gap [rad]
@@ -136,7 +136,7 @@ def read_script(path: Path) -> Script:
 
 
 def _in_words(error: msgspec.ValidationError) -> str:
-    """Which act of the script is wrong, counted from 1, and where; and which acts there are."""
+    """Text of an error: act of the script, counted from 1, place in it, and the known acts."""
     message, _, where = str(error).partition(" - at `$")
     act = _OF_ACT.match(where.rstrip("`"))
     if act is None:
@@ -156,7 +156,7 @@ def joints_of(act: AnyAct) -> tuple[str, ...]:
 
 
 def described(act: AnyAct) -> str:
-    """What an act does, in words."""
+    """Description of an act, in words."""
     match act:
         case Push():
             words = f"push {act.joint} {act.torque:g} Nm"
@@ -173,7 +173,7 @@ def described(act: AnyAct) -> str:
             ways = (f"{name} to {goal:g} rad" for name, goal in act.to.items())
             words = "guide " + ", ".join(ways)
         case Give():
-            words = f"give {act.mass:g} kg" if act.mass > 0.0 else "take what it carries"
+            words = f"give {act.mass:g} kg" if act.mass > 0.0 else "take its load"
         case Release():
             words = "release"
     return words

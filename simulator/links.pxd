@@ -1,6 +1,6 @@
 # Types of links.py, for the compiler alone.
 
-from elementary cimport cosine, sine
+from common.elementary cimport cosine, sine
 
 cdef class Links:
     cdef readonly Py_ssize_t n

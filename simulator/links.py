@@ -14,8 +14,8 @@ as it is; `links.pxd` names the types for the compiler, decision 0037.
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix, Vector, product
-from elementary import cosine, sine
+from common.arrays import Matrix, Vector, product
+from common.elementary import cosine, sine
 
 
 class Links:

@@ -50,8 +50,8 @@ class Lockstep:
             self.arm.receive(message)
 
     def let_pass(self, seconds: float) -> None:
-        """While serving: let so much time pass for the arm, and not less for whoever waits for it,
-        so that nobody there misses a heartbeat."""
+        """While serving: let so much time pass for the arm, and no less for its clients, so that
+        none of them misses a heartbeat."""
         time.sleep(seconds)
         with self._alone:
             self.arm.advance(self.arm.now + seconds)

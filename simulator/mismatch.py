@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from arrays import Vector
-from errors import ModelError
-from regular_file import read_text
+from common.arrays import Vector
+from common.errors import ModelError
+from common.regular_file import read_text
 from simulator.description import ArmDescription, SimulationSettings
 
 

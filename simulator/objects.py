@@ -11,8 +11,8 @@ import canopen
 from canopen import objectdictionary as od
 from canopen.sdo.exceptions import SdoAbortedError
 
-from errors import ConfigurationError
-from regular_file import open_text
+from common.errors import ConfigurationError
+from common.regular_file import open_text
 
 NO_OBJECT = 0x06020000
 NO_SUBINDEX = 0x06090011
@@ -70,7 +70,7 @@ class Objects:
         self.guards: dict[int, Guard] = {}
         """By index; asked before a value is stored."""
         self.written: Callable[[int], None] = lambda _: None
-        """Told the key after a value was stored."""
+        """Called with the key after a value was stored."""
 
     def set_default(self, where: int, value: int) -> None:
         """Set a default that belongs to the device and not to its EDS, e.g. the serial number;

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from arrays import Matrix, Vector
-from compiled import uncompiled
+from common.arrays import Matrix, Vector
+from common.compiled import uncompiled
 from simulator.friction_law import FrictionLaw
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
@@ -22,7 +22,7 @@ External = Callable[[Vector, Vector, Vector], None]
 
 
 class ArticulatedBodies:
-    """What `Links` does, by pinocchio: for where that is not compiled, and takes longer in plain
+    """Replacement of `Links` by pinocchio, where that is not compiled and takes longer in plain
     Python than the time that it simulates."""
 
     def __init__(self, model: pin.Model) -> None:
@@ -129,9 +129,9 @@ class Plant:
 
     @property
     def held_at(self) -> Vector:
-        """Where the hand holds what it is given (3,), in the frame of the last joint [m]: at the
-        origin of the URDF's last link if that is off the joint's axis, as a tool's is; else at
-        the centre of mass of what the joint moves."""
+        """Place of a load in the hand (3,), in the frame of the last joint [m]: the origin of the
+        URDF's last link if that is off the joint's axis, as a tool's is; else the centre of mass of
+        the bodies that the joint moves."""
         origin = last_link(self._model).placement.translation
         return np.array(origin if np.linalg.norm(origin) > _OFF_AXIS else self._hand.lever)
 
@@ -178,7 +178,7 @@ class Plant:
         self.masses.advance(steps, self.touched_by(external))
 
     def touched_by(self, external: External | None) -> Callable[[], None] | None:
-        """What `two_masses` calls before each step to have `external` write its torque."""
+        """Function that `two_masses` calls before each step to have `external` write its torque."""
         if external is None:
             return None
         return partial(external, self.q, self.q_dot, self.external_torque)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 from simulator.objects import Entry, entries, key
 
 TURN = 2.0 * pi
@@ -22,7 +22,7 @@ class SimulatedMake:
     motor_position: int | None = key(0x6064)
     motor_velocity: int = key(0x606C)
     efforts: tuple[int, ...] = (key(0x6078), key(0x6077))
-    """Current or torque: as shares of what is rated they are the same."""
+    """Current or torque: as shares of the rated value they are the same."""
     speed_limit: int | None = key(0x6080)
 
     link_counts: int = 131072
@@ -33,32 +33,36 @@ class SimulatedMake:
     """Counts per motor revolution. Negative, like the units of velocity and effort, where the motor
     sits in its joint the other way round."""
     measured_velocity_unit: float = 0.1 * RPM
-    """Of `motor_velocity` [rad/s of the motor shaft]."""
+    """Unit of `motor_velocity` [rad/s of the motor shaft]."""
     effort_unit: float = 0.001
-    """Of `efforts`, share of what is rated; negative where the drive reports what it pushes
-    against. Limits (6072, 6073) are per mille in every drive."""
+    """Unit of `efforts`, share of the rated value; negative where the drive reports the opposing
+    effort. Limits (6072, 6073) are per mille in every drive."""
     velocity_unit: float = 0.1 * RPM
     """60FF [rad/s of the motor shaft]."""
     acceleration_unit: float = 0.1 * RPM
     """6085 [rad/s^2 of the motor shaft]."""
     speed_unit: float = RPM
-    """Of `speed_limit` [rad/s of the motor shaft]."""
+    """Unit of `speed_limit` [rad/s of the motor shaft]."""
     interpolation_s: float = 0.0
     """Time over which a setpoint is approached where there is no 60C2."""
     locks: bool = False
     """The loss of the master's heartbeat (8130) is a fault, whatever 6007 says, and no fault reset
     is taken before NMT reset communication."""
     says_over: bool = False
-    """One that locks says that its error is over (EMCY 0) as soon as it hears the master again, and
+    """One that locks reports its error as over (EMCY 0) as soon as it hears the master again, but
     stays locked; 603F keeps the code."""
     boot_s: float = 0.0
     """From power-up or a reset to the boot-up message; it answers nothing meanwhile."""
     sdo_delay_s: float = 0.0
     """From an SDO request to its answer."""
+    minds_longer: bool = False
+    """An RPDO that is longer than its mapping is an error (8220), as CiA 301 allows."""
+    emergency_delay_s: float = 0.0
+    """From an error to its EMCY message, as by an inhibit time (1015)."""
     hears_master: bool = True
-    """It watches the master's heartbeat as 1016 says; one that does not goes on without it."""
+    """It watches the master's heartbeat by 1016; one that does not goes on without it."""
     current_filter_ms: float | None = None
-    """Of the reported current, instead of that of the settings."""
+    """Filter of the reported current, instead of that of the settings."""
     velocity_step: float = 0.0
     """The measured velocity comes in steps of this [rad/s of the motor shaft]; 0: in counts."""
 

@@ -1,6 +1,6 @@
 # Types of sensors.py, for the compiler alone.
 
-from elementary cimport sine
+from common.elementary cimport sine
 
 
 cdef class Sensors:

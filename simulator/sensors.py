@@ -3,7 +3,7 @@
 """Sensors of the drives: encoders, motor velocity and current, with their noise, delay and
 filters.
 
-Ordinary Python, which runs as it is; `sensors.pxd` names the types for the compiler, decision 0038.
+Ordinary Python, which runs as it is; `sensors.pxd` names the types for the compiler, decision 0037.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
-from elementary import sine
+from common.arrays import Matrix, Vector
+from common.elementary import sine
 from simulator.description import ArmDescription, EncoderError, SimulationSettings
 from simulator.profile import PROFILE, TURN, SimulatedMake
 from simulator.servo import SERVO_PERIOD_S

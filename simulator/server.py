@@ -11,7 +11,7 @@ from typing import BinaryIO
 import can
 import msgspec
 
-from errors import BusError
+from common.errors import BusError
 from simulator.arm import SimulatedArm
 from simulator.bus_end import BusEnd
 from simulator.description import ArmDescription, SimulationSettings
@@ -25,7 +25,7 @@ PULSE_S = 0.001
 LONGEST_GAP_S = 0.1
 """Further behind, the simulation gives up racing after the present."""
 LONGEST_TURN_S = 0.002
-"""What the plant catches up with between two looks at the bus."""
+"""Longest time that the plant catches up with between two looks at the bus."""
 SETTLING_S = 0.05
 """python-can reads the answer to rawmode as one chunk: frames must not follow too soon."""
 MOST_UNSENT = 1 << 20
@@ -103,7 +103,7 @@ class RealTimeArm:
 
 
 class _Client:
-    """One TCP connection, with what it has not taken yet."""
+    """TCP connection, with the bytes that it has not taken yet."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -114,7 +114,7 @@ class _Client:
         self.unsent = bytearray(HELLO)
 
     def flush(self) -> bool:
-        """Send what the socket takes; False when the client is gone or far too slow."""
+        """Send as much as the socket takes; False when the client is gone or far too slow."""
         try:
             while self.unsent:
                 del self.unsent[: self.connection.send(self.unsent)]

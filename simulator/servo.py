@@ -2,17 +2,17 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inner velocity loops of all drives at 1 kHz.
 
-Ordinary Python, which runs as it is; `servo.pxd` names the types for the compiler, decision 0038.
+Ordinary Python, which runs as it is; `servo.pxd` names the types for the compiler, decision 0037.
 """
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from simulator.description import ArmDescription
 
 SERVO_PERIOD_S = 0.001
 BANDWIDTH = 2.0 * np.pi * 16.0
-"""Of the proportional loop with rotor and link in contact [rad/s]."""
+"""bandwidth of the proportional loop with rotor and link in contact [rad/s]"""
 INTEGRAL_RATE = 20.0
 """ki / kp [1/s]: a stop is held like a spring of K_c ki [Nm/rad] on the motor."""
 
@@ -32,9 +32,9 @@ class Servo:
         constant = np.array([joint.torque_constant for joint in joints])
         kp: Vector = (rotor + link_inertia) * BANDWIDTH / constant
         self.damping = constant * kp
-        """Of the proportional part (n,) [Nm s/rad], with nominal torque constants."""
+        """damping of the proportional part (n,) [Nm s/rad], with nominal torque constants"""
         self.stiffness = self.damping * INTEGRAL_RATE
-        """Of the spring like which a stop is held (n,) [Nm/rad], likewise."""
+        """stiffness with which a stop is held (n,) [Nm/rad], likewise"""
         self._kp, self._ki_step = kp, kp * INTEGRAL_RATE * SERVO_PERIOD_S
         self._highest = np.array([joint.max_current_A for joint in joints], dtype=np.float64)
         self.target, self.reference, self.rate, self.current = np.zeros((4, n))

@@ -8,7 +8,7 @@ Ordinary Python, which runs as it is; `servo_periods.pxd` names the types for th
 
 from collections.abc import Callable
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from simulator.sensors import Sensors
 from simulator.servo import Servo
 from simulator.two_masses import TwoMasses
@@ -24,7 +24,7 @@ class ServoPeriods:
         self._torque_constant, self._current = torque_constant, servo.current
 
     def begin(self) -> None:
-        """What happens at the beginning of a period: new currents, and sensors that follow."""
+        """Begin a period: new currents, and sensors that follow."""
         masses = self._masses
         self._servo.update(masses.theta_dot)
         for i in range(masses.n):

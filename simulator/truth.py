@@ -1,8 +1,9 @@
 """Truth of a simulated arm: schema of `simulation.yaml`, which stands beside `config.yaml` and
 shares nothing with it, so that correcting the one does not move the other.
 
-What a maker built and fixed stands here as numbers of its own: joints, gears, motors, friction,
-gaps, end stops, drives with their counts, units and quirks. `docs/rehearsing.md` explains it.
+Properties that a maker built and fixed stand here as numbers of their own: joints, gears, motors,
+friction, gaps, end stops, drives with their counts, units and quirks. `docs/rehearsing.md` explains
+it.
 """
 
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 from simulator.description import (
     ArmDescription,
     DriveDescription,
@@ -47,7 +48,7 @@ class TrueUnit(Stated, frozen=True, kw_only=True):
 
     object: Index
     subindex: SubIndex = 0
-    unit: Positive  # rad/s or rad/s2 of the motor shaft, or share of what is rated
+    unit: Positive  # rad/s or rad/s2 of the motor shaft, or share of the rated value
     sign: Sign = 1  # -1 where the drive counts it against the motor
 
 
@@ -55,8 +56,8 @@ class Quirks(Stated, frozen=True, kw_only=True):
     """Peculiarities of a drive. Fixed PDOs are the EDS's: mappings with AccessType `const`."""
 
     needs_nmt_reset: bool = False  # after the loss of the master (0x8130), before a fault reset
-    says_over: bool = False  # it says that this error is over, and stays locked
-    no_heartbeat_consumer: bool = False  # it takes 0x1016, and watches nobody
+    says_over: bool = False  # it reports this error as over, but stays locked
+    no_heartbeat_consumer: bool = False  # it takes 0x1016, but watches no heartbeat
     sdo_delay_ms: Annotated[float, Meta(ge=0, le=2000)] = 0.0  # until it answers an SDO
     boot_ms: Annotated[float, Meta(ge=0, le=60_000)] = 0.0  # from a reset to its boot-up message
     # Of the reported current; 0 is unfiltered, left out that of `settings`.
@@ -73,7 +74,7 @@ class TrueDrive(Stated, frozen=True, kw_only=True):
     link_position: TrueEncoder
     motor_position: TrueEncoder | None = None
     motor_velocity: TrueUnit
-    effort: TrueUnit  # current or torque, share of what is rated
+    effort: TrueUnit  # current or torque, share of the rated value
     target_velocity_unit: Positive  # of a count of 0x60FF [rad/s of the motor shaft]
     deceleration_unit: Positive  # of a count of 0x6085 [rad/s2 of the motor shaft]
     speed_limit: TrueUnit | None = None  # rad/s of the motor shaft
@@ -113,7 +114,7 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
 
 
 class SimulationFile(Stated, frozen=True, kw_only=True):
-    """The whole file. Without `joints` and `drives` it says nothing of the arm."""
+    """Contents of the whole file. Without `joints` and `drives` it does not describe the arm."""
 
     urdf: str = "simulation.urdf"  # links of the true arm, relative to this file
     initial_position: dict[str, float] = {}  # by joint [rad], others 0

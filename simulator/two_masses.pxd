@@ -1,6 +1,6 @@
 # Types of two_masses.py, for the compiler alone.
 
-from elementary cimport decay, smooth_sign
+from common.elementary cimport decay, smooth_sign
 from simulator.links cimport Links
 
 cdef class TwoMasses:

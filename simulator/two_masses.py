@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from elementary import decay, smooth_sign
+from common.elementary import decay, smooth_sign
 from simulator.friction_law import FrictionLaw
 from simulator.links import Links
 from simulator.mismatch import PlantParameters

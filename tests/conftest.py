@@ -12,8 +12,13 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from compiled import refuse_stale
-from errors import ProgramError
+from common.compiled import refuse_stale
+from common.errors import ProgramError
+from common.numeric_threads import single_threaded
+from tests.slow import listed
+
+# Before anything loads numpy: threads of BLAS beside those of other workers take six times as long.
+single_threaded()
 
 
 def pytest_sessionstart() -> None:
@@ -22,6 +27,14 @@ def pytest_sessionstart() -> None:
         refuse_stale()
     except ProgramError as error:
         pytest.exit(str(error), returncode=4)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark slow tests, which `make test` leaves out."""
+    names = listed()
+    for item in items:
+        if item.nodeid.partition("[")[0] in names:
+            item.add_marker("slow")
 
 
 settings.register_profile("contactd", deadline=None, derandomize=True)

@@ -8,7 +8,7 @@ from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
-from compiled import modules
+from common.compiled import modules
 
 ROOT = Path(__file__).parents[1]
 COMPILED = [module.replace("/", ".") for module in modules(ROOT)]
@@ -48,7 +48,9 @@ def built(folder: str) -> dict[str, ModuleType]:
 
 
 def _of(folder: str) -> list[str]:
-    return [name for name in COMPILED if name.startswith(f"{folder}.") or name == "elementary"]
+    return [
+        name for name in COMPILED if name.startswith(f"{folder}.") or name == "common.elementary"
+    ]
 
 
 def _by_last_name(names: Sequence[str]) -> dict[str, ModuleType]:

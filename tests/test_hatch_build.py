@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import hatch_build
-from compiled import RECORD, extensions, modules, refuse_stale, sources, stale
-from errors import ProgramError
+from common.compiled import RECORD, extensions, modules, refuse_stale, sources, stale
+from common.errors import ProgramError
 from tests.plain import COMPILED
 
 ROOT = Path(__file__).parents[1]
@@ -23,18 +23,9 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture
 def without_headers(monkeypatch, tmp_path: Path) -> Path:
     """A tree like this one, with an extension of old, on a machine without headers of Python."""
-    for name in ("estimator", "drivers", "daemon", "configs"):
+    for name in ("common", "estimator", "drivers", "daemon", "configs"):
         ignored = shutil.ignore_patterns("*.so", "__pycache__")
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
-    for file in (
-        "arrays.py",
-        "compiled.py",
-        "elementary.py",
-        "elementary.pxd",
-        "errors.py",
-        "regular_file.py",
-    ):
-        shutil.copy(ROOT / file, tmp_path)
     (tmp_path / "estimator" / "kernel.cpython-00.so").write_text("older than its source")
     real = sysconfig.get_path
     fake = {"include": str(tmp_path / "include")}
@@ -90,14 +81,15 @@ def retype(root: Path) -> None:
 
 WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "an edited source, old by its time": (edit, ("estimator/residual",)),
-    "types, of which others know": (retype, ("elementary", "estimator/kernel")),
+    "types, of which others know": (retype, ("common/elementary", "estimator/kernel")),
     "a module that is compiled no more": (
         lambda root: (root / "drivers" / "counts.pxd").unlink(), ("drivers/counts",),
     ),
     "one missing beside others": (
-        lambda root: (root / f"elementary{hatch_build.SUFFIX}").unlink(), ("elementary",),
+        lambda root: (root / f"common/elementary{hatch_build.SUFFIX}").unlink(),
+        ("common/elementary",),
     ),
-    "no record": (lambda root: (root / RECORD).unlink(), ("elementary", "estimator/kernel")),
+    "no record": (lambda root: (root / RECORD).unlink(), ("common/elementary", "estimator/kernel")),
     "a damaged record": (lambda root: (root / RECORD).write_text("{}"), ("drivers/counts",)),
 }  # fmt: skip
 
@@ -146,10 +138,10 @@ RUN = """
 import numpy as np
 from daemon.assembly import build_estimator
 from daemon.config.load import load_robot
-from compiled import uncompiled, warning
+from common.compiled import uncompiled, warning
 from pathlib import Path
 robot = load_robot(Path("configs/single_joint"))
-estimator = build_estimator(robot.configuration, robot.urdf)
+estimator = build_estimator(robot.configuration, robot.model)
 for k in range(5):
     estimate = estimator.step(*np.full((4, 1), 0.1))
 print(len(uncompiled()), bool(warning()), int(estimate.flags), np.isfinite(estimate.residual).all())

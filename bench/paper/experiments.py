@@ -10,12 +10,12 @@ import msgspec
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from bench.study.recording import Recorder, Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
-from daemon.commands.demo_story import Story, touch_of
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
 from estimator.settings import Variant
+from programs.demo.demo_story import Story, touch_of
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
 from simulator.hand_script import Push, read_script

@@ -10,8 +10,8 @@ from bench.paper.experiments import Conditions, collaboration
 from bench.paper.figure import STYLE, Made, canvas, finish, runs
 from bench.report import Target
 from bench.study.recording import Recording
-from daemon.commands.demo_story import Story
 from daemon.modes.table import Mode
+from programs.demo.demo_story import Story
 
 MODE_COLOURS = {Mode.TRACKING: "#e4eef7", Mode.ADMITTANCE: "#fde3c8"}
 TIMING = ("ticks", "missed", "lateness_us", "tick_us")  # of the machine, not of the experiment

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from arrays import Vector
 from bench.rigs.reaching import RAMPING, Reaching
-from estimator.identification.motion_log import MotionLog
+from common.arrays import Vector
+from identification.motion_log import MotionLog
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.mismatch import PlantParameters, contact
 from simulator.plant import Plant

@@ -16,10 +16,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
-from daemon.commands.simulated_robot import describe, read_simulation
+from common.arrays import Matrix, Vector
 from daemon.config.load import Robot
 from drivers.codec import MEASURED, SetpointEncoder, link_side
+from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters
 from simulator.plant import Plant

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import can
@@ -14,14 +14,14 @@ from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
+from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
-from daemon.tick.record import ON_TIME, Wakeup
+from daemon.tick.telemetry import ON_TIME, Wakeup
 from drivers.can.wire import Wire
 from drivers.cia402 import FAULT_STATES, QUICK_STOP
 from drivers.codec import receive_pdos
 from drivers.drive import Drive
 from drivers.ids import EMERGENCY, SYNC
-from drivers.stop_stages import worst_travel
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
 from simulator.state_machine import State
@@ -47,6 +47,9 @@ DESK = Make("desk arm", partial(lockstep_rig, DESK_ARM), 0, 1, 5.5, 0, 1, State.
 DURAND = Make("durand", durand_rig, 0, -1, 0.0, 0, 0, State.FAULT)
 MAKES = (ROMEO_ARM, DESK, DURAND)
 
+#: Of a joint that is to be fast: as slow as its range allows, so that it is fast for longer.
+FAST_HZ = 0.4
+
 Fault = Callable[["BreakableArm"], Iterator[None]]
 """What is between two `yield`s happens before a tick; when it is closed, the cause is gone."""
 
@@ -69,8 +72,8 @@ class BreakableArm:
     """How late the next ticks begin."""
     left_out: int = 0
     """Deadlines that this costs, each time."""
-    sense: Callable[[Readings], Readings] = field(default=lambda readings: readings)
-    """What becomes of the readings of the drives' sensors."""
+    changes: list[Callable[[Readings], Readings]] = field(default_factory=list)
+    """What becomes of the readings of the drives' sensors, one after the other."""
 
     @property
     def period_s(self) -> float:
@@ -115,6 +118,7 @@ class BreakableArm:
         rig.tick.begin(rig.time_s)
         if all(cob_id != SYNC for cob_id, _ in self.wire.sent):
             rig.arm.advance(rig.arm.now + self.period_s)  # without a SYNC nobody else moves it
+        self.wire.pass_tick()
         rig.lockstep.pump()
         rig.tick.finish(0.0, wakeup)
         rig.ticks += 1
@@ -187,9 +191,12 @@ class BreakableArm:
     @property
     def travel(self) -> np.ndarray:
         """How far each joint may go after a fault, as `contactd check` prints it (n,) [rad]."""
-        c = self.rig.robot.configuration
-        travels = worst_travel(self.drives, c.period_s, c.supervisor.stale_ticks)
-        return np.array([travel.total for travel in travels])
+        return np.array([travel.total for travel in travels(self.rig.robot.configuration)])
+
+    @property
+    def own_travel(self) -> np.ndarray:
+        """The same, where a drive goes its own way (n,) [rad]."""
+        return np.array([travel.own for travel in travels(self.rig.robot.configuration)])
 
     @property
     def speed(self) -> float:
@@ -199,11 +206,35 @@ class BreakableArm:
     @contextmanager
     def sensing(self, change: Callable[[Readings], Readings]) -> Iterator[None]:
         """The sensors report something else inside the block."""
-        self.sense = change
+        self.changes.append(change)
         try:
             yield
         finally:
-            self.sense = lambda readings: readings
+            self.changes.remove(change)
+
+    def sense(self, readings: Readings) -> Readings:
+        """Readings as the sensors report them."""
+        for change in self.changes:
+            readings = change(readings)
+        return readings
+
+    @contextmanager
+    def saying(self, change: Callable[[int, bytes], bytes]) -> Iterator[None]:
+        """Frames of the drives reach the daemon changed inside the block."""
+        self.wire.changes.append(change)
+        try:
+            yield
+        finally:
+            self.wire.changes.remove(change)
+
+    @contextmanager
+    def at(self, joint: int) -> Iterator[None]:
+        """Another joint is the disturbed one inside the block."""
+        make, self.make = self.make, replace(self.make, joint=joint)
+        try:
+            yield
+        finally:
+            self.make = make
 
     @contextmanager
     def losing(self, *cob_ids: int) -> Iterator[None]:
@@ -213,6 +244,24 @@ class BreakableArm:
             yield
         finally:
             self.wire.lost.difference_update(cob_ids)
+
+    @contextmanager
+    def delaying(self, *cob_ids: int) -> Iterator[None]:
+        """These frames reach the daemon a tick later inside the block."""
+        self.wire.late.update(cob_ids)
+        try:
+            yield
+        finally:
+            self.wire.late.difference_update(cob_ids)
+
+    @contextmanager
+    def doubling(self, *cob_ids: int) -> Iterator[None]:
+        """These frames come twice inside the block."""
+        self.wire.twice.update(cob_ids)
+        try:
+            yield
+        finally:
+            self.wire.twice.difference_update(cob_ids)
 
     @contextmanager
     def not_sending(self, *cob_ids: int) -> Iterator[None]:
@@ -254,9 +303,10 @@ class BreakableArm:
             self.late_s, self.left_out = 0.0, 0
 
 
-def _configured(c: Configuration, make: Make) -> Configuration:
+def _configured(c: Configuration, make: Make, speed: float) -> Configuration:
     """All joints move at once, to and fro; one has narrow limits to be pushed out of, and a
-    residual is implausible that the simulated hand can make."""
+    residual is implausible that the simulated hand can make. speed: of the disturbed joint, of its
+    velocity limit; 0 is that of the others."""
 
     def narrowed(index: int, joint: Joint) -> Joint:
         limits = joint.limits
@@ -265,6 +315,10 @@ def _configured(c: Configuration, make: Make) -> Configuration:
         return msgspec.structs.replace(joint, limits=limits)
 
     waves = {name: Sinusoid(amplitude=0.15, frequency_Hz=0.4) for name in c.joint_names}
+    if speed:
+        joint = c.joints[make.joint]
+        amplitude = speed * joint.limits.velocity / (2.0 * np.pi * FAST_HZ)
+        waves[joint.name] = Sinusoid(amplitude=amplitude, frequency_Hz=FAST_HZ)
     return msgspec.structs.replace(
         c,
         joints=[narrowed(i, joint) for i, joint in enumerate(c.joints)],
@@ -275,15 +329,21 @@ def _configured(c: Configuration, make: Make) -> Configuration:
 
 
 @contextmanager
-def stage(make: Make = ROMEO_ARM, line: OpenLine = virtual_line) -> Iterator[BreakableArm]:
-    """A booted arm, off, on a bus that can be broken."""
+def stage(
+    make: Make = ROMEO_ARM, line: OpenLine = virtual_line, speed: float = 0.0
+) -> Iterator[BreakableArm]:
+    """A booted arm, off, on a bus that can be broken. speed: of the disturbed joint as it tracks,
+    of its velocity limit; 0: as slow as the others."""
     wires: list[FaultyWire] = []
 
     def between(wire: Wire) -> FaultyWire:
         wires.append(FaultyWire(wire))
         return wires[0]
 
-    with make.rig(configure=lambda c: _configured(c, make), between=between, line=line) as rig:
+    def configured(c: Configuration) -> Configuration:
+        return _configured(c, make, speed)
+
+    with make.rig(configure=configured, between=between, line=line) as rig:
         made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sense
         rig.arm.sense = lambda *state: made.sense(read(*state))
@@ -313,6 +373,6 @@ def restore(on: BreakableArm) -> None:
         on.say(EMERGENCY + on.drive.node, b"\x10\x43\1\0\0\0\0\0")
         on.tick()
         on.say(EMERGENCY + on.drive.node, bytes(8))
-    on.run(0.05)
+    on.run(0.3)
     if on.rig.mode is Mode.FAULTED:
         on.rig.reset()

@@ -2,14 +2,21 @@
 
 import errno
 from collections.abc import Iterator
+from itertools import repeat
 
 import can
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
+from bench.rigs.drive_faults import emergency
+from drivers.can.bus_load import bus_load
 from drivers.codec import receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.drives import FRAMES_PER_PASS
+from drivers.events import MASTER_SILENT, OldAnswers
 from drivers.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
+
+SHORTEST_FRAME = 111
+"""Bits of a frame with eight bytes and no stuff bit, and of the gap to the next."""
 
 
 def _answers(drive: Drive) -> list[int]:
@@ -57,6 +64,47 @@ def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
     with on.losing(*_answers(on.drive)), on.late(0.012):
         for _ in range(4):
             yield
+
+
+def answers_a_period_late(on: BreakableArm) -> Iterator[None]:
+    """Each answer comes while that to the next SYNC is awaited; at last they are in time again."""
+    on.rig.tick.drives.start(on.rig.time_s, [])  # no SYNC was left out lately
+    old = on.rig.tick.drives.samples
+    with on.delaying(*_answers(on.drive)):
+        while not any(isinstance(event, OldAnswers) for event in old.events):
+            yield
+            old = on.rig.tick.drives.samples
+        yield from repeat(None, 10)
+    yield from repeat(None, 110)
+
+
+def two_drives(on: BreakableArm) -> Iterator[None]:
+    """Another drive with the same node number answers every SYNC, too."""
+    with on.doubling(*_answers(on.drive)):
+        yield from for_ever()
+
+
+def flood(on: BreakableArm) -> None:
+    """Frames of a foreign broken device, so many that the arm's own have just room left."""
+    c = on.rig.robot.configuration
+    free = 0.95 - bus_load(on.drives, on.period_s, c.bus.bitrate)
+    for _ in range(round(free * c.bus.bitrate * on.period_s / SHORTEST_FRAME)):
+        on.say(0x123, bytes(8))
+
+
+def flooded(on: BreakableArm) -> Iterator[None]:
+    for _ in range(20):
+        flood(on)
+        yield
+
+
+def flooded_and_unheard(on: BreakableArm) -> Iterator[None]:
+    """A drive misses our heartbeat for it, and says when that is over."""
+    for _ in range(12):
+        flood(on)
+        yield
+    flood(on)
+    yield from emergency(MASTER_SILENT)(on)
 
 
 def foreign_sync(on: BreakableArm) -> Iterator[None]:

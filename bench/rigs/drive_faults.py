@@ -6,7 +6,9 @@ from dataclasses import replace
 
 from bench.rigs import foreign_tool
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
-from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, START_NODE
+from daemon.faults.supply import VOLTAGE_ENABLED
+from drivers.codec import transmit_pdos
+from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
 from simulator.state_machine import Trigger
 
 OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}
@@ -35,9 +37,56 @@ def fault_bit(on: BreakableArm) -> Iterator[None]:
         yield from for_ever()
 
 
+def false_statusword(word: int) -> Fault:
+    """One frame brings another statusword than the drive's: the drive is as before."""
+
+    def fault(on: BreakableArm) -> Iterator[None]:
+        where = next(
+            (pdo, place)
+            for pdo in transmit_pdos(on.drive)
+            for place, field in enumerate(pdo.fields)
+            if field.entry == "statusword"
+        )
+
+        def falsified(can_id: int, data: bytes) -> bytes:
+            pdo, place = where
+            if can_id != pdo.cob_id:
+                return data
+            values = list(pdo.layout.unpack_from(data))
+            values[place] = word
+            return bytes(pdo.layout.pack(*values))
+
+        with on.saying(falsified):
+            yield
+
+    return fault
+
+
+def samples_repeat(on: BreakableArm) -> Iterator[None]:
+    """Its PDOs repeat what they said, statusword and all; by SDO it says what is."""
+    kept: dict[int, bytes] = {}
+    answers = {pdo.cob_id for pdo in transmit_pdos(on.drive)}
+
+    def repeated(can_id: int, data: bytes) -> bytes:
+        return kept.setdefault(can_id, data) if can_id in answers else data
+
+    with on.saying(repeated):
+        yield from for_ever()
+
+
 def emergency_stop(on: BreakableArm) -> Iterator[None]:
     on.simulated.axis.happen(Trigger.DISABLE_VOLTAGE)
     yield
+
+
+def supply_gone(on: BreakableArm) -> Iterator[None]:
+    """Its power stage has no voltage, and its logic goes on."""
+    word = on.simulated.axis.statusword
+    on.simulated.axis.statusword = lambda remote: word(remote) & ~VOLTAGE_ENABLED  # type: ignore[method-assign]
+    try:
+        yield from for_ever()
+    finally:
+        on.simulated.axis.statusword = word  # type: ignore[method-assign]
 
 
 def left_operational(on: BreakableArm) -> Iterator[None]:
@@ -59,6 +108,21 @@ def restarts_unheard(on: BreakableArm) -> Iterator[None]:
         on.simulated.on_sdo(foreign_tool.download(0x1017, on.drive.profile.heartbeat_ms, 2))
         yield
     yield from for_ever()
+
+
+def restarts_operational(on: BreakableArm) -> Iterator[None]:
+    """It starts anew and is operational by itself, takes our setpoint by the PDOs of its maker, for
+    which it is too long, and says so late, by its inhibit time (0x1015)."""
+    make = on.simulated.make
+    on.simulated.make = replace(make, minds_longer=True, emergency_delay_s=1.6)
+    try:
+        on.simulated.boot()
+        on.simulated.on_nmt(START_NODE)
+        on.simulated.on_sdo(foreign_tool.download(0x1017, on.drive.profile.heartbeat_ms, 2))
+        on.simulated.on_pdo(RPDO + on.drive.node, bytes(8))  # on its way when it started
+        yield from for_ever()
+    finally:
+        on.simulated.make = make
 
 
 def mode_changed(on: BreakableArm) -> Iterator[None]:
@@ -127,7 +191,7 @@ def _deaf(on: BreakableArm, *to: str) -> Iterator[None]:
         yield
     finally:
         for method in to:
-            delattr(drive, method)
+            drive.__dict__.pop(method, None)
 
 
 def deaf_to_setpoints(on: BreakableArm) -> Iterator[None]:

@@ -13,11 +13,11 @@ from typing import cast
 import msgspec
 import numpy as np
 
-from arrays import Vector
 from bench.rigs.durand_drive import DurandDrive
 from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED, Rig
-from daemon.assembly import build_boot, build_estimator, build_tick
+from common.arrays import Vector
+from daemon.assembly import build_boot, build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from drivers.boot.data_sheet import load_data_sheet
@@ -39,7 +39,7 @@ def stiff_robot() -> Robot:
 def load_of(robot: Robot) -> Callable[[float, float], float]:
     """Torque [Nm] of gravity and friction on the motor at position [rad] and velocity [rad/s]."""
     c = robot.configuration
-    friction, gravity = c.joints[0].friction, build_estimator(c, robot.urdf).model.gravity
+    friction, gravity = c.joints[0].friction, robot.model.gravity
     coulomb = friction.motor_coulomb + friction.link_coulomb
     viscous = friction.motor_viscous + friction.link_viscous
 

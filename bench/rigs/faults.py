@@ -1,7 +1,8 @@
-"""Every condition of the table of faults, made to happen in lockstep: cases x makes x wires.
+"""Every condition of the table of faults, made to happen in lockstep.
 
-A case is shown on the drives of every make and over the wire of every interface, or `EXCLUDED` says
-why not. Faults of processes (SIGSTOP, SIGKILL, a second daemon) are no part of it.
+A case is shown on the drives of every make, and on those of one make over the wire of every
+interface, or `EXCLUDED` says why not. Faults of processes (SIGSTOP, SIGKILL, a second daemon) are
+no part of it.
 """
 
 from collections.abc import Iterator
@@ -11,12 +12,15 @@ from dataclasses import dataclass
 from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage
 from bench.rigs.bus_faults import (
     adapter_gone,
+    answers_a_period_late,
     bus_down,
     bus_off,
     bus_off_for,
     deaf_on_a_late_machine,
     enobufs,
     error_passive,
+    flooded,
+    flooded_and_unheard,
     foreign_nmt,
     foreign_setpoint,
     foreign_sync,
@@ -28,6 +32,7 @@ from bench.rigs.bus_faults import (
     pdos_stale,
     pdos_stale_on_a_late_machine,
     sync_lost,
+    two_drives,
     unheard_for,
 )
 from bench.rigs.drive_faults import (
@@ -40,6 +45,7 @@ from bench.rigs.drive_faults import (
     deaf_to_sync,
     emergency,
     emergency_stop,
+    false_statusword,
     fault_bit,
     heartbeat_lost,
     left_operational,
@@ -48,14 +54,18 @@ from bench.rigs.drive_faults import (
     mode_changed,
     quick_stop_not_kept,
     reboot,
+    restarts_operational,
     restarts_unheard,
     rpdo_off,
     runaway,
+    samples_repeat,
     stone_deaf,
+    supply_gone,
     sync_moved,
 )
 from bench.rigs.lines import LINES
 from bench.rigs.measurement_faults import (
+    all_frozen,
     encoder_frozen,
     encoder_jump,
     gear_slips,
@@ -97,9 +107,14 @@ class Case:
     """What is found of it sooner, and latched."""
     provable: bool = True
     """Whether anything can say that the drive stands; else only silence is left."""
+    obeys: bool = False
+    """Whether the drive says that it obeys and nothing says where it is: then it is neither proved
+    to stand nor silenced, as silence would ask no more of it."""
     driven: bool = False
-    """Whether a hand, or the drive itself, moves a joint faster than it is ever told to move: then
-    it may go further than `contactd check` prints."""
+    """Whether a hand moves a joint faster than any setpoint: then it may go further than
+    `contactd check` prints."""
+    own: bool = False
+    """Whether the drive does: then it is held against what is printed for that."""
     frames: bool = False
     """Whether it is made, or shows, in frames: then every wire has to carry it."""
 
@@ -117,6 +132,10 @@ CASES = (
     Case("under-voltage", _C.EMERGENCY, emergency(UNDER_VOLTAGE), 1, frames=True),
     Case("fault bit", _C.DRIVE_FAULT, fault_bit, 1, frames=True),
     Case("emergency stop of a drive", _C.DRIVE_DROPPED, emergency_stop, 1, frames=True),
+    Case("statusword false once: stops", _C.DRIVE_DROPPED, false_statusword(0x0217), 1),
+    Case("... switched on", _C.DRIVE_DROPPED, false_statusword(0x0233), 1),
+    Case("... without power", _C.DRIVE_DROPPED, false_statusword(0x0250), 1),
+    Case("... fault", _C.DRIVE_FAULT, false_statusword(0x0218), 1),
     Case("drive deaf to setpoints", _C.NOT_FOLLOWING, deaf_to_setpoints, 45),
     Case(
         "... and to SDO",
@@ -140,7 +159,7 @@ CASES = (
         quick_stop_not_kept,
         60,
         before=(_C.EMERGENCY,),
-        driven=True,
+        own=True,
     ),
     Case("drive stone-deaf", _C.STALE, stone_deaf, 3, provable=False),
     Case(
@@ -153,17 +172,23 @@ CASES = (
     ),
     Case("drive restarts", _C.REBOOTED, reboot, 1, frames=True),
     Case("... unheard, and starts by itself", _C.STALE, restarts_unheard, 3, frames=True),
+    Case("... heard, says late that a PDO was too long", _C.REBOOTED, restarts_operational, 1),
     Case("another product in its place", _C.REBOOTED, another_product, 1, frames=True),
-    Case("drive locked in 0x8130", _C.EMERGENCY, locked, 1, frames=True),
-    Case("... and slow to boot", _C.EMERGENCY, locked_and_slow, 1, frames=True),
+    Case("drive locked in 0x8130", _C.UNHEARD, locked, 1, frames=True),
+    Case("... and slow to boot", _C.UNHEARD, locked_and_slow, 1, frames=True),
+    Case("drive without supply", _C.SUPPLY_LOST, supply_gone, 2),
     Case("mode changed by a tool (0x6060)", _C.IGNORES_SETPOINT, mode_changed, 4),
     Case("RPDO turned off by a tool", _C.NOT_FOLLOWING, rpdo_off, 60),
     Case("drive deaf to SYNC", _C.STALE, deaf_to_sync, 3),
     Case("SYNC moved by a tool (0x1005)", _C.STALE, sync_moved, 3),
     Case("SYNC lost", _C.STALE, sync_lost, 3, frames=True),
+    Case("a drive answers a period late", _C.OLD, answers_a_period_late, 12, frames=True),
+    Case("two drives with one node", _C.TWO_DRIVES, two_drives, 7, frames=True),
     Case("foreign SYNC", _C.FOREIGN_MASTER, foreign_sync, 1, frames=True),
     Case("foreign NMT command", _C.FOREIGN_MASTER, foreign_nmt, 1, frames=True),
     Case("foreign setpoint", _C.FOREIGN_MASTER, foreign_setpoint, 1, frames=True),
+    Case("bus flooded", _C.BUS_LOADED, flooded, 12, frames=True),
+    Case("... and a drive misses us", _C.UNHEARD, flooded_and_unheard, 14, frames=True),
     Case("ENOBUFS once", _C.BUS_DISTURBED, one_enobufs, 1, frames=True),
     Case("ENOBUFS for 3 ticks", _C.BUS_TROUBLE, enobufs, 4, frames=True),
     Case("network down", _C.BUS_TROUBLE, bus_down, 4, frames=True),
@@ -179,11 +204,13 @@ CASES = (
     Case("infinite reference", _C.NOT_FINITE, infinite_reference, 2),
     Case("encoder jump of 0.2 rad", _C.JUMP, encoder_jump, 1),
     Case("encoder frozen", _C.FROZEN, encoder_frozen, 60),
+    Case("everything measured frozen", _C.FROZEN, all_frozen, 12, provable=False, obeys=True),
+    Case("PDOs repeat themselves", _C.FROZEN, samples_repeat, 12, frames=True),
     Case("gear slips at 0.8 rad/s", _C.APART, gear_slips, 9),
     Case("current stuck", _C.TORQUE_STUCK, torque_stuck, 150, armed=False),
     Case("current at its limit", _C.TORQUE_SATURATED, torque_saturated, 20, armed=False),
     Case("hit of 9 Nm", _C.RESIDUAL_LIMIT, hit_hard, 15, driven=True),
-    Case("drive runs away", _C.OVERSPEED, runaway, 15, driven=True),
+    Case("drive runs away", _C.OVERSPEED, runaway, 15, own=True),
     Case("pushed beyond a limit", _C.JOINT_LIMIT, pushed_beyond_a_limit, 100, driven=True),
     Case("one late tick", _C.LATE, late(0.012), 1),
     Case("8 late ticks", _C.OVERRUN, late_ticks, 5),
@@ -201,6 +228,7 @@ _NO_ERRORS = "slcan has no error frames"
 _NO_SWITCH = "the stack has no switch for it; the wire loses SYNC for all in another case"
 _NO_BIT_12 = "its statusword does not say whether it follows"
 _NO_6007 = "the stack does nothing by itself when it leaves NMT operational (0x6007)"
+_NO_BIT_4 = "its statusword does not say whether it is supplied"
 _NO_PLANT = "its motor follows its setpoints at once: there is nothing that could be pushed"
 
 # (case, make or wire): why it cannot be shown there.
@@ -216,8 +244,11 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("drive deaf to SYNC", "durand"): _NO_SWITCH,
     ("stood still for 90 ms", "desk arm"): "its drives wait for 120 ms",
     ("... and slow to boot", "durand"): "the stack boots at once",
+    ("... heard, says late that a PDO was too long", "durand"): "the stack has no EMCY of its own "
+    "for it, and no inhibit time",
     ("SYNC moved by a tool (0x1005)", "desk arm"): "its drives have no object for it",
     ("mode changed by a tool (0x6060)", "durand"): _NO_BIT_12,
+    ("drive without supply", "durand"): _NO_BIT_4,
     ("current at its limit", "durand"): "what nothing bears is a residual beyond its limit",
     ("hit of 9 Nm", "durand"): _NO_PLANT,
     ("quick stop said, and not kept", "durand"): _NO_PLANT,
@@ -243,9 +274,9 @@ class Place:
     def __str__(self) -> str:
         return f"{self.make.name}, {self.wire}"
 
-    def stage(self) -> AbstractContextManager[BreakableArm]:
+    def stage(self, speed: float = 0.0) -> AbstractContextManager[BreakableArm]:
         """A booted arm of this make on this wire."""
-        return stage(self.make, LINES[self.wire])
+        return stage(self.make, LINES[self.wire], speed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +298,9 @@ class Trial:
         return next(filter(None, (EXCLUDED.get((name, each)) for each in where)), alike)
 
 
-PLACES = tuple(Place(make, wire) for make in MAKES for wire in LINES)
+PLACES = (
+    *(Place(make, "virtual") for make in MAKES),
+    *(Place(MAKES[0], wire) for wire in LINES if wire != "virtual"),
+)
 TRIALS = tuple(Trial(place, case) for place in PLACES for case in CASES)
 SHOWN = tuple(shown for shown in TRIALS if not shown.excluded)

@@ -2,7 +2,8 @@
 
 import errno
 import os
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 
 from drivers.can.wire import Frame, Wire
 
@@ -16,8 +17,16 @@ class FaultyWire:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self.lost: set[int] = set()
+        self.changes: list[Callable[[int, bytes], bytes]] = []
+        """What becomes of the data of frames that are received, one after the other."""
         self.unsent: set[int] = set()
         """Frames of ours that get lost."""
+        self.late: set[int] = set()
+        """Frames that come when `pass_tick` is called."""
+        self.twice: set[int] = set()
+        """Frames that come twice."""
+        self._held: list[Frame] = []
+        self._ready: deque[Frame] = deque()
         self.queue: list[Frame] | None = None
         """Where frames of ours wait for a bus that is off; None while it is not."""
         self.sending: Exception | None = None
@@ -29,10 +38,30 @@ class FaultyWire:
         """The next frame that is not lost, like `Wire.receive`."""
         if self.receiving:
             raise self.receiving
-        while (frame := self._wire.receive(timeout)) is not None:
+        while frame := self._ready.popleft() if self._ready else self._next(timeout):
             if frame[0] not in self.lost:
-                return frame
+                return self._changed(*frame) if self.changes else frame
         return None
+
+    def _next(self, timeout: float) -> Frame | None:
+        """The next frame that is not late, from the wire."""
+        while frame := self._wire.receive(timeout):
+            if frame[0] in self.twice:
+                self._ready.append(frame)
+            if frame[0] not in self.late:
+                return frame
+            self._held.append(frame)
+        return None
+
+    def pass_tick(self) -> None:
+        """Let the frames come that were late in the tick before."""
+        self._ready += self._held
+        self._held.clear()
+
+    def _changed(self, can_id: int, data: bytes | bytearray) -> Frame:
+        for change in self.changes:
+            data = change(can_id, bytes(data))
+        return can_id, data
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send, or raise what was put in the way, like `Wire.send`."""

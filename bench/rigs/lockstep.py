@@ -9,23 +9,22 @@ from pathlib import Path
 import msgspec
 
 from bench.rigs.lines import Line, OpenLine, virtual_line
+from common.errors import DriveError
 from daemon.assembly import build_boot, build_tick
-from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Check, State
 from daemon.service.set_up import SetUp
-from daemon.tick.controller import Decision
+from daemon.tick.decision import Decision
 from daemon.tick.loop import Clock
-from daemon.tick.record import TickRecord, Wakeup
-from daemon.tick.telemetry import state_of
+from daemon.tick.telemetry import TickRecord, Wakeup, state_of
 from daemon.tick.tick import Tick
 from drivers.answers import Samples
 from drivers.boot.boot_up import DriveBoot
 from drivers.can.wire import Wire
-from errors import DriveError
 from estimator.estimate import Estimate
+from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Listener

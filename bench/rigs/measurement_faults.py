@@ -8,6 +8,7 @@ import numpy as np
 
 from bench.rigs.breakable_arm import BreakableArm, for_ever
 from daemon.motion.path import Follower, Reference
+from drivers.witness import STANDS
 from simulator.sensors import Readings
 
 
@@ -51,12 +52,10 @@ def _at(values: list[int], joint: int, value: int) -> list[int]:
 
 
 def encoder_jump(on: BreakableArm) -> Iterator[None]:
-    jump = _counts(on, 0.2)
+    jump, joint = _counts(on, 0.2), on.joint
 
     def jumped(r: Readings) -> Readings:
-        return replace(
-            r, link_position=_at(r.link_position, on.joint, r.link_position[on.joint] + jump)
-        )
+        return replace(r, link_position=_at(r.link_position, joint, r.link_position[joint] + jump))
 
     with on.sensing(jumped):
         yield from for_ever()
@@ -64,25 +63,45 @@ def encoder_jump(on: BreakableArm) -> Iterator[None]:
 
 def encoder_frozen(on: BreakableArm) -> Iterator[None]:
     held: list[int] = []
+    joint = on.joint
 
     def frozen(r: Readings) -> Readings:
-        held[:] = held or [r.link_position[on.joint]]
-        return replace(r, link_position=_at(r.link_position, on.joint, held[0]))
+        held[:] = held or [r.link_position[joint]]
+        return replace(r, link_position=_at(r.link_position, joint, held[0]))
 
     with on.sensing(frozen):
         yield from for_ever()
 
 
+def all_frozen(on: BreakableArm) -> Iterator[None]:
+    """Nothing that the drive measures changes any more; its statusword does."""
+    held: list[Readings] = []
+
+    def frozen(r: Readings) -> Readings:
+        held[:] = held or [r]
+        joint, names = on_joint, Readings.__dataclass_fields__
+        return replace(
+            r,
+            **{name: _at(getattr(r, name), joint, getattr(held[0], name)[joint]) for name in names},
+        )
+
+    on_joint = on.joint
+    with on.sensing(frozen):
+        yield from for_ever()
+
+
 def gear_slips(on: BreakableArm) -> Iterator[None]:
-    slipped = 0.0
+    """It slips while its motor turns."""
+    slipped, joint, per_rad = 0.0, on.joint, 1.0 / on.drive.profile.link_position.scale
 
     def slipping(r: Readings) -> Readings:
-        where = r.link_position[on.joint] + _counts(on, slipped)
-        return replace(r, link_position=_at(r.link_position, on.joint, where))
+        where = r.link_position[joint] + round(slipped * per_rad)
+        return replace(r, link_position=_at(r.link_position, joint, where))
 
     with on.sensing(slipping):
         while True:
-            slipped += 0.008  # a tick
+            turns = abs(on.rig.arm.plant.theta_dot[joint]) > STANDS
+            slipped += 0.008 * turns  # a tick
             yield
 
 

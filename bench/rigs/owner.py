@@ -22,11 +22,11 @@ from click.testing import CliRunner
 
 from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
 from bench.rigs.served_daemon import ServedDaemon, served_daemon, unhurried_drives
-from daemon.commands import contactd
-from daemon.commands.simulated_robot import true_arm
+from common.errors import ContactdError
 from daemon.modes.table import Mode
-from daemon.tick.felt import felt_now
-from errors import ContactdError
+from daemon.service.sensitivity import sensitivity_now
+from programs.contactd import contactd
+from programs.simulate.simulated_robot import true_arm
 from simulator.hand_script import Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
@@ -197,7 +197,7 @@ class Owner:
         self.control(served, "arm")
         self.story.armed = True
         rig = served.rig
-        felt = felt_now(rig.tick)
+        felt = sensitivity_now(rig.tick)
         assert felt is not None
         before = float(rig.arm.plant.q[1])
         torque = 2.0 * (felt.resting[1] or 0.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactd_client.paths import view_socket_path
-from daemon.web import frames
+from programs.web import frames
 
 PATIENCE_S = 30.0
 
@@ -29,7 +29,7 @@ def page_of(
 ) -> Iterator[Page]:
     """The page of the daemons at these control sockets, at a free port, while the context lasts."""
     doors = [str(view_socket_path(path)) for path in control_sockets]
-    command = [sys.executable, "-m", "daemon.commands.contactd_web", "--port", "0"]
+    command = [sys.executable, "-m", "programs.web.contactd_web", "--port", "0"]
     with subprocess.Popen(
         [*command, *options, *doors], stdout=subprocess.PIPE, text=True
     ) as process:

@@ -7,20 +7,21 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import msgspec
 import yaml
 
-from arrays import Vector
 from bench.rigs.arm_batch import SoftHand
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from daemon.commands.simulated_robot import describe
-from daemon.config.identified import IdentifiedJoint
+from common.arrays import Vector
+from daemon.config.identified import ENTRIES, IdentifiedJoint
 from daemon.config.load import Robot, load_robot
+from daemon.config.schema import ArmingStep
 from daemon.modes.table import Mode
 from estimator.model import Model
+from programs.simulate.simulated_robot import describe
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.hand import Hand
 from simulator.mismatch import PlantParameters
@@ -35,7 +36,7 @@ Written = dict[str, Any]
 POSE = {"LShoulderPitch": 1.3}
 _TOLD = re.compile(r"Set\s+control\.position_gain\s+to\s+(\S+)")
 _MASSES = re.compile(r"contactd\s+identify\s+masses")
-LONGER = re.compile(r"`--seconds\s+(\d+)`\s+tells")
+LONGER = re.compile(r"`--seconds\s+(\d+)`\s+narrows")
 _AGAIN = re.compile(r"same\s+command\s+(goes\s+on|begins\s+anew)")
 _REPEATS = 4  # of one step, at most
 HAND_S = 1.0  # after which the person has read what to do
@@ -207,18 +208,25 @@ class Person:
         before = arm.arming_refusals()
         self.show(f"$ contactctl arm\nrefused: {'; '.join(before)}\n")
         went = {"refused before": any("never checked" in reason for reason in before)}
-        for step in ("wiring", "gap", "friction"):
-            went[step] = self._as_told(step)
-        if _MASSES.search(arm.output):
-            went["masses"] = self._as_told("masses")
-            went["friction again"] = self._as_told("friction", name="friction again")
-        if told := LONGER.search(arm.output):
-            longer = self._as_told("friction", "--seconds", told[1], name="longer friction")
-            went["longer friction"] = longer
-        went["thresholds"] = self._as_told("thresholds")
+        for step in get_args(ArmingStep):
+            if not ENTRIES[step].optional:
+                went[step] = self._as_told(step)
+            if step == "friction":
+                went |= self._as_friction_advises()
         after = arm.arming_refusals()
         self.show(f"$ contactctl arm\n{'refused: ' + '; '.join(after) if after else 'armed'}\n")
         return went | {"armed after": not after}
+
+    def _as_friction_advises(self) -> dict[str, bool]:
+        """Masses and friction once more, as far as the output of the friction step advises them."""
+        went = {}
+        if _MASSES.search(self.arm.output):
+            went["masses"] = self._as_told("masses")
+            went["friction again"] = self._as_told("friction", name="friction again")
+        if advised := LONGER.search(self.arm.output):
+            longer = self._as_told("friction", "--seconds", advised[1], name="longer friction")
+            went["longer friction"] = longer
+        return went
 
     def _as_told(self, step: str, *words: str, name: str = "") -> bool:
         """One step, repeated with another position gain, or to go on, as often as that is told."""

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from daemon.clients.client import Client
+from common.errors import ContactdError
 from daemon.protocol.messages import Snapshot, State
-from errors import ContactdError
+from programs.clients.client import Client
 
 PATIENCE_S = 30.0
 
@@ -53,7 +53,7 @@ def pair(robot: Path, hand: Path | None = None) -> Iterator[Pair]:
     with tempfile.TemporaryDirectory(prefix="contactd-pair-") as folder:
         place = Path(folder)
         door, log, events = place / "control", place / "log", place / "events"
-        program = [sys.executable, "-m", "daemon.commands.contactd"]
+        program = [sys.executable, "-m", "programs.contactd.contactd"]
         simulate = [*program, "simulate", str(robot), "--port", str(port)]
         simulate += ["--hand", str(hand)] if hand else []
         run = [*program, "run", str(robot), "--port", str(port), "--socket", str(door)]

@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from simulator.description import ArmDescription
 from simulator.servo import BANDWIDTH, SERVO_PERIOD_S, Servo
 

@@ -91,6 +91,27 @@ def siege(path: str) -> Iterator[None]:
         yield
 
 
+def stampede(path: str) -> Iterator[None]:
+    """Connections without end, each given up at once."""
+    while True:
+        for one in [_dial(path) for _ in range(30)]:
+            one.close()
+        yield
+
+
+def garrison(path: str) -> Iterator[None]:
+    """As many connections as there are places, kept; whoever is put out comes again, and asks."""
+    held = [_dial(path) for _ in range(300)]
+    while True:
+        for i, one in enumerate(held):
+            if _is_out(one):
+                one.close()
+                held[i] = _dial(path)
+            with contextlib.suppress(OSError):
+                held[i].send(b'{"command":"status"}')
+        yield
+
+
 def _is_out(one: socket.socket) -> bool:
     """True if a connection never came about, or was closed by the daemon."""
     try:
@@ -118,6 +139,8 @@ ATTACKS: dict[str, Attack] = {
     "upload": upload,
     "crowd": crowd,
     "siege": siege,
+    "stampede": stampede,
+    "garrison": garrison,
 }
 BESIDE: dict[str, Attack] = {"apart": apart}
 

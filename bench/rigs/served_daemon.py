@@ -18,10 +18,9 @@ from unittest import mock
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from common.errors import ContactdError
 from contactd_client.connection import Connection
 from daemon.assembly import check_identification
-from daemon.clients.client import Client
-from daemon.commands import contactctl, contactd
 from daemon.config.files import Files
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Reply, State
@@ -31,7 +30,9 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
 from drivers.boot.sdo import ObjectAccess
-from errors import ContactdError
+from programs.clients.client import Client
+from programs.contactctl import contactctl
+from programs.contactd import contactd
 
 _PATIENCE_S = 5.0
 
@@ -187,7 +188,7 @@ def served_daemon(
         lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,
         closing(Notifier()) as notifier,
-        mock.patch("daemon.clients.client.Connection", PatientConnection),
+        mock.patch("programs.clients.client.Connection", PatientConnection),
     ):
         yield ServedDaemon(rig, serve(rig, control, notifier))
 

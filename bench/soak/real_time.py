@@ -26,13 +26,13 @@ from bench.soak.process import Stopwatch, held
 from bench.soak.progress import Report
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
-from daemon.clients.client import Client
+from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from drivers.drive import Drive
-from errors import ContactdError
+from programs.clients.client import Client
 
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings
 RUDE_S = 2.0
@@ -176,7 +176,7 @@ def _be_rude(shared: Shared, rng: Random) -> None:
 def _record(shared: Shared, rng: Random) -> None:
     """`contactctl record` for some seconds, now and then."""
     while shared.pause(rng.expovariate(1 / MEAN_PAUSE_S)):
-        words = [sys.executable, "-c", "from daemon.commands.contactctl import main; main()"]
+        words = [sys.executable, "-c", "from programs.contactctl.contactctl import main; main()"]
         words += ["--socket", str(shared.both.door), "record", "--seconds", "5"]
         with tempfile.TemporaryDirectory(prefix="contactd-soak-") as place:
             file = Path(place) / "soak.mcap"

@@ -9,12 +9,12 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from bench.contact_free import MOTION
+from bench.rigs.all_joints import MOTION
 from bench.rigs.lockstep import ROMEO
-from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Joint
 from daemon.faults.plausibility import GAP_TOLERANCE
+from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.hand_script import AnyAct, Guide, Hold, Push, Release
 from simulator.mismatch import true_parameters
 from simulator.servo import Servo

@@ -30,6 +30,7 @@ from bench.soak.process import held
 from bench.soak.progress import Progress, Report
 from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
+from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Reply, State
 from daemon.protocol.socket_path import Peer
@@ -39,7 +40,6 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
 from drivers.can.wire import Wire
-from errors import ContactdError
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
 # what needs a certain motion to be noticed, what stands in for somebody else's part, and what is

@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from bench.soak.record import Ledger
 from daemon.config.schema import Configuration
+from daemon.config.travels import travels
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
 from daemon.tick.controller import RESET_PATIENCE_S
 from daemon.tick.tick import STOP_PROVED
-from drivers.stop_stages import worst_travel
 
 # No motor moves so long after a proof [s], faster than one that stands [rad/s], in so many readings
 # in a row: a link that falls through its gap gives its motor one knock.
@@ -33,9 +33,8 @@ class StopRules:
     """Check of one State after the other; `ledger` keeps what was broken."""
 
     def __init__(self, c: Configuration, ledger: Ledger) -> None:
-        travels = worst_travel(c.joint_drives, c.period_s, c.supervisor.stale_ticks)
         self._ledger, self._names = ledger, c.joint_names
-        self._travel = np.array([travel.total for travel in travels])
+        self._travel = np.array([travel.total for travel in travels(c)])
         self._before: State | None = None
         self._joints: NDArray[np.float64] | None = None  # last known
         self._began: NDArray[np.float64] | None = None  # at the fault; None once a hand was there

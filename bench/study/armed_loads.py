@@ -14,14 +14,14 @@ from typing import Final
 
 import numpy as np
 
-from arrays import Vector
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.study import courses, world
 from bench.study.loads import AWAY_M
 from bench.study.world import Law
-from daemon.commands.simulated_robot import read_simulation
+from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Event, Mode
+from programs.simulate.simulated_robot import read_simulation
 
 WATCHED_S: Final = 60.0
 """from the load on"""

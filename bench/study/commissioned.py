@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from arrays import Vector
 from bench.report import Target
 from bench.rigs.person import CommissionedArm, Person
+from common.arrays import Vector
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
 from simulator.mismatch import PlantParameters

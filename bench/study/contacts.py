@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix
+from common.arrays import Matrix
 
 FADE_S = 0.3
 """After a release the residual still fades, and the link swings back through its gap."""

@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
 from bench.rigs.arm_without_bus import Course
+from common.arrays import Vector
 from daemon.config.schema import Configuration
 
 CLEARANCE: Final = 0.1

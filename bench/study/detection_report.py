@@ -1,21 +1,12 @@
-"""Report of `bench.detection` for people: two tables and a picture."""
+"""Report of `bench.detection` for people: two tables."""
 
 import math
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from bench.study.detection_score import Score
-from bench.study.world import Law
 from daemon.config.schema import Configuration
-
-mpl.use("Agg")
-
 
 # Both tables fit into 80 columns.
 NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
@@ -72,51 +63,3 @@ def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> T
 
 def _number(x: float) -> str:
     return "-" if math.isnan(x) else f"{x:.2f}"
-
-
-def picture(found: Mapping[Law, dict[str, Score]], c: Configuration, path: Path) -> Path:
-    """Thresholds, smallest steps and delays of every residual, a row of panels per friction."""
-    figure = Figure(figsize=(16, 4.5 * len(found)), layout="constrained")
-    panels = figure.subplots(len(found), 3, squeeze=False)
-    for row, (friction, by_name) in zip(panels, found.items(), strict=True):
-        _bars(row[0], {n: s.quiet_nm for n, s in by_name.items()}, c)
-        row[0].set_title(f"{friction}: lowest threshold without an alarm [Nm]")
-        _bars(row[1], {n: s.smallest_moving_nm for n, s in by_name.items()}, c)
-        row[1].set_title(f"{friction}: smallest step felt in motion at it [Nm]")
-        _delays(row[2], by_name, 1000.0 * math.log(2.0) / c.estimator.gain)
-        row[2].set_title(f"{friction}: delay to twice the threshold [ms]")
-    panels[0][0].legend(fontsize=8)
-    path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=110)
-    return path
-
-
-def _bars(axes: Any, values: dict[str, Any], c: Configuration) -> None:
-    """One group per joint, one bar per residual, the configured threshold as a line."""
-    width = 0.8 / len(values)
-    joints = np.arange(len(c.joints))
-    for k, (name, row) in enumerate(values.items()):
-        axes.bar(joints - 0.4 + (k + 0.5) * width, row, width, label=name)
-    contact = [joint.thresholds.contact for joint in c.joints]
-    axes.hlines(contact, joints - 0.45, joints + 0.45, colors="black", label="configured threshold")
-    axes.set_xticks(joints, [joint.name for joint in c.joints], rotation=30, ha="right")
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.grid(axis="y", alpha=0.4)
-
-
-def _delays(axes: Any, by_name: dict[str, Score], filter_ms: float) -> None:
-    """p50 to p95, without and with the gap to cross."""
-    for k, s in enumerate(by_name.values()):
-        for offset, (low, high), color in (
-            (-0.15, s.delay_ms, "tab:blue"),
-            (0.15, s.delay_travel_ms, "tab:orange"),
-        ):
-            axes.plot([low, high], [k + offset] * 2, "o-", color=color)
-    axes.plot([], [], "o-", color="tab:blue", label="p50 to p95, no gap to cross")
-    axes.plot([], [], "o-", color="tab:orange", label="p50 to p95, through the gap")
-    axes.axvline(filter_ms, color="black", linestyle=":", label="ln 2 / K")
-    axes.set_yticks(range(len(by_name)), list(by_name))
-    axes.invert_yaxis()
-    axes.set_xlim(left=0.0)
-    axes.legend(fontsize=8)

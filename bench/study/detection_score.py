@@ -8,10 +8,10 @@ from operator import add
 
 import numpy as np
 
-from arrays import Vector
 from bench.study import scores
 from bench.study.monte_carlo import Result
 from bench.study.scores import Detection, Trial
+from common.arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
 from estimator.alarms import per_hour

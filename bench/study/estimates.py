@@ -7,17 +7,23 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix
-from bench.contact_free import BESIDE
 from bench.rigs.arm_without_bus import Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
+from common.arrays import Matrix
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
 from estimator.estimate import SampleRows
 from estimator.estimator import Estimator
 from estimator.settings import Variant
 
-VARIANTS: Final = (Variant(), *BESIDE)
+VARIANTS: Final = (
+    Variant(),
+    Variant(kind="classical", friction=False, rotor_inertia=False, label="classical"),
+    Variant(kind="classical", friction=True, rotor_inertia=False, label="classical+friction"),
+    Variant(kind="classical", friction=True, rotor_inertia=True, label="classical+friction+rotor"),
+    Variant(kind="backlash", rotor_inertia=False, label="backlash-rotor"),
+    Variant(kind="two_mass", label="two_mass"),
+)
 """Every residual that is compared, whichever of them the configuration lets decide."""
 
 
@@ -43,7 +49,7 @@ def build(robot: Robot, **changes: object) -> Estimator:
     c = robot.configuration
     beside = tuple(v for v in VARIANTS if v.name != c.estimator.residual.name)
     settings = msgspec.structs.replace(c.estimator, **{"beside": beside, **changes})
-    return build_estimator(msgspec.structs.replace(c, estimator=settings), robot.urdf)
+    return build_estimator(msgspec.structs.replace(c, estimator=settings), robot.model)
 
 
 def estimates(estimator: Estimator, recording: Recording) -> Estimates:

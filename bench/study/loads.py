@@ -12,11 +12,11 @@ from typing import Final, Literal
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix, Vector
 from bench.rigs.arm_without_bus import Carried, Recording, Scenario, record
 from bench.study import courses, world
 from bench.study.estimates import build
 from bench.study.world import Law
+from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
 from estimator.estimate import EstimateRows, SampleRows
 from estimator.estimator import Estimator

@@ -1,39 +1,40 @@
-"""Measurements of `bench.loop`: the loop's workers on both codes in turns, and beside them a
-control thread that does nothing."""
+"""Measurements of `bench.loop`: the loop in turns of some seconds, and beside it a control thread
+that does nothing."""
 
 import contextlib
 import math
 import multiprocessing
 import os
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.study.pairs import Ratio, Sides, Worker, in_turns, ratio, sides
+from bench.rigs.lockstep import ROMEO
+from bench.rigs.processes import pair
+from bench.soak.process import held
+from bench.study.loop_session import FIGURES, Session
 from bench.study.wakeups import Distribution, Rival, a_rival
 from daemon.modes.table import Mode
 from daemon.tick.loop import deadlines_left_out
 
-# Of one side's turn: long enough for its median, short enough that both sides meet one machine.
-TURN_S: Final = 5
+TURN_S: Final = 5  # a stall of the machine spoils one
 SETTLING_S: Final = 2  # enabled, started, and long since swaying
 MOST_REPEATS: Final = 5  # of a turn, where the machine stalls
-FIRST_TICKS: Final = 5  # of each turn, left out: the other side's code is in the caches
-FIGURES: Final = ("lateness_us", "cpu_us", "work_us", "setpoint_us")
-#: Figures of which the ratio to before is taken: of their medians, and of their 99th percentiles.
-COMPARED: Final = ("cpu_us", "setpoint_us")
+FIRST_TICKS: Final = 5  # of each turn, left out: other code is in the caches
 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """One turn of one side, in a row of ticks."""
+    """Some ticks in a row."""
 
     figures: dict[str, NDArray[np.float64]]
     missed: int
+    missed_so_far: int
+    """by this process of the loop"""
     rival_us: Distribution | None
     """lateness of the control thread beside it"""
     mode: str
@@ -78,9 +79,8 @@ class Run:
     setpoint_us: Distribution  # from the drives' answers to SYNC to the last setpoint
     rival: str  # what woke up beside it
     rival_us: Distribution | None
-    to_before: dict[str, Ratio]  # empty without a code before
     rival_threads: int = 1
-    repeated: int = 0  # turns of today in which the machine stalled and the arm stopped
+    repeated: int = 0  # turns in which the machine stalled and the arm stopped
     waited: bool = True  # for its deadlines: lateness and work are of real time
 
     @property
@@ -116,48 +116,40 @@ class Run:
             "work_us": self.work_us.data(),
             "setpoint_us": self.setpoint_us.data(),
             "drift_us": round(self.drift_us, 1),
-            "to_before": {name: found.data() for name, found in self.to_before.items()},
         }
 
 
-def measure(hz: int, seconds: int, before: Path | None, *, load: bool, waits: bool = True) -> Run:
-    """Run the daemon's loop against recorded drives, both codes in turns: in real time, or, if it
-    does not wait, tick by tick as fast as they come."""
+def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
+    """Run the daemon's loop against recorded drives: in real time, or, if it does not wait, tick by
+    tick as fast as they come."""
     with contextlib.ExitStack() as stack:
-        found: Sides = stack.enter_context(
-            sides("loop", before, lambda _: {"hz": hz, "waits": waits})
-        )
+        session = stack.enter_context(contextlib.closing(Session(hz, waits=waits)))
         rival = stack.enter_context(a_rival(hz)) if waits else None
-        missed = {worker: worker.ask(ticks=SETTLING_S * hz)["missed"] for worker in found.both()}
+        missed = session.ask(SETTLING_S * hz)["missed"]
         if load:
             stack.enter_context(hogs(2 * (os.cpu_count() or 1)))
         turn_s = min(TURN_S, seconds)
-
-        def once(worker: Worker) -> Turn:
-            made = _turn(worker, turn_s, hz, rival, missed[worker])
-            missed[worker] += made.missed
-            return made
-
-        def turn(worker: Worker) -> Turn:
-            made = once(worker)
+        turns = []
+        for _ in range(math.ceil(seconds / turn_s)):
+            made = _turn(session, turn_s, hz, rival, missed)
             while made.stopped_by_machine(hz) and made.repeated < MOST_REPEATS:
-                worker.begin_anew()
-                missed[worker] = worker.ask(ticks=SETTLING_S * hz)["missed"]
-                made = once(worker).after(made)
-            return made
-
-        today, then = in_turns(found, math.ceil(seconds / turn_s), turn)
+                session.begin_anew()
+                missed = session.ask(SETTLING_S * hz)["missed"]
+                made = _turn(session, turn_s, hz, rival, missed).after(made)
+            turns.append(made)
+            missed = made.missed_so_far
     name, threads = ("", 1) if rival is None else (rival.name, rival.threads)
-    return run_of(hz, today, then, rival=name, threads=threads, waited=waits)
+    return run_of(hz, turns, rival=name, threads=threads, waited=waits)
 
 
-def _turn(worker: Worker, seconds: int, hz: int, rival: Rival | None, missed: int) -> Turn:
+def _turn(session: Session, seconds: int, hz: int, rival: Rival | None, missed: int) -> Turn:
     if rival is not None:
         rival.begin(seconds)
-    answer = worker.ask(ticks=seconds * hz)
+    answer = session.ask(seconds * hz)
     return Turn(
         figures={name: np.array(answer[name][FIRST_TICKS:]) for name in FIGURES},
         missed=answer["missed"] - missed,
+        missed_so_far=answer["missed"],
         rival_us=None if rival is None else rival.result(),
         mode=answer["mode"],
         joints=answer["joints"],
@@ -165,75 +157,41 @@ def _turn(worker: Worker, seconds: int, hz: int, rival: Rival | None, missed: in
     )
 
 
-def run_of(
-    hz: int,
-    today: Sequence[Turn],
-    before: Sequence[Turn],
-    *,
-    rival: str,
-    waited: bool,
-    threads: int = 1,
-) -> Run:
-    """Figures of all turns together, and their ratios turn by turn."""
-    whole = {name: np.concatenate([turn.figures[name] for turn in today]) for name in FIGURES}
-    beside = [turn.rival_us for turn in today if turn.rival_us is not None]
+def run_of(hz: int, turns: Sequence[Turn], *, rival: str, waited: bool, threads: int = 1) -> Run:
+    """Figures of all turns together."""
+    whole = {name: np.concatenate([turn.figures[name] for turn in turns]) for name in FIGURES}
+    beside = [turn.rival_us for turn in turns if turn.rival_us is not None]
     third = len(whole["lateness_us"]) // 3
     drift = np.median(whole["lateness_us"][-third:]) - np.median(whole["lateness_us"][:third])
     return Run(
         hz=hz,
-        joints=today[-1].joints,
-        seconds=len(today) * (len(today[0].figures["cpu_us"]) + FIRST_TICKS) / hz,
-        realtime=today[-1].realtime,
-        mode=next((turn.mode for turn in today if turn.mode != Mode.TRACKING), Mode.TRACKING),
-        missed=sum(turn.missed for turn in today),
-        repeated=sum(turn.repeated for turn in today),
+        joints=turns[-1].joints,
+        seconds=len(turns) * (len(turns[0].figures["cpu_us"]) + FIRST_TICKS) / hz,
+        realtime=turns[-1].realtime,
+        mode=next((turn.mode for turn in turns if turn.mode != Mode.TRACKING), Mode.TRACKING),
+        missed=sum(turn.missed for turn in turns),
+        repeated=sum(turn.repeated for turn in turns),
         drift_us=abs(float(drift)),
-        lateness_us=Distribution.of(whole["lateness_us"]),
-        cpu_us=Distribution.of(whole["cpu_us"]),
-        work_us=Distribution.of(whole["work_us"]),
-        setpoint_us=Distribution.of(whole["setpoint_us"]),
+        **{name: Distribution.of(whole[name]) for name in FIGURES},
         rival=rival,
         rival_threads=threads,
         rival_us=sum(beside[1:], beside[0]) if beside else None,
-        to_before=to_before(today, before),
         waited=waited,
     )
 
 
-def to_before(today: Sequence[Turn], before: Sequence[Turn]) -> dict[str, Ratio]:
-    """Ratios of today's turns to those before, by figure and percentile; empty without those."""
-    if not before:
-        return {}
-    return {
-        f"{name.removesuffix('_us')} p{percent}": ratio(
-            [
-                (_at(mine, name, percent), _at(other, name, percent))
-                for mine, other in zip(today, before, strict=True)
-            ]
-        )
-        for name in COMPARED
-        for percent in (50, 99)
-    }
-
-
-def _at(turn: Turn, name: str, percent: float) -> float:
-    return float(np.nanpercentile(turn.figures[name], percent))
-
-
-def resident(before: Path | None, seconds: float) -> dict[str, dict[str, float]]:
-    """Memory [kB] of `contactd run` once it serves, and its growth over `seconds`, of both codes
-    at once; by side."""
-    with sides("resident", before, lambda _: {}) as found:
-        workers = dict(zip(("today", "before"), found.both(), strict=False))
-        first = {side: worker.ask(seconds=0.0) for side, worker in workers.items()}
-        for worker in workers.values():
-            worker.send({"seconds": seconds})
-        last = {side: worker.receive() for side, worker in workers.items()}
-    return {side: _growth(first[side], last[side]) for side in workers}
-
-
-def _growth(first: dict[str, float], last: dict[str, float]) -> dict[str, float]:
-    return last | {f"{name} grown": last[name] - first[name] for name in last}
+def resident(seconds: float) -> dict[str, float]:
+    """Memory [kB] of `contactd run` once it serves, and its growth over `seconds`."""
+    with pair(ROMEO) as both:
+        client, _, states = both.subscribed()
+        next(states)
+        client.close()
+        first = held(both.daemon.pid)
+        time.sleep(seconds)
+        last = held(both.daemon.pid)
+    names = {"resident_kB": "resident memory", "anonymous_kB": "memory (anonymous)"}
+    found = {name: last[of] for name, of in names.items()}
+    return found | {f"{name} grown": last[of] - first[of] for name, of in names.items()}
 
 
 @contextlib.contextmanager

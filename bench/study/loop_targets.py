@@ -4,9 +4,6 @@ from bench.report import Target
 from bench.study.loop_run import Run
 from daemon.modes.table import Mode
 
-MOST_CPU, MOST_SETPOINT = 0.55, 0.5
-"""CPU of a woken tick, and the time from SYNC to its last setpoint, of before"""
-
 
 def targets_of(run: Run, *, load: bool) -> list[Target]:
     """Targets that hold at this rate, and what they are held against."""
@@ -21,8 +18,6 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
         targets.append(Target(at + "CPU time of a tick, median", cpu, 0.5, "ms", "lower"))
     tracking = float(run.mode == Mode.TRACKING)
     targets.append(Target(at + "tracking all the time", tracking, 1.0, "", "higher"))
-    if run.waited and run.hz == 100:
-        targets += _of_before(run, at)
     if run.rival_us is not None:
         targets += _of_wakeups(run, at, period_us)
     if run.hz == 250 and load:
@@ -31,16 +26,6 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
         name = f"deadlines missed, at most the {run.rival}'s"
         targets.append(Target(at + name, run.missed, run.rivals_missed, "", "lower"))
     return targets
-
-
-def _of_before(run: Run, at: str) -> list[Target]:
-    limits = {"cpu p50": MOST_CPU, "setpoint p50": MOST_SETPOINT}
-    names = {"cpu p50": "CPU of a tick", "setpoint p50": "SYNC to setpoint"}
-    return [
-        Target(f"{at}{names[figure]}, median over before's", found.median, limit, "x", "lower")
-        for figure, limit in limits.items()
-        if (found := run.to_before.get(figure))
-    ]
 
 
 def _of_wakeups(run: Run, at: str, period_us: float) -> list[Target]:

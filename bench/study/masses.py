@@ -9,26 +9,26 @@ import msgspec
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix, Vector
 from bench.rigs.arm_batch import Reference, Scatter, random_arm, record_fleet
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.reaching import RAMPING, Reaching
+from common.arrays import Matrix, Vector
 from daemon.assembly import build_estimator, build_transmission
-from daemon.commands.simulated_robot import describe, read_simulation
 from daemon.config.dynamics import model_of
 from daemon.config.load import load_robot
 from daemon.config.motion import row
 from daemon.config.schema import Configuration, Friction
-from daemon.identify.motions import bounds_of, excitation
 from estimator.body_inertia import BodyInertia
 from estimator.estimate import SampleRows
-from estimator.identification.friction import identify_friction
-from estimator.identification.friction_fit import adopt
-from estimator.identification.masses import identify_masses
-from estimator.identification.motion_log import MotionLog
-from estimator.identification.payload_fit import PayloadVerdict, identify_payload
 from estimator.model import Model
 from estimator.payload import Payload
+from identification.friction import identify_friction
+from identification.friction_fit import adopt
+from identification.masses import identify_masses
+from identification.motion_log import MotionLog
+from identification.payload_fit import PayloadVerdict, identify_payload
+from programs.identify.motions import bounds_of, excitation
+from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import Mismatch, SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters
 
@@ -143,7 +143,7 @@ class Subjects:
         """rms of r (n,) [Nm] of the estimator of a configuration over a log."""
         ticks = len(log.time_s)
         measured = np.full_like(log.current, np.nan)
-        estimates = build_estimator(c, self.robot.urdf).run(
+        estimates = build_estimator(c, model_of(c, self.robot.urdf)).run(
             SampleRows(
                 current=log.current,
                 link_position=log.link_position,

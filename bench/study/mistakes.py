@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from bench.rigs.generated_arms import PROFILE, URDF, GeneratedArm, in_yaml
+from common.errors import ContactdError
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
 from daemon.config.load import load_robot
-from errors import ContactdError
 
 JOINT = 1  # the joint whose figures are wrong: the shoulder, which carries the arm
 
@@ -76,7 +76,7 @@ def told(folder: Path) -> Told:
     except ContactdError as error:
         return Told(folder, True, str(error).splitlines())
     c = robot.configuration
-    warned = (*near(c, robot.urdf), *suspects(c, robot.urdf, folder))
+    warned = (*near(c, robot.model), *suspects(c, robot.urdf, folder))
     return Told(folder, False, [robot.in_words(problem) for problem in warned])
 
 

@@ -12,28 +12,24 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from arrays import Vector
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record, recordings
 from bench.study import courses, population, scores, world
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.population import STEP_MS, Step, Touch
 from bench.study.scores import Errors, Trial
 from bench.study.world import Law
+from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.service.realtime import single_threaded
 from estimator.alarms import count_alarms, quiet_threshold
 
-EARLIER = "backlash, one belief"
-"""The residual that decides, as it was before it learned, and before pre-slidings were a range."""
-EARLIER_BELIEF: Final[dict[str, Any]] = {"learning": False, "presliding": (0.0015, 0.0015)}
 Kind = Literal["free", "moving", "rest", "link"]
 Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
 """Verdict on the touched link of an estimate."""
@@ -100,16 +96,8 @@ def run(job: Job) -> Result:
     found = estimates(estimator, recording)
     # Rivals have levels of their own, raised as if nothing was learned.
     unlearned = estimates(build(robot, learning=False, beside=(), **how), recording)
-    earlier = estimates(build(robot, beside=(), **how, **EARLIER_BELIEF), recording)
-    raised = np.array(
-        [
-            found.threshold,
-            *[unlearned.threshold] * (len(found.residuals) - 1),
-            earlier.threshold,
-        ]
-    )
+    raised = np.array([found.threshold, *[unlearned.threshold] * (len(found.residuals) - 1)])
     raised -= contact
-    found.residuals[EARLIER] = next(iter(earlier.residuals.values()))
     armed = recording.time_s > GRACE_S
     external = recording.mean(found.delay_s, recording.external)
     truth = scores.filtered(external, c.estimator.gain, c.period_s)
@@ -241,7 +229,6 @@ def spread(work: Callable[[T], R], jobs: Iterable[T], processes: int, title: str
                 yield work(job)
                 bar.advance(task)
             return
-        single_threaded()  # those that are spawned
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
             for done in as_completed([pool.submit(work, job) for job in todo]):

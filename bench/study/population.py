@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 import pinocchio as pin
 
-from arrays import Matrix, Vector
 from bench.rigs.arm_without_bus import Motion, Push
+from common.arrays import Matrix, Vector
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 

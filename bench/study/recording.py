@@ -13,8 +13,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix
 from bench.rigs.lockstep import Rig
+from common.arrays import Matrix
 from daemon.config.schema import Configuration
 from estimator.contact import dead_band
 

@@ -18,18 +18,18 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from daemon.clients.recorder import CHUNK_BYTES, PROFILE
-from daemon.recordings.html import page_of
-from daemon.recordings.question import Answer, Question
-from daemon.recordings.view import read_view
-from daemon.recordings.whatif import ask
+from programs.clients.recorder import CHUNK_BYTES, PROFILE
+from programs.recordings.html import page_of
+from programs.recordings.question import Answer, Question
+from programs.recordings.view import read_view
+from programs.recordings.whatif import ask
 
 LEVELS: Final = 200
 FILES: Final = 100
 FILE_TICKS: Final = 6000
 _PEAK: Final = """
 import sys
-from daemon.commands.contactd import main
+from programs.contactd.contactd import main
 try:
     main(sys.argv[1:])
 finally:
@@ -150,7 +150,7 @@ def worker_speed(folder: Path, joint: str, scratch: Path, rounds: int) -> list[f
         command = ["whatif", str(folder), "--threshold", levels, "--workers", str(workers)]
         begun = time.perf_counter()
         subprocess.run(
-            [sys.executable, "-m", "daemon.commands.contactd", *command],
+            [sys.executable, "-m", "programs.contactd.contactd", *command],
             stdout=subprocess.DEVNULL,
             env={**os.environ, "XDG_CACHE_HOME": cache},
             check=True,

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 
 KALMAN: Final = "kalman"
 KALMAN_BELIEF: Final = "classical+friction+rotor"

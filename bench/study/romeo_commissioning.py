@@ -7,12 +7,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from arrays import Matrix, Vector
-from bench.contact_free import MOTION, moving
 from bench.report import Target
+from bench.rigs.all_joints import MOTION, moving
 from bench.rigs.lockstep import lockstep_rig
 from bench.rigs.person import CommissionedArm, Person, Written, poor_guesses
 from bench.study.commissioned import Show, judged
+from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
@@ -23,7 +23,7 @@ SIZES = ("largest", "rms", "largest beyond the raise near rest")
 
 
 def motion(turn: int) -> dict[str, tuple[float, float]]:
-    """Motion of `contact_free`, its frequencies dealt out anew and 0.6 rad/s nowhere exceeded."""
+    """Motion of all joints, its frequencies dealt out anew and 0.6 rad/s nowhere exceeded."""
     frequencies = np.roll([f for _, f in MOTION.values()], turn).tolist()
     return {
         name: (min(amplitude, 0.6 / (2.0 * np.pi * frequency)), frequency)
@@ -39,7 +39,7 @@ def residuals(folder: Path, truth: Path, seed: int) -> Matrix:
         with lockstep_rig(
             folder,
             truth=truth,
-            configure=moving("measured", motion(turn)),
+            configure=moving(motion(turn)),
             simulate=lambda s: msgspec.structs.replace(s, seed=seed),
         ) as rig:
             rig.enable()

@@ -13,10 +13,10 @@ import yaml
 from bench.rigs.generated_arms import GeneratedArm, in_yaml
 from bench.rigs.served_daemon import served_daemon
 from bench.study.mistakes import JOINT, Mistake, told
-from daemon.commands.simulated_robot import true_arm
+from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from errors import ContactdError
+from programs.simulate.simulated_robot import true_arm
 
 TRUE_URDF = "simulation.urdf"
 POSE = 0.3  # of every joint [rad], so that it carries something

@@ -7,12 +7,12 @@ from bench.report import Target
 from bench.rigs import upright_arm
 from bench.rigs.person import Person
 from bench.study.commissioned import Show, judged
-from daemon.commands.simulated_robot import true_arm
+from programs.simulate.simulated_robot import true_arm
 
 
-def at_upright_arm(folder: Path, seed: int, show: Show) -> Person:
-    """A person at the upright arm, with poor guesses of it."""
-    return Person(
+def upright(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, Any]]:
+    """Commission it; targets of the project, and numbers behind them."""
+    person = Person(
         folder,
         seed,
         show,
@@ -20,9 +20,4 @@ def at_upright_arm(folder: Path, seed: int, show: Show) -> Person:
         pose=None,
         described=lambda robot, _: true_arm(robot)[0],
     )
-
-
-def upright(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, Any]]:
-    """Commission it; targets of the project, and numbers behind them."""
-    person = at_upright_arm(folder, seed, show)
     return judged("upright", person, person.from_zero_to_armed())

@@ -7,22 +7,24 @@ it needs, a sleeping thread with the daemon's own real-time set-up takes its pla
 
 import contextlib
 import json
+import multiprocessing
 import os
 import shutil
 import subprocess
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.study.before import ROOT
-from bench.study.pairs import Worker
-from daemon.service.realtime import FIFO_PRIORITY
+from daemon.run import sleep_until
+from daemon.service.realtime import FIFO_PRIORITY, go_realtime
 
 LONGEST_US: Final = 100_000  # of cyclictest's histogram
 
@@ -87,25 +89,53 @@ def a_rival(hz: int) -> Iterator[Rival]:
                 if cyclictest.works():
                     yield cyclictest
                     return
-        with contextlib.closing(Worker("sleeper", ROOT, {"hz": hz})) as worker:
-            worker.receive()
-            yield Sleeper(worker)
+        with contextlib.closing(Sleeper(hz)) as sleeper:
+            yield sleeper
 
 
 class Sleeper:
-    """`bench.workers.sleeper`."""
+    """A process whose thread does nothing but wake up, with the daemon's real-time set-up."""
 
     name = "sleeper"
     threads = 1
 
-    def __init__(self, worker: Worker) -> None:
-        self._worker = worker
+    def __init__(self, hz: int) -> None:
+        spawned = multiprocessing.get_context("spawn")
+        self._connection, theirs = spawned.Pipe()
+        self._process = spawned.Process(target=_sleep, args=(theirs, 1.0 / hz), daemon=True)
+        self._process.start()
+        theirs.close()
+        self._connection.recv()
 
     def begin(self, seconds: int) -> None:
-        self._worker.send({"seconds": seconds})
+        self._connection.send(seconds)
 
     def result(self) -> Distribution:
-        return Distribution.of(self._worker.receive()["lateness_us"])
+        return Distribution.of(self._connection.recv())
+
+    def close(self) -> None:
+        """End it and wait."""
+        self._connection.close()
+        self._process.join()
+
+
+def _sleep(connection: Connection, period_s: float) -> None:
+    go_realtime()
+    connection.send(None)
+    with contextlib.suppress(EOFError):
+        while True:
+            connection.send(_lateness_us(connection.recv(), period_s))
+
+
+def _lateness_us(seconds: float, period_s: float) -> list[float]:
+    begun = time.monotonic()
+    k, late = 1, []
+    while k * period_s <= seconds:
+        sleep_until(begun + k * period_s)
+        woken_s = time.monotonic() - begun
+        late.append(1e6 * (woken_s - k * period_s))
+        k = max(k, int(woken_s / period_s)) + 1  # as cyclictest and the loop go on
+    return late
 
 
 class Cyclictest:

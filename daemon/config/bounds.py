@@ -1,38 +1,39 @@
-"""Bounds that physics gives to what decides whether a touch is felt.
+"""Physical bounds on the parameters that decide whether a touch is detected.
 
-Whatever a configuration says, some figures make an arm that feels nothing: a level above all that
-its motor can press with, friction that no motor could turn, links that no motor could hold. They
-are refused, with what they are measured by; what comes near is told (`contactd check`).
+Some values make an arm that detects nothing: a level above the largest torque of its motor,
+friction that no motor could overcome, links that no motor could hold. They are refused, with the
+quantity that bounds them; values close to a bound are warnings (`contactd check`).
 
-Everything is measured by the motor's largest torque, by the weight and the reach of the arm, and
-by the range of the joint. So the first of all are bounded, too: a torque constant that is a hundred
-times too large would make room for a level that is a hundred times too high.
+The bounds derive from the motor's largest torque, from the weight and the reach of the arm, and
+from the range of the joint. These are therefore bounded first: a torque constant that is a hundred
+times too large would admit a level that is a hundred times too high.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from daemon.config.dynamics import model_of
 from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
 from daemon.faults.detector import patience_deaf
 from estimator.estimate import SENSED_PERIODS
+from estimator.model import Model
 from estimator.transmission import stiction_range
-from estimator.urdf import MovedLink, moved_links
+from estimator.urdf import MovedLink
 
 GRAVITY = 9.81  # [m/s2]
 
 NEAR = 0.7
-"""Share of a bound from which on it is told: every arm shipped stays below."""
+"""Share of a bound above which a value is a warning: every arm shipped stays below."""
 FELT = 0.5
-"""Share of the motor's largest torque that a touch of a moving joint, friction, or what a rotor
-takes may be. Half is left for whoever is pressed: beyond, the motor gives out before it feels."""
+"""Largest share of the motor's largest torque for a touch of a moving joint, for friction, or for
+accelerating the rotor. Half is reserved for the contact: beyond, the motor saturates before the
+touch is detected."""
 LEAST = 0.001
-"""Share of the motor's largest torque that a touch may be at least."""
+"""Smallest share of the motor's largest torque that a contact level may be."""
 HEAVIEST = 30.0
-"""Times all other moving links together that one of three or more may weigh."""
+"""Largest mass of one moving link, of three or more, over that of all the others together."""
 STRONGEST_BLOW = 3.0
 """Times the motor's largest torque: more than the gears of such motors are built for at once."""
 TOO_HEAVY = 2.0
@@ -40,7 +41,7 @@ TOO_HEAVY = 2.0
 TOO_STRONG = 50.0
 """Times the weight of the arm at its reach: no motor of an arm is chosen so."""
 LEAST_REACH = 0.5
-"""What counts as reach of an arm whose links are balanced about its axis, or short [m]."""
+"""Least reach assumed, for an arm whose links are short, or balanced about its axis [m]."""
 SURGE = 10.0
 """Times the rated current: no motor is made for more."""
 SHAFT = (1e-4, 10.0)
@@ -49,9 +50,9 @@ OF_RANGE = 1.0 / 8.0
 """Share of its range that a joint may fall through its gap, from border to border."""
 WIDEST_HALF_GAP = 0.2  # [rad]; a gear with more has no teeth left
 LONGEST_TIMEOUT_MS = 500
-"""That a drive may move on when its master is silent."""
+"""Longest time that a drive may continue when its master is silent."""
 LATEST_S = 0.15
-"""[s] until a steady torque of twice its level must be felt."""
+"""Time within which a steady torque of twice its level must be detected [s]."""
 BENDING = 0.005  # [rad]; what a gear bends under the motor's largest torque, at least
 
 
@@ -69,17 +70,17 @@ class Bounded:
 
     @property
     def refused(self) -> bool:
-        """True beyond the bounds; what is no number is."""
+        """True if the value is beyond its bounds, or is not a number."""
         return not self.low <= self.value <= self.high
 
     @property
     def near(self) -> bool:
-        """True where little is left to a bound."""
+        """True if the value is within its bounds, but close to one."""
         return not self.low <= NEAR * self.value <= NEAR * NEAR * self.high
 
     @property
     def problem(self) -> Problem:
-        """What is wrong, or soon will be, in words."""
+        """Problem that names the value, its bounds and their reason."""
         low, high = figure(self.low), figure(self.high)
         what = f"{self.value:.4g} {self.unit} {'is beyond' if self.refused else 'comes near'}"
         allowed = f"{low} to {high}" if self.low else f"up to {high}"
@@ -90,46 +91,44 @@ class Bounded:
         )
 
 
-def beyond(c: Configuration, urdf: str) -> list[Problem]:
-    """Problems with all that is beyond its bounds. The URDF must be one that can be read, and the
-    limits of the joints in order."""
-    missing = list(_weightless(c, urdf))
-    return missing or [b.problem for b in bounded(c, urdf) if b.refused]
+def beyond(c: Configuration, model: Model) -> list[Problem]:
+    """Problems with all values beyond their bounds. The limits of the joints must be in order."""
+    missing = list(_weightless(c, model))
+    return missing or [b.problem for b in bounded(c, model) if b.refused]
 
 
-def near(c: Configuration, urdf: str) -> list[Problem]:
-    """What comes near its bounds, of a configuration that is within them."""
-    return [*_deaf(c), *(b.problem for b in bounded(c, urdf) if b.near and not b.refused)]
+def near(c: Configuration, model: Model) -> list[Problem]:
+    """Warnings about values close to their bounds, in a configuration that is within them."""
+    return [*_deaf(c), *(b.problem for b in bounded(c, model) if b.near and not b.refused)]
 
 
-def bounded(c: Configuration, urdf: str) -> Iterator[Bounded]:
+def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
     """Every bounded figure of a configuration."""
-    model = model_of(c, urdf)
     reach = max(model.reach, LEAST_REACH)
     weight = GRAVITY * model.mass * reach
     yield from _sensing(c)
-    for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, urdf), strict=True)):
+    for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, model), strict=True)):
         yield from _motor(i, joint, weight)
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)
-    links = moved_links(urdf)
-    for link in links:
+    for link in model.links:
         yield _shape(c, link, reach)
-    if sum(link.mass > 0.0 for link in links) > 2:
-        for link in links:
-            yield _mass(c, link, sum(other.mass for other in links) - link.mass)
+    if sum(link.mass > 0.0 for link in model.links) > 2:
+        for link in model.links:
+            yield _mass(c, link, sum(other.mass for other in model.links) - link.mass)
 
 
 def _deaf(c: Configuration) -> Iterator[Problem]:
-    """What may take longer than a touch should. Not refused: such an arm holds all the same."""
+    """Times that delay the detection of a touch or of a failure. Not refused: such an arm still
+    holds."""
     stale_s = c.supervisor.stale_ticks * c.period_s
     if stale_s > LATEST_S:
         yield Problem(
             ["supervisor", "stale_ticks"],
             "supervisor.stale_ticks",
             f"{c.supervisor.stale_ticks} ticks: a drive that sends nothing is found after "
-            f"{stale_s:.3g} s, more than {LATEST_S:g} s, in which nobody knows where its joint "
+            f"{stale_s:.3g} s, more than {LATEST_S:g} s, in which it is unknown where its joint "
             "goes",
         )
     for name, profile in c.drives.items():
@@ -139,7 +138,7 @@ def _deaf(c: Configuration) -> Iterator[Problem]:
                 f"drives.{name}.master_timeout_ms",
                 f"{profile.master_timeout_ms} ms: for so long its joints go on, at up to "
                 f"limits.velocity, when the daemon has died; usual is 100, up to "
-                f"{LONGEST_TIMEOUT_MS} is not told",
+                f"{LONGEST_TIMEOUT_MS} no warning is given",
             )
     seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
     if seconds > LATEST_S:
@@ -147,7 +146,7 @@ def _deaf(c: Configuration) -> Iterator[Problem]:
             ["period_ms"],
             "period_ms",
             f"{c.period_ms} ms: where samples go missing, the arm stops or holds only after "
-            f"{seconds:.2g} s in which a touch may not be felt; up to 40 ms it takes at most "
+            f"{seconds:.2g} s in which a touch may go undetected; up to 40 ms it takes at most "
             f"{LATEST_S:g} s",
         )
 
@@ -156,7 +155,7 @@ def _sensing(c: Configuration) -> Iterator[Bounded]:
     # By the end of a tick, in which it is found.
     slowest = math.log(2.0) / max(LATEST_S - c.period_s, 1e-9)
     why = (
-        "so that a torque of twice its level is felt within ln 2 / gain and a period = "
+        "so that a torque of twice its level is detected within ln 2 / gain and a period = "
         f"{LATEST_S:g} s"
     )
     gain = c.estimator.gain
@@ -170,7 +169,7 @@ def _sensing(c: Configuration) -> Iterator[Bounded]:
         float(c.estimator.debounce) if c.estimator.debounce > 1 else 0.0,
         ticks,
         "ticks",
-        f"so that a torque of twice its level is felt within {LATEST_S:g} s, ln 2 / gain and "
+        f"so that a torque of twice its level is detected within {LATEST_S:g} s, ln 2 / gain and "
         "debounce together",
     )
 
@@ -209,8 +208,8 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         levels.contact,
         high,
         "Nm",
-        f"{LEAST:g} to {FELT:g} of {of}: beyond, it presses with nearly all it has and feels "
-        "nothing; below, its current's noise is a touch",
+        f"{LEAST:g} to {FELT:g} of {of}: above, it presses with nearly its full torque before a "
+        "contact is detected; below, the noise of its current is detected as a contact",
         LEAST * motor,
     )
     speed = joint.limits.velocity
@@ -227,7 +226,7 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         levels.collision,
         STRONGEST_BLOW * motor,
         "Nm",
-        f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor stands",
+        f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands",
     )
     share = settings.stiction_share + stiction_range(friction.stiction)[1]
     coulomb = friction.motor_coulomb + friction.link_coulomb
@@ -238,8 +237,8 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         motor,
         "Nm at rest",
         f"{of}: contact, raised by what friction ({share:g} of {coulomb:g} Nm: "
-        "estimator.stiction_share and friction.stiction) and a side of the gap that is not known "
-        "may hide, would be more than it can press with",
+        "estimator.stiction_share and friction.stiction) and an unknown side of the gap may hide, "
+        "would exceed the torque it can press with",
     )
 
 
@@ -282,7 +281,8 @@ def _transmission(i: int, joint: Joint, motor: float) -> Iterator[Bounded]:
         joint.gap_spring.stiffness,
         motor / BENDING,
         "Nm/rad",
-        f"with which {of} bends the gear by {BENDING:g} rad: the correction would be all of it",
+        f"with which {of} bends the gear by {BENDING:g} rad: the correction would be all of that "
+        "torque",
     )
     yield Bounded(
         *at(i, joint, "gap_spring", "damping"),
@@ -324,11 +324,10 @@ def _shape(c: Configuration, link: MovedLink, reach: float) -> Bounded:
     )
 
 
-def _weightless(c: Configuration, urdf: str) -> Iterator[Problem]:
-    """Joints whose own body has no mass or inertia: frames on it may be without."""
-    links = moved_links(urdf)
+def _weightless(c: Configuration, model: Model) -> Iterator[Problem]:
+    """Joints whose own body has no mass or inertia; frames attached to it may have none."""
     for name in c.joint_names:
-        body = [link for link in links if link.joint == name]
+        body = [link for link in model.links if link.joint == name]
         mass = sum(link.mass for link in body)
         if mass > 0 and any(link.moment > 0 for link in body):
             continue
@@ -337,7 +336,7 @@ def _weightless(c: Configuration, urdf: str) -> Iterator[Problem]:
             ["urdf"],
             f"urdf ({c.urdf}), line {body[0].line}",
             f"link {body[0].name!r}, which joint {name} moves, has {what}: it needs an <inertial> "
-            "with mass, in kg, and inertia above 0, or its weight is taken for a touch",
+            "with mass, in kg, and inertia above 0; otherwise its weight is detected as a touch",
         )
 
 

@@ -1,4 +1,4 @@
-"""Cross-checks between the fields of a configuration. All problems are listed at once."""
+"""Cross-checks between the fields of a configuration; all problems are listed at once."""
 
 import math
 from collections import Counter
@@ -7,53 +7,64 @@ from pathlib import Path
 
 import msgspec
 
+from common.errors import ConfigurationError, ModelError
 from daemon.config.bounds import beyond
-from daemon.config.counts import unrepresentable
-from daemon.config.dynamics import model_of
+from daemon.config.drive_checks import bus_load, counts, profiles
 from daemon.config.mistakes import likely_mistakes
-from daemon.config.problem import Keys, Problem, at, figure
-from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits, drive_of
+from daemon.config.problem import Problem, at, figure
+from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.worst_loads import Carrying
 from drivers.boot.data_sheet import load_data_sheet
-from drivers.boot.required_objects import DriveSetup, Place, problems
-from drivers.can.bus_load import refuse_overload
-from drivers.codec import LayoutError
-from drivers.settings import PdoEntry
-from errors import ConfigurationError, ModelError
 from estimator.body_inertia import refuse_impossible
+from estimator.model import Model
 from estimator.payload import Payload
+from estimator.thresholds import LEAST_SHARE
 from estimator.urdf import joint_ranges
 
+_ROUNDING = 1e-9
 
-def cross_checks(configuration: Configuration, urdf: str, folder: Path) -> list[Problem]:
-    """Everything wrong with a configuration whose types and ranges are right.
 
-    `folder` is what its paths are relative to.
+def cross_checks(
+    c: Configuration, urdf: str, model: Model | ModelError, folder: Path
+) -> list[Problem]:
+    """All problems of a configuration whose types and ranges are right.
+
+    model: of the URDF's links, or the reason why there is none. Paths are relative to `folder`.
     """
-    meant = _limits_in_order(configuration)
+    meant = _limits_in_order(c)
     findings = [
-        *_names_and_nodes(configuration),
-        *_joints(configuration),
-        *_estimator(configuration),
-        *_profiles(configuration, folder),
-        *_counts(meant),
+        *_names_and_nodes(c),
+        *_joints(c),
+        *_estimator(c),
+        *profiles(c, folder),
+        *counts(meant),
         *_trajectory(meant),
         *_poses(meant),
-        *_urdf(meant, urdf),
+        *_urdf(meant, urdf, model),
     ]
-    # What is computed from many fields can only be where each is right.
-    findings = findings or [
-        *beyond(configuration, urdf),
-        *_load(configuration),
-        *_payloads(configuration, urdf),
-    ]
-    # The field that is refused may be right, and measured by one that is not.
+    if isinstance(model, ModelError):
+        return findings
+    # Values computed from several fields are checked only if each of these fields is right.
+    findings = findings or [*beyond(c, model), *bus_load(c), *_payloads(c, model)]
+    # A refused field may be right, and the one that its bound derives from wrong.
     return findings and [*findings, *suspects(meant, urdf, folder)]
 
 
+def identified_checks(
+    c: Configuration, urdf: str, model: Model | ModelError, folder: Path
+) -> list[Problem]:
+    """All problems that identified values may make in a configuration that has none without them:
+    `cross_checks` less those of fields that no step identifies."""
+    findings = [*_joints(c), *counts(c), *_urdf(c, urdf, model)]
+    if isinstance(model, ModelError):
+        return findings
+    findings = findings or [*beyond(c, model), *_payloads(c, model)]
+    return findings and [*findings, *suspects(c, urdf, folder)]
+
+
 def _limits_in_order(c: Configuration) -> Configuration:
-    """The configuration with limits that were swapped the right way round: what follows from the
-    swap, at other fields, is not told beside it."""
+    """Configuration with swapped limits put in order, so that consequences of the swap at other
+    fields are not reported beside it."""
 
     def ordered(joint: Joint) -> Joint:
         lower, upper = sorted((joint.limits.lower, joint.limits.upper))
@@ -64,12 +75,11 @@ def _limits_in_order(c: Configuration) -> Configuration:
 
 
 def suspects(c: Configuration, urdf: str, folder: Path) -> list[Problem]:
-    """What most likely is not meant; nothing where URDF or EDS cannot be read, or the joints of
-    both are others."""
+    """Likely mistakes, in a configuration whose joints are those of the URDF; none if an EDS cannot
+    be read."""
     try:
-        model_of(c, urdf)
         sheets = {name: load_data_sheet(folder / drive.eds) for name, drive in c.drives.items()}
-    except (ModelError, ConfigurationError):
+    except ConfigurationError:
         return []
     if any(joint.wiring.profile not in sheets for joint in c.joints):
         return []
@@ -116,6 +126,13 @@ def _joints(c: Configuration) -> Iterator[Problem]:
                 f"{joint.thresholds.contact:g} must be less than collision "
                 f"({joint.thresholds.collision:g})",
             )
+        levels = joint.thresholds
+        if levels.least is not None and not LEAST_SHARE - _ROUNDING <= levels.least_share <= 1.0:
+            yield Problem(
+                *at(i, joint, "thresholds", "least"),
+                f"{levels.least:g} must be {LEAST_SHARE * levels.contact:g} to {levels.contact:g} "
+                f"Nm: {LEAST_SHARE:g} to 1 times contact",
+            )
         if joint.body is not None:
             try:
                 refuse_impossible(joint.name, joint.body)
@@ -156,67 +173,6 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
                     "estimator.motor_position: measured needs: list it under `tpdo`, or choose "
                     "integrated",
                 )
-
-
-def _profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
-    used = {joint.wiring.profile for joint in c.joints}
-    for name, profile in c.drives.items():
-        if name not in used:
-            yield Problem(["drives", name], f"drives.{name}", "no joint uses this profile")
-        yield from _data_sheet(c, name, folder)
-        # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
-        if profile.master_timeout_ms < 3 * c.period_ms:
-            yield Problem(
-                ["drives", name, "master_timeout_ms"],
-                f"drives.{name}.master_timeout_ms",
-                f"{profile.master_timeout_ms} ms must be at least three periods "
-                f"({3 * c.period_ms} ms)",
-            )
-
-
-def _data_sheet(c: Configuration, name: str, folder: Path) -> list[Problem]:
-    """Contradictions between an EDS and a profile with the joints that use it, each once, at the
-    field of the profile that asks for what is not there."""
-    profile = c.drives[name]
-    try:
-        sheet = load_data_sheet(folder / profile.eds)
-    except ConfigurationError as error:
-        return [_in_profile(name, ("eds",), str(error))]
-    setups = [
-        DriveSetup(drive_of(joint, profile), sheet, joint.limits.velocity, joint.limits.quick_stop)
-        for joint in c.joints
-        if joint.wiring.profile == name
-    ]
-    try:
-        found = [p for s in setups for p in problems(s, c.period_ms, c.bus.master_node)]
-    except LayoutError as error:
-        return [_in_profile(name, error.at, str(error))]
-    return [_in_profile(name, p.at, f"{profile.eds}: {p.what}") for p in dict.fromkeys(found)]
-
-
-def _in_profile(name: str, place: Place, what: str) -> Problem:
-    keys: Keys = ["drives", name, *place]
-    where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
-    return Problem(keys, where.removeprefix("."), what)
-
-
-def _counts(c: Configuration) -> Iterator[Problem]:
-    """What the counts of drives cannot hold: at the joint where it is one of several with such a
-    drive, else at the scale that they share."""
-    margin = c.supervisor.speed_margin
-    for name, profile in c.drives.items():
-        users = [(i, joint) for i, joint in enumerate(c.joints) if joint.wiring.profile == name]
-        found: dict[PdoEntry, list[tuple[int, Joint, str]]] = {}
-        for i, joint in users:
-            for entry, what in unrepresentable(joint, profile, margin):
-                found.setdefault(entry, []).append((i, joint, what))
-        for entry, places in found.items():
-            if len(places) == len(users):
-                _, joint, what = places[0]
-                yield _in_profile(name, (entry, "scale"), f"joint {joint.name}: {what}")
-                continue
-            for i, joint, what in places:
-                yield Problem(*at(i, joint, "wiring", "gear"), f"{name}.{entry}: {what}")
 
 
 def _trajectory(c: Configuration) -> Iterator[Problem]:
@@ -260,7 +216,7 @@ def _poses(c: Configuration) -> Iterator[Problem]:
     joints = {joint.name: joint.limits for joint in c.joints}
     for pose, values in c.poses.items():
         if "=" in pose or pose.startswith("-"):
-            text = "a name that `contactctl go` takes for something else"
+            text = "`contactctl go` gives this name another meaning: choose another name"
             yield Problem(["poses", pose], f"poses.{pose}", text)
         for name, value in values.items():
             keys: list[str | int] = ["poses", pose, name]
@@ -272,7 +228,7 @@ def _poses(c: Configuration) -> Iterator[Problem]:
                 yield Problem(keys, where, f"{value:g} rad is outside its limits {limits}")
 
 
-def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
+def _urdf(c: Configuration, urdf: str, model: Model | ModelError) -> Iterator[Problem]:
     try:
         movable = [one.joint for one in joint_ranges(urdf)]
         strangers = [
@@ -286,7 +242,8 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
         if strangers:
             yield from strangers
             return
-        model = model_of(c, urdf)
+        if isinstance(model, ModelError):
+            raise model
     except ModelError as error:
         yield Problem(["urdf"], f"urdf ({c.urdf})", str(error))
         return
@@ -301,43 +258,37 @@ def _urdf(c: Configuration, urdf: str) -> Iterator[Problem]:
 
 
 def _meant(limits: JointLimits, lower: float, upper: float) -> str:
-    """How limits beyond [lower, upper] would fit, in words."""
+    """Suggestion of a mistake with which limits beyond [lower, upper] would fit; may be empty."""
     for words, low, high in (
         ("in degrees?", math.radians(limits.lower), math.radians(limits.upper)),
         ("about the axis the other way round?", -limits.upper, -limits.lower),
     ):
-        # In degrees any limits would fit: those that leave next to nothing were not meant so.
+        # Any limits would fit as degrees: a suggestion that leaves nearly no range is omitted.
         wide = high - low >= 0.1 * (upper - lower)
         if wide and lower - 1e-3 <= low <= high <= upper + 1e-3:
             return f"; {words} then it is [{figure(low)}, {figure(high)}]"
     return ""
 
 
-def _payloads(c: Configuration, urdf: str) -> Iterator[Problem]:
+def _payloads(c: Configuration, model: Model) -> Iterator[Problem]:
     if not c.payloads:
         return
-    model, carrying = model_of(c, urdf), Carrying(c, urdf)
+    carrying = Carrying(c, model)
     for name, entry in c.payloads.items():
         keys: list[str | int] = ["payloads", name]
         where = f"payloads.{name}"
         if not names_payload(name):
-            yield Problem(keys, where, "a name that `contactctl payload` takes for something else")
+            text = "`contactctl payload` gives this name another meaning: choose another name"
+            yield Problem(keys, where, text)
         com = model.tool_place.tolist() if entry.com is None else entry.com
         for reason in carrying.too_heavy(Payload.of(entry.mass, com)):
             yield Problem([*keys, "mass"], f"{where}.mass", reason)
 
 
 def names_payload(name: str) -> bool:
-    """True if `contactctl payload` can take such a word for the name of a payload."""
+    """True if `contactctl payload` can interpret such a word as the name of a payload."""
     try:
         float(name)
     except ValueError:
         return name != NO_PAYLOAD
     return False
-
-
-def _load(c: Configuration) -> Iterator[Problem]:
-    try:
-        refuse_overload(c.joint_drives, c.period_s, c.bus.bitrate)
-    except ConfigurationError as error:
-        yield Problem(["bus", "bitrate"], "bus.bitrate", str(error))

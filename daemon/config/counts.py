@@ -13,10 +13,10 @@ COARSEST = 0.25
 def unrepresentable(
     joint: Joint, profile: DriveProfile, speed_margin: float
 ) -> Iterator[tuple[PdoEntry, str]]:
-    """(quantity, reason) for each quantity of a joint that the counts of its drive cannot hold.
+    """(quantity, reason) for each quantity of a joint outside the integer range of its drive.
 
-    Velocities are held up to `speed_margin` times the limit: a motor whose counts end sooner is
-    never seen to be too fast.
+    Velocities must be representable up to `speed_margin` times the limit: otherwise overspeed of
+    the motor could not be detected.
     """
     drive, limits = drive_of(joint, profile), joint.limits
     fastest = speed_margin * limits.velocity

@@ -1,16 +1,17 @@
-"""Draft of a configuration from a URDF and the EDS of its drives: every figure that they do not say
-is a guess that holds the arm, marked `# CHECK`, so that the draft passes `contactd check`."""
+"""Draft of a configuration from a URDF and the EDS of its drives: every value that they do not
+contain is a guess with which the motors hold the arm, marked `# CHECK`, so that the draft passes
+`contactd check`."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
+from common.errors import ConfigurationError, ModelError
 from daemon.config.drafted_drive import DraftedDrive
 from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
 from daemon.config.yaml_source import quoted
-from errors import ConfigurationError, ModelError
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
 
@@ -20,7 +21,7 @@ INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
 PEAK = 1.8  # times the rated current
 SLOWLY = 0.5  # [rad/s]
 POSITION_GAIN = 4.0  # [1/s]
-STRONGEST = 3000.0  # [Nm] at a joint: beyond, an arm is none that a person may touch
+STRONGEST = 3000.0  # [Nm] at a joint: an arm beyond this is not one that a person may touch
 
 
 def guesses(text: str) -> int:
@@ -29,20 +30,20 @@ def guesses(text: str) -> int:
 
 
 HEAD = """\
-# Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and take the
-# mark away. `contactd check --explain FIELD` says what a field is and how to find it.
-# What only you know: node ids, gears, currents and torque constants (data sheets); the size of
+# Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and remove
+# the mark. `contactd check --explain FIELD` describes a field and how to find its value.
+# To be filled in by hand: node ids, gears, currents and torque constants (data sheets); the size of
 # counts (the drives' manual). Signs, zeros, gaps, friction and levels are found by
-# `contactd identify` (docs/commissioning.md); guesses will do until then.
+# `contactd identify` (docs/commissioning.md); guesses suffice until then.
 """
 
 
 def draft(
     name: str, urdf: str, urdf_name: str, drives: Mapping[str, tuple[str, DraftedDrive]]
 ) -> str:
-    """Text of `config.yaml`. drives: (EDS file, draft) by the profile's name; with several, each
-    joint gets one, the last the others, too. Raises ConfigurationError for a URDF without joints
-    that can be used."""
+    """Text of `config.yaml`. drives: (EDS file, draft) by the profile's name; of several, each
+    joint gets the next, and the remaining joints the last. Raises ConfigurationError for a URDF
+    without usable joints."""
     ranges = _moving(urdf, urdf_name)
     if len(drives) > len(ranges):
         raise ConfigurationError(
@@ -81,7 +82,7 @@ joints:
 estimator:
   motor_position: {measured}
 
-# Low: with play in its gears a fast loop swings by itself. Raise it when the arm is known.
+# Low: with play in the gears a fast loop oscillates. Raise it when the arm is identified.
 control: {{position_gain: {POSITION_GAIN:g}}}
 """
 
@@ -108,8 +109,9 @@ def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
 
 
 def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]:
-    """Torque with which each joint's motor carries the arm with room [Nm], and the largest inertia
-    that it moves [kg m2], both (n,). Raises ConfigurationError for an arm that none can carry."""
+    """Torque with which each joint's motor carries the arm with a margin [Nm], and the largest
+    inertia that it moves [kg m2], both (n,). Raises ConfigurationError for an arm that no motor can
+    carry."""
     try:
         model = Model(urdf, names)
     except ModelError as error:
@@ -121,33 +123,33 @@ def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]
     if motors.max() > STRONGEST:
         i = int(motors.argmax())
         reasons = [f"{urdf_name}, {place}: {what}" for place, what in urdf_mistakes(urdf)]
-        said = (
+        summary = (
             f"{urdf_name}: joint {names[i]!r} would need a motor of {figure(float(motors[i]))} Nm, "
             f"at most {STRONGEST:g} can be: are masses in kg, inertias in kg m2 and lengths in m?"
         )
-        raise ConfigurationError("\n".join([said, *reasons]))
+        raise ConfigurationError("\n".join([summary, *reasons]))
     return motors, inertia
 
 
 def _joint(
     i: int, one: JointRange, motor: float, inertia: float, profile: str, *, several: bool
 ) -> str:
-    """A joint with a motor that carries it."""
+    """Entry of a joint whose motor can carry it."""
     inside = min(INSIDE, 0.1 * (one.upper - one.lower))
     velocity = min(SLOWLY, one.velocity or SLOWLY)
     constant = SHAFT_CONSTANT * GEAR * 0.8
     rated = float(figure(motor / constant / PEAK))
     most = PEAK * rated
-    # A motor's usual one; no velocity loop is stable in the gap whose rotor is far lighter.
+    # Usual for such a motor; with a far lighter rotor no velocity loop is stable in the gap.
     rotor = max(3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2, 0.15 * inertia)
     gap = min(0.005, 0.01 * (one.upper - one.lower))
     check = f"   {MARK}: which of the drives" if several else ""
-    named = one.joint if one.joint.isprintable() else "JOINT"  # what ends a line ends a comment
+    named = one.joint if one.joint.isprintable() else "JOINT"  # a line break ends the comment
     f = figure
     return f"""\
   - name: {quoted(one.joint)}
     wiring:
-      node: {i + 1}   {MARK}: `contactd scan` lists who is there
+      node: {i + 1}   {MARK}: `contactd scan` lists the nodes on the bus
       profile: {quoted(profile)}{check}
       gear: {GEAR:g}   {MARK}: turns of the motor per turn of the joint
       rated_current_A: {f(rated)}   {MARK}: of the motor

@@ -1,8 +1,8 @@
 """Draft of a drive profile from its EDS: objects found by index, types, scales with their reasons,
-a PDO mapping that fits, and what the drive lacks.
+a PDO mapping that fits, and required features that the drive lacks.
 
-What an EDS cannot say, the size of a count above all, is guessed by what is usual and marked
-`# CHECK`: only the manual knows.
+Values that an EDS does not contain, above all the size of a count, are guessed from common practice
+and marked `# CHECK`: they are in the manual only.
 """
 
 import itertools
@@ -11,10 +11,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from common.errors import ConfigurationError
 from daemon.config.yaml_source import quoted
 from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object, type_name
 from drivers.codec import STRUCT_CODES, WORDS
-from errors import ConfigurationError
 
 TURN = 2.0 * math.pi
 RPM = TURN / 60.0
@@ -31,19 +31,19 @@ CANDIDATES: dict[str, tuple[Object, ...]] = {
     "quick_stop_deceleration": ((0x6085, 0),),
     "max_motor_speed": ((0x6080, 0), (0x607F, 0)),
 }
-"""Where CiA 402 has a quantity, the likeliest first."""
+"""Objects of CiA 402 that may hold each quantity, the likeliest first."""
 OPTIONAL = ("current", "torque", "motor_position", "max_motor_speed")
 MEASURED = ("current", "torque", "motor_velocity", "link_position", "motor_position")
 _MAKERS_OWN = range(0x2000, 0x6000)
 _NOT_MEASURED = re.compile(
     r"\b(demand\w*|target|command\w*|set ?point|reference|limit\w*|max\w*|rated|nominal|gain)\b"
 )
-"""Words in the names of objects that say what shall be, or may be, and not what is."""
+"""Words in the names of objects that denote a setpoint or a limit, not a measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drafted:
-    """One quantity: where it is, and why it is thought to be what it is."""
+    """One quantity: its object, its scale, and the reason for both."""
 
     name: str
     index: int
@@ -59,7 +59,7 @@ class Drafted:
         return 8 if self.type.endswith("8") else 16 if self.type.endswith("16") else 32
 
     def line(self) -> str:
-        """As `config.yaml` has it, with its reason."""
+        """Line of `config.yaml`, with the reason."""
         sub = f", subindex: {self.subindex}" if self.subindex else ""
         check = "" if self.sure else "CHECK: "
         return (
@@ -70,7 +70,7 @@ class Drafted:
 
 @dataclass(frozen=True, slots=True)
 class DraftedDrive:
-    """A profile: its quantities, its PDOs, and what it says about itself."""
+    """Drafted profile: its quantities, its PDOs, and remarks on the drive."""
 
     quantities: dict[str, Drafted]
     tpdo: dict[str, list[str]]
@@ -79,7 +79,7 @@ class DraftedDrive:
     remarks: list[str]
 
     def text(self, name: str, eds: str) -> str:
-        """As `config.yaml` has it under `drives`."""
+        """Entry of `config.yaml` under `drives`."""
         why = "as the EDS fixes them" if self.fixed else "laid out by contactd"
         pdos = [
             f"    {kind}:   # {why}\n"
@@ -92,8 +92,8 @@ class DraftedDrive:
 
 
 def drafted_drive(sheet: DataSheet, eds: str) -> DraftedDrive:
-    """Profile of the drive of an EDS. Raises ConfigurationError where it lacks what contactd needs:
-    a quantity, or room in its PDOs."""
+    """Profile of the drive of an EDS. Raises ConfigurationError if the drive lacks a quantity that
+    contactd needs, or room in its PDOs."""
     counts = counts_per_motor_turn(sheet)
     quantities: dict[str, Drafted] = {}
     for name, places in CANDIDATES.items():
@@ -104,7 +104,7 @@ def drafted_drive(sheet: DataSheet, eds: str) -> DraftedDrive:
             quantities[name] = _drafted(name, found, type_of(sheet, found), counts)
         elif name not in OPTIONAL:
             where = ", ".join(f"0x{i:04X}:{s:02X}" for i, s in places)
-            raise ConfigurationError(f"{eds}: no object for {name} ({where}), nor one by its name")
+            raise ConfigurationError(f"{eds}: no object for {name} ({where}), nor one of that name")
     if "current" not in quantities and "torque" not in quantities:
         raise ConfigurationError(f"{eds}: neither current (0x6078) nor torque (0x6077)")
     tpdo, rpdo, fixed = _pdos(sheet, eds, quantities)
@@ -115,7 +115,7 @@ def drafted_drive(sheet: DataSheet, eds: str) -> DraftedDrive:
 
 
 def type_of(sheet: DataSheet, where: Object) -> str:
-    """Type of an object that is there."""
+    """Type of an object that exists."""
     variable = find_object(sheet, *where)
     assert variable is not None
     return type_name(variable)
@@ -124,8 +124,8 @@ def type_of(sheet: DataSheet, where: Object) -> str:
 def _found(
     sheet: DataSheet, name: str, places: tuple[Object, ...], taken: dict[str, Drafted]
 ) -> Object | None:
-    """The first place that is there, mappable where it must be, and not taken; else a maker's own
-    object by its name."""
+    """First object that exists, is mappable if it must be, and is not taken; otherwise an object of
+    the maker's own, found by its name."""
     used = {(one.index, one.subindex) for one in taken.values()}
     by_name = _by_name(sheet, name)
     # 0x6064 is the motor's wherever the link has an object of its own.
@@ -160,13 +160,13 @@ def _drafted(name: str, where: Object, kind: str, counts: float) -> Drafted:
 
 
 def _scale(name: str, where: Object, counts: float) -> tuple[float, str, bool]:
-    """Scale, its reason, and whether that is more than a guess."""
+    """Scale, its reason, and whether it is certain rather than a guess."""
     if name in ("current", "torque"):
         sure = where in CANDIDATES[name]
         own = " is a guess, as the maker's own object is"
         own += "; mA are 0.001 / rated_current_A" if name == "current" else ""
         why = ", by CiA 402" if sure else own
-        return 0.001, f"per mille of what is rated{why}", sure
+        return 0.001, f"per mille of the rated value{why}", sure
     if name == "link_position":
         return (
             TURN / 131072,
@@ -180,8 +180,8 @@ def _scale(name: str, where: Object, counts: float) -> tuple[float, str, bool]:
     if where == (0x6080, 0):
         return RPM, "rpm, by CiA 402", True
     rpm = "rpm/s" if name == "quick_stop_deceleration" else "rpm"
-    said = f"0.1 {rpm} is a guess: 1 {rpm} is 0.10471975511965977, see docs/porting.md"
-    return 0.1 * RPM, said, False
+    reason = f"0.1 {rpm} is a guess: 1 {rpm} is 0.10471975511965977, see docs/porting.md"
+    return 0.1 * RPM, reason, False
 
 
 # --- PDOs -----------------------------------------------------------------------------------------
@@ -200,7 +200,7 @@ def _pdos(
 
 
 def _fixed(sheet: DataSheet, base: int, quantities: dict[str, Drafted]) -> dict[str, list[str]]:
-    """PDOs whose mapping the EDS fixes, as far as they carry quantities alone."""
+    """PDOs whose mapping the EDS fixes, if they carry nothing but quantities."""
     there = {name: (one.index, one.subindex) for name, one in quantities.items()}
     there |= {word: (index, 0) for word, index in WORDS.items()}
     carried = ("statusword", *MEASURED) if base == 0x1800 else ("controlword", "target_velocity")
@@ -222,7 +222,7 @@ def _fixed(sheet: DataSheet, base: int, quantities: dict[str, Drafted]) -> dict[
 
 
 def _without_repeats(found: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Of these PDOs the fewest that carry the most entries, each but once."""
+    """Smallest set of PDOs that covers the most entries, none of them twice."""
     choices = (
         choice
         for size in range(len(found), -1, -1)
@@ -236,7 +236,7 @@ def _without_repeats(found: dict[str, list[str]]) -> dict[str, list[str]]:
 def _packed(
     sheet: DataSheet, eds: str, base: int, wanted: list[str], quantities: dict[str, Drafted]
 ) -> dict[str, list[str]]:
-    """Entries in as few PDOs as hold them, eight bytes each."""
+    """Entries packed into as few PDOs as possible, eight bytes each."""
     found: dict[str, list[str]] = {}
     left = list(wanted)
     for number in range(4):
@@ -261,7 +261,7 @@ def _packed(
 
 
 def _remarks(sheet: DataSheet) -> Iterator[str]:
-    """What contactd needs of every drive and this EDS does not have."""
+    """Features that contactd requires of every drive and this EDS lacks."""
     for index, subindex, what in (
         (
             0x1016,
@@ -269,8 +269,8 @@ def _remarks(sheet: DataSheet) -> Iterator[str]:
             "it cannot watch the master's heartbeat, and would move on when the daemon dies",
         ),
         (0x1017, 0, "it sends no heartbeat"),
-        (0x6007, 0, "it cannot be told to stop when the master falls silent"),
-        (0x605A, 0, "it cannot be told to hold after a quick stop"),
+        (0x6007, 0, "it cannot be configured to stop when the master falls silent"),
+        (0x605A, 0, "it cannot be configured to hold after a quick stop"),
         (0x6060, 0, "its mode cannot be chosen"),
     ):
         if find_object(sheet, index, subindex) is None:

@@ -1,5 +1,5 @@
-"""Likely mistakes about a drive: its objects and scales against CiA 402 and its EDS. Told, not
-refused: see `mistakes`."""
+"""Likely mistakes about a drive: its objects and scales against CiA 402 and its EDS. They are
+warnings and are not refused: see `mistakes`."""
 
 import math
 from collections.abc import Iterator
@@ -13,24 +13,24 @@ from drivers.settings import DriveProfile, Quantity
 TURN = 2.0 * math.pi
 DEGREE = TURN / 360.0
 
-AGREES = 1.3  # times one figure may be another that says the same
+AGREES = 1.3  # largest ratio of two figures for the same quantity
 FINE = 1e-4  # [rad]: a drive that counts in decimal parts of a rad has at least these
 COARSEST = 0.5  # [rad/s] of a motor shaft per count
 _ROUNDED = 5e-5  # relative error of a scale that is written with five digits
 _MOST_TWOS = 30
 
 STANDARD = range(0x6000, 0x6800)
-"""Objects of CiA 402 for the first axis; what is elsewhere is a maker's own."""
+"""Objects of CiA 402 for the first axis; all others are a maker's own."""
 TARGET_VELOCITY = 0x60FF
 CYCLIC_VELOCITY = 1 << 8  # of 0x6502, the modes that a drive has
 NOT_MEASURED = {
-    0x6040: "the controlword", 0x6062: "the position that is demanded",
-    0x606B: "the velocity that is demanded", 0x6074: "the torque that is demanded",
+    0x6040: "the controlword", 0x6062: "the position demand",
+    0x606B: "the velocity demand", 0x6074: "the torque demand",
     0x607A: "the target position", 0x60F4: "the following error", 0x60FA: "the control effort",
     0x60FF: "the target velocity", 0x6071: "the target torque", 0x60FD: "digital inputs",
     0x6079: "the voltage of the DC link",
 }  # fmt: skip
-"""Objects of CiA 402 that are no measurement of anything that contactd needs."""
+"""Objects of CiA 402 that are not a measurement that contactd needs."""
 MEASURES = {
     0x6063: "position", 0x6064: "position", 0x60E4: "position", 0x6069: "velocity",
     0x606C: "velocity", 0x6077: "effort", 0x6078: "effort",
@@ -43,7 +43,7 @@ KIND_OF = {
 
 
 def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Problem]:
-    """What most likely is not meant in one profile of drives."""
+    """Likely mistakes in one drive profile."""
     profile = c.drives[name]
     gears = sorted({j.wiring.gear for j in c.joints if j.wiring.profile == name})
     by_object: dict[tuple[int, int], str] = {}
@@ -54,7 +54,7 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         place = _of_drive(name, entry, "object")
         object_name = f"0x{where.object:04X}:{where.subindex:02X}"
         if where.object in NOT_MEASURED:
-            what = f"{object_name} is {NOT_MEASURED[where.object]} by CiA 402, nothing measured"
+            what = f"{object_name} is {NOT_MEASURED[where.object]} by CiA 402, not a measurement"
             yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
         elif MEASURES.get(where.object, kind) != kind:
             what = f"{object_name} is a {MEASURES[where.object]} by CiA 402"
@@ -63,22 +63,22 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         if other != entry:
             yield Problem(
                 *place,
-                f"{object_name} is that of {other}, too: one of them is another object (which "
-                "encoder is on it? turn the motor by hand and read both)",
+                f"{object_name} is also used for {other}: one of them must be another object "
+                "(which encoder is it? turn the motor by hand and read both)",
             )
     target = profile.target_velocity.object
     if target in STANDARD and target != TARGET_VELOCITY:
         yield Problem(
             *_of_drive(name, "target_velocity", "object"),
-            f"0x{target:04X} is no target velocity by CiA 402: that is 0x{TARGET_VELOCITY:04X}",
+            f"0x{target:04X} is not the target velocity of CiA 402, 0x{TARGET_VELOCITY:04X}",
         )
     modes = find_object(sheet, 0x6502)
     if modes is not None and modes.default and not modes.default & CYCLIC_VELOCITY:
         yield Problem(
             ["drives", name, "eds"],
             f"drives.{name}.eds",
-            f"{profile.eds} says 0x{modes.default:08X} of 0x6502, without bit 8 (cyclic "
-            "synchronous velocity): a drive that says so is refused",
+            f"{profile.eds} has 0x{modes.default:08X} in 0x6502, without bit 8 (cyclic "
+            "synchronous velocity): a drive that reports this is refused",
         )
     yield from _positions(name, profile, sheet, gears)
     yield from _velocities(name, profile)
@@ -98,17 +98,17 @@ def _positions(
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
-        told = counts_per_motor_turn(sheet)
-        if entry == "motor_position" and told and not agree(counts, told, AGREES):
+        in_eds = counts_per_motor_turn(sheet)
+        if entry == "motor_position" and in_eds and not agree(counts, in_eds, AGREES):
             yield Problem(
                 *place,
-                f"{per_turn}, and the EDS says {told:g} per motor turn (0x608F): scale would be "
-                f"{figure(TURN / told)}",
+                f"{per_turn}, and the EDS has {in_eds:g} per motor turn (0x608F): scale would be "
+                f"{figure(TURN / in_eds)}",
             )
 
 
 def _meant(scale: float, gears: list[float]) -> str:
-    """What a scale that is no encoder's would be in other units, in words; empty if nothing."""
+    """Suggestion of a unit in which a scale would be that of an encoder; empty without one."""
     readings = [
         ("in degrees: times pi / 180 it is", scale * DEGREE),
         ("in turns: times 2 pi it is", scale * TURN),
@@ -122,8 +122,8 @@ def _meant(scale: float, gears: list[float]) -> str:
 
 
 def is_encoder(scale: float) -> bool:
-    """True where a scale is that of an encoder, 2 pi / N with N made of small factors, or a decimal
-    part of a rad. What is written with five digits is taken for what was meant."""
+    """True if a scale is that of an encoder: 2 pi / N with N made of small factors, or a decimal
+    part of a rad. Rounding to five digits is allowed for."""
     counts = TURN / scale
     return (scale <= FINE and _is_power(10.0, 1.0 / scale)) or any(
         _is_power(2.0, counts / (3**threes * 5**fives)) for threes in range(3) for fives in range(9)
@@ -131,13 +131,13 @@ def is_encoder(scale: float) -> bool:
 
 
 def _is_power(base: float, x: float) -> bool:
-    """True if x is base^0, base^1, ..., as near as five digits tell."""
+    """True if x is base^0, base^1, ..., to within rounding to five digits."""
     power = round(math.log(x, base)) if x > 0.5 else -1
     return 0 <= power <= _MOST_TWOS and abs(x / base**power - 1.0) <= _ROUNDED
 
 
 def _velocities(name: str, profile: DriveProfile) -> Iterator[Problem]:
-    """One unit of velocity for both, where CiA 402 says so."""
+    """Units of the measured and the target velocity, which CiA 402 requires to be equal."""
     measured, target = profile.motor_velocity, profile.target_velocity
     if (
         measured.object == 0x606C
@@ -161,8 +161,8 @@ def _velocities(name: str, profile: DriveProfile) -> Iterator[Problem]:
     if not 1e-5 <= effort.scale <= 0.02:
         yield Problem(
             *_of_drive(name, profile.effort, "scale"),
-            f"{figure(effort.scale)} of what is rated per count: usual are per mille (0.001) and "
-            "per cent (0.01); A or Nm per count must be divided by what is rated",
+            f"{figure(effort.scale)} of the rated value per count: usual are per mille (0.001) and "
+            "per cent (0.01); A or Nm per count must be divided by the rated value",
         )
 
 

@@ -1,31 +1,15 @@
-"""Evidence for the parameters of an arm: what is identified, with what, and on which drives.
+"""Evidence for the parameters of an arm: which are identified, by which step, and on which drives.
 
 The daemon refuses to arm with an `identified.yaml` that belongs to other drives or to another
-configuration of them, and without what must be known.
+configuration of them, and without the parameters that must be known.
 """
 
-from daemon.config.identified import Identified
-from daemon.config.marks import fingerprint, marks
-from daemon.config.schema import AnyStep, Configuration, Step
-from daemon.protocol.messages import printable
+from typing import get_args
 
-# What arming looks at beside the wiring, in the order in which it is identified.
-_PARAMETERS: tuple[tuple[Step, str, str], ...] = (
-    ("gap", "the gap", "`contactd identify gap JOINT`"),
-    ("masses", "the masses", "`contactd identify masses`"),
-    ("friction", "the friction", "`contactd identify friction`"),
-    ("thresholds", "the thresholds", "`contactd identify thresholds`"),
-)
-# What voids each of them, in words (`daemon.config.marks`).
-_CHANGED: dict[Step, str] = {
-    "wiring": "drives, wiring, torque constants, period or the URDF's joints",
-    "gap": "drives, wiring, period or the URDF's joints",
-    "masses": "drives, wiring, torque constants, period or URDF",
-    "friction": "drives, wiring, torque constants, period, URDF or identified masses",
-    "thresholds": "drives, wiring, torque constants, period, URDF or identified masses",
-}
-OPTIONAL: frozenset[Step] = frozenset({"masses"})
-"""Steps without which the configuration's values, or the URDF's, may be right."""
+from daemon.config.identified import ENTRIES, Identified
+from daemon.config.marks import fingerprint, marks
+from daemon.config.schema import ArmingStep, Configuration
+from daemon.protocol.messages import printable
 
 
 def objections(
@@ -33,19 +17,19 @@ def objections(
 ) -> list[str]:
     """Reasons not to arm this arm with this file; empty if there are none.
 
-    `serials` are those of the drives that answered, by joint. Simulated arms are no exception:
-    those of `configs/` come with a file of their own, which fits no other drives.
+    `serials` are those of the drives that answered, by joint. The same rule holds for simulated
+    arms: those of `configs/` come with a file of their own, which fits no other drives.
     """
     reasons = []
     if names := outdated("wiring", found, c, urdf):
         reasons.append(
             f"the wiring of {', '.join(names)} in {c.identified} belongs to another configuration: "
-            f"{_CHANGED['wiring']} were changed since (`contactd identify wiring` again)"
+            f"{ENTRIES['wiring'].depends} were changed since (`contactd identify wiring` again)"
         )
     if names := outdated("zero", found, c, urdf):
         reasons.append(
-            f"the zero of {', '.join(names)} in {c.identified} belongs to another arm: drives, "
-            "nodes or the URDF's joints were changed since (`contactd identify zero` again)"
+            f"the zero of {', '.join(names)} in {c.identified} belongs to another arm: "
+            f"{ENTRIES['zero'].depends} were changed since (`contactd identify zero` again)"
         )
     for joint in c.joints:
         known = found.joints.get(joint.name) if found is not None else None
@@ -64,10 +48,10 @@ def objections(
     return reasons
 
 
-def unidentified(step: Step, found: Identified | None, c: Configuration) -> list[str]:
-    """Joints that a step of the identification has not passed, and that are not known otherwise.
-    Without that of the wiring a sign may be wrong, and every loop over the links drives them
-    away."""
+def unidentified(step: ArmingStep, found: Identified | None, c: Configuration) -> list[str]:
+    """Joints that have not passed a step of the identification, and whose values are not known
+    otherwise. Without the step of the wiring a sign may be wrong, and a loop over the links would
+    be unstable."""
     entries = found.joints if found is not None else {}
     return [
         joint.name
@@ -76,12 +60,12 @@ def unidentified(step: Step, found: Identified | None, c: Configuration) -> list
     ]
 
 
-def outdated(step: AnyStep, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Joints that passed a step before something was changed that it depends on, and that are not
-    known otherwise."""
+def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+    """Joints that passed a step before a change that voids it, and whose values are not known
+    otherwise."""
     if found is None:
         return []
-    mark = marks(c, urdf)[step]
+    mark = marks(c, urdf)[ENTRIES[step].depends]
     of_all = found.configuration == fingerprint(c, urdf)
     entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
     return [
@@ -101,37 +85,40 @@ def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str
 
 
 def parameters_missing(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Reasons not to arm: the gaps, friction and thresholds that the file does not have, or that
-    something was changed for since, each with the command to run; empty if there are none."""
+    """Reasons not to arm: gaps, friction and thresholds that the file lacks, or that a later change
+    has voided, each with the command to run; empty if there are none."""
     reasons = []
-    for step, what, command in _PARAMETERS:
+    for step in get_args(ArmingStep):
+        if step == "wiring":  # among the objections
+            continue
+        command = f"`contactd identify {step}{' JOINT' if step == 'gap' else ''}`"
         names = unidentified(step, found, c)
-        if names and step not in OPTIONAL:
+        if names and not ENTRIES[step].optional:
             reasons.append(
-                f"{what} of {', '.join(names)} not identified ({command}; or, known otherwise, say "
-                f"how: `known: {{{step}: ...}}` in config.yaml)"
+                f"the {step} of {', '.join(names)} not identified ({command}; or, if known "
+                f"otherwise, state how: `known: {{{step}: ...}}` in config.yaml)"
             )
         if names := outdated(step, found, c, urdf):
             reasons.append(
-                f"{what} of {', '.join(names)} identified before {_CHANGED[step]} were changed "
-                f"({command} again)"
+                f"the {step} of {', '.join(names)} identified before {ENTRIES[step].depends} were "
+                f"changed ({command} again)"
             )
     return reasons
 
 
 def parameters_known(found: Identified | None, c: Configuration) -> str:
-    """Evidence that the parameters are right: identified, or how else they are known."""
+    """Evidence for the parameters: identified, or the other source that is stated for them."""
     entries = found.joints if found is not None else {}
-    said: dict[tuple[str, str], list[str]] = {}
+    stated: dict[tuple[str, str], list[str]] = {}
     for joint in c.joints:
         for step, how in joint.known.items():
             if getattr(entries.get(joint.name), step, None) is not None:
                 continue
-            said.setdefault((step, how), []).append(joint.name)
-    if not said:
+            stated.setdefault((step, how), []).append(joint.name)
+    if not stated:
         return "gap, friction and thresholds of every joint are identified"
     everywhere = [joint.name for joint in c.joints]
     return "known otherwise: " + "; ".join(
         f"{step} of {'all' if names == everywhere else ', '.join(names)}: {printable(how)}"
-        for (step, how), names in said.items()
+        for (step, how), names in stated.items()
     )

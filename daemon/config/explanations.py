@@ -1,19 +1,19 @@
-"""Explanations of the fields that an owner fills in: what each is, how to find it, what is typical.
+"""Explanations of the fields that an owner fills in: meaning, source of the value, typical values.
 
-`contactd check --explain FIELD` prints them. `config.yaml` names a field where it stands; here the
-numbers and names of one's own on the way to it are left out: `joints.wiring.gear`.
+`contactd check --explain FIELD` prints them. Fields are named by their path in `config.yaml`,
+without indices and names chosen by the owner: `joints.wiring.gear`.
 """
 
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """One field, in words."""
+    """Explanation of one field."""
 
     what: str
     find: str
@@ -79,7 +79,7 @@ EXPLANATIONS: dict[str, Explanation] = {
         "drives.type": ("data type of the object", "EDS (DataType)", "INTEGER16, INTEGER32"),
         "drives.scale": ("unit of the quantity per count", _SCALE_FIND, "see there"),
         "drives.sign": ("-1 where the drive counts the quantity against the motor",
-                        "the manual; `contactd identify wiring` says when it is wrong", "1"),
+                        "the manual; `contactd identify wiring` reports a wrong one", "1"),
         "drives.offset": ("counts times scale at which the quantity is 0, with the sign turned",
                           "an encoder's zero belongs into `wiring.link_offset`", "0"),
         "drives.tpdo": ("what the drive sends, by number of the TPDO",
@@ -101,7 +101,8 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.name": ("name of the joint, as in the URDF", "<joint name=...> of the URDF",
                         "elbow"),
         "joints.wiring.node": ("node id of the joint's drive", "switches of the drive; `contactd "
-                               "scan` lists who answers", "1 to 126, each once"),
+                               "scan` lists the nodes that answer",
+                               "1 to 126, each once"),
         "joints.wiring.profile": ("kind of the joint's drive: a key of `drives`", "above",
                                   "servo_drive"),
         "joints.wiring.gear": ("turns of the motor per turn of the joint, all stages together",
@@ -118,11 +119,11 @@ EXPLANATIONS: dict[str, Explanation] = {
                                      "1"),
         "joints.wiring.link_sign": ("-1 where the link encoder counts against the joint's axis in "
                                     "the URDF", "`contactd identify zero`, which asks you", "1"),
-        "joints.wiring.link_offset": ("what the link encoder is shifted by, so that it reads 0 "
-                                      "where the URDF's joint is 0 [rad]",
+        "joints.wiring.link_offset": ("offset of the link encoder, with which it reads 0 where the "
+                                      "URDF's joint is 0 [rad]",
                                       "`contactd identify zero JOINT=ANGLE`, drives off",
                                       "-3.14 to 3.14"),
-        "joints.wiring.link_correction": ("what the link encoder errs with each of its turns [rad]",
+        "joints.wiring.link_correction": ("error of the link encoder that repeats each turn [rad]",
                                           "`contactd identify encoders` writes it; leave it out",
                                           "none, or 0.0001 to 0.001 once or twice per turn"),
         "joints.wiring.rated_torque_Nm": ("rated torque at the motor's shaft [Nm]; or left out",
@@ -141,13 +142,18 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.friction": ("friction of motor and link, at the link [Nm, Nm s/rad]",
                             "`contactd identify friction`; a guess will do before",
                             "Coulomb 2 to 10 % of what the motor gives"),
-        "joints.thresholds.contact": ("torque from which on a touch is felt [Nm]",
+        "joints.thresholds.contact": ("torque from which on a touch is detected [Nm]",
                                       "`contactd identify thresholds`; begin high",
                                       "5 to 15 % of what the motor gives"),
-        "joints.thresholds.collision": ("torque from which on it was a collision [Nm]",
+        "joints.thresholds.collision": ("torque from which on a touch is a collision [Nm]",
                                         "several times `contact`", "5 to 8 times contact"),
         "joints.thresholds.per_speed": ("growth of both with the motor's speed [Nm s/rad]",
                                         "`contactd identify thresholds`", "0"),
+        "joints.thresholds.least": ("contact level that learning leaves at least [Nm]; left out, "
+                                    "all of one that you state (`known`), a fifth of any other",
+                                    "`contactd identify thresholds` leaves a fifth of `contact`; "
+                                    "raise it where contacts are reported without a touch",
+                                    "0.2 to 1 times contact"),
         "joints.limits.lower": ("least position that is commanded [rad]",
                                 "inside the URDF's limit and the end stop", "0.05 rad inside"),
         "joints.limits.upper": ("largest position that is commanded [rad]", "as for lower",
@@ -156,7 +162,8 @@ EXPLANATIONS: dict[str, Explanation] = {
                                    "slow at first; the motor's speed over the gear is the end",
                                    "0.5 to 2"),
         "joints.limits.acceleration": ("largest acceleration that is commanded [rad/s2]",
-                                       "what the motor can with the arm stretched out", "2 to 8"),
+                                       "what the motor achieves with the arm outstretched",
+                                       "2 to 8"),
         "joints.limits.quick_stop": ("deceleration of the drive's own quick stop [rad/s2]",
                                      "two to three times acceleration", "5 to 20"),
         "joints.admittance_gain": ("how softly the joint yields, K_a [rad/s per Nm]",
@@ -164,10 +171,11 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.virtual_mass_s": ("time constant of yielding; may be left out [s]",
                                   "docs/admittance.md", "0.05"),
         "joints.gap_spring": ("correction at the borders of the gap", "only from a fit", "none"),
-        "joints.body": ("mass, centre of mass and tensor of what the joint moves, in place of the "
-                        "URDF's", "`contactd identify masses`; otherwise correct the URDF", "none"),
-        "joints.known": ("steps of `contactd identify` that the joint does without, and how else "
-                         "its values are known", "data sheets, in words", "none"),
+        "joints.body": ("mass, centre of mass and inertia tensor of the body that the joint moves, "
+                        "in place of the URDF's",
+                        "`contactd identify masses`; otherwise correct the URDF", "none"),
+        "joints.known": ("steps of `contactd identify` that the joint does not need, each with the "
+                         "other source of its values", "data sheets, in words", "none"),
         "joints.end": ("state of the joint when the daemon ends", "brake, where there is one",
                        "hold"),
     }.items()
@@ -175,7 +183,7 @@ EXPLANATIONS: dict[str, Explanation] = {
 
 
 def explain(field: str) -> dict[str, Explanation]:
-    """Explanations of a field by its place, by its last names, or as a message writes it
+    """Explanations of a field by its path, by the end of its path, or as a message prints it
     (`joints[2] (elbow).wiring.gear`); of all fields of a group. Raises ConfigurationError for one
     that is not explained."""
     plain = re.sub(r"\[\d+\]( \(.*?\))?|:", "", field.strip())

@@ -1,7 +1,8 @@
-"""Files that a daemon runs by, and which of them say something else by now.
+"""Files that a daemon has loaded, and detection of those that have changed since.
 
-Compared by content: a file that was only touched, or written anew as it was, has not changed. What
-cannot be read any more has.
+Files are compared by content: one that was only touched, or rewritten with the same content, has
+not changed; one that has become unreadable has. The loop checks between two ticks, so a large file
+is read piece by piece, and counts as changed until its end has been read.
 """
 
 import hashlib
@@ -9,28 +10,30 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
+from common.regular_file import LARGEST_TEXT_BYTES, open_regular
 from daemon.config.load import Robot
-from regular_file import LARGEST_TEXT_BYTES, open_regular
 
 Stamp = tuple[int, int, int]
 """inode, size, time of the last change [ns]"""
+PIECE_BYTES: Final = 1 << 16  # read at once; 0.5 ms
 
 
 @dataclass(slots=True)
 class Files:
-    """Files of one robot, by the names that its configuration gives them, each with the digest of
-    what was read; None: there was none."""
+    """Files of one robot, by their names in its configuration, each with the digest of its content
+    when it was read; None if it did not exist."""
 
     folder: Path
     read: Mapping[str, str | None]
     _looked: dict[str, tuple[Stamp | None, bool]] = field(default_factory=dict)
+    _reading: "_Reading | None" = None  # of the one file that is being read
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
-        """Those of a robot: what it holds as text counts as it was read, the others as they are
-        now."""
+        """Files of a robot: of those that it holds as text, the content that it has read; of the
+        others, the present content."""
         c = robot.configuration
         read = {
             robot.path.name: _digest(robot.text.encode()),
@@ -40,14 +43,22 @@ class Files:
         others = [profile.eds for profile in c.drives.values()]
         if c.trajectory.file is not None:
             others.append(c.trajectory.file)
-        files = cls(robot.folder, read | {name: _content(robot.folder / name) for name in others})
-        files.changed()  # so that nothing is read later, unless it is written
+        folder = robot.folder
+        files = cls(folder, read | {name: _content(folder / name) for name in others})
+        for name, digest in files.read.items():  # nothing is read later, unless it is written
+            stamp = _stamp(folder / name)
+            files._looked[name] = stamp, _content(folder / name) != digest
         return files
 
     def changed(self) -> list[str]:
-        """Names of those that say something else now. Asks the file system for each, and reads only
-        those that were written since it last asked."""
+        """Names of files whose content differs now, or may differ. Queries the file system for
+        each, and reads a piece of those that were written since the last query."""
         return [name for name in self.read if self._differs(name)]
+
+    def look_on(self) -> None:
+        """Read the next piece of a file that is being read; nothing where none is."""
+        if self._reading is not None:
+            self._differs(self._reading.name)
 
     def _differs(self, name: str) -> bool:
         path = self.folder / name
@@ -55,9 +66,47 @@ class Files:
         before = self._looked.get(name)
         if before is not None and before[0] == stamp:
             return before[1]
-        differs = _content(path) != self.read[name]
+        reading = self._reading
+        if reading is not None and reading.name != name:
+            return True  # one at a time
+        if reading is None or reading.stamp != stamp:
+            reading = self._reading = _Reading(name, stamp)
+        if not reading.goes_on(path):
+            return True
+        differs = reading.digest != self.read[name]
         self._looked[name] = stamp, differs
+        self._reading = None
         return differs
+
+
+@dataclass(slots=True)
+class _Reading:
+    """Reading of a file, piece by piece."""
+
+    name: str
+    stamp: Stamp | None
+    digest: str | None = None  # None: it cannot be read
+    _hash: "hashlib._Hash" = field(default_factory=hashlib.sha256)
+    _offset: int = 0
+    _held: bytes = b""  # a carriage return, of which the rest is not read yet
+
+    def goes_on(self, path: Path) -> bool:
+        """Read the next piece; True at the end, or if it cannot be read."""
+        if self.stamp is None or self.stamp[1] > LARGEST_TEXT_BYTES:
+            return True
+        try:
+            with open_regular(path) as stream:
+                stream.seek(self._offset)
+                piece = stream.read(PIECE_BYTES)
+        except OSError:
+            return True
+        self._offset += len(piece)
+        text = self._held + piece
+        ended = self._offset >= self.stamp[1] or not piece
+        self._held = b"\r" if text.endswith(b"\r") and not ended else b""
+        self._hash.update(_lines(text[: len(text) - len(self._held)]))
+        self.digest = self._hash.hexdigest() if ended else None
+        return ended
 
 
 def _stamp(path: Path) -> Stamp | None:
@@ -71,7 +120,7 @@ def _stamp(path: Path) -> Stamp | None:
 def _content(path: Path) -> str | None:
     try:
         with open_regular(path) as stream:
-            # No more room than it takes: a process that locks its memory pays for all of it.
+            # No larger than needed: a process that locks its memory holds all of it.
             size = os.fstat(stream.fileno()).st_size
             return _digest(stream.read(size)) if size <= LARGEST_TEXT_BYTES else None
     except OSError:
@@ -79,6 +128,9 @@ def _content(path: Path) -> str | None:
 
 
 def _digest(content: bytes) -> str:
-    # Text is read with universal newlines, of which a lone carriage return is one.
-    lines = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return hashlib.sha256(lines).hexdigest()
+    return hashlib.sha256(_lines(content)).hexdigest()
+
+
+def _lines(content: bytes) -> bytes:
+    # Text is read with universal newlines, which include a lone carriage return.
+    return content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")

@@ -1,18 +1,20 @@
 """`identified.yaml`: the parameters that `contactd identify` found, beside the configuration.
 
-Each joint has an entry per step, written when the step passed. Values here replace those of
-`config.yaml`; what the file is worth as evidence says `evidence`.
+Each joint has an entry per step, written when the step passed. A value here replaces that of the
+same name in `config.yaml`; `evidence` decides whether it may be relied on.
 """
 
 import os
 import tempfile
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Final, Literal, get_args, get_type_hints
 
 import msgspec
 import yaml
 from msgspec import Meta
 
+from common.errors import ConfigurationError
+from daemon.config.marks import Dependence
 from daemon.config.problem import Keys
 from daemon.config.schema import (
     Configuration,
@@ -22,39 +24,49 @@ from daemon.config.schema import (
     Levels,
     PayloadEntry,
 )
-from drivers.settings import Harmonic, Name, Settings, Sign
-from errors import ConfigurationError
+from drivers.settings import Harmonic, JointWiring, Name, Settings, Sign
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
+from estimator.thresholds import LEAST_SHARE
 
-# Step of the identification that finds each of these fields of a joint.
-_STEP_OF = {
-    "half_gap": "gap",
-    "body": "masses",
-    "friction": "friction",
-    "gap_spring": "friction",
-    "rotor_inertia": "friction",
-    "thresholds": "thresholds",
-}
 NotNegative = Annotated[float, Meta(ge=0)]
 
 
 class Entry(Settings, frozen=True, kw_only=True):
     """Date of a step that passed, and the measurements behind it."""
 
+    depends: ClassVar[Dependence]
+    """Part of the arm whose change voids it"""
+    optional: ClassVar[bool] = False
+    """True where the configuration's values, or the URDF's, may be right without the step"""
+
     date: str
-    log: str  # sha256 of what was measured
-    of: str = ""  # mark of what it depends on; empty in files that have one for all
+    log: str  # sha256 of the measurements
+    of: str = ""  # mark of its dependencies; empty in files that have one for all
+
+    def applied(self, joint: Joint) -> Joint:
+        """Joint in which the values of this entry replace those of the same names."""
+
+        def values(settings: type[Settings]) -> dict[str, object]:
+            names = set(self.__struct_fields__) & set(settings.__struct_fields__)
+            return {name: own for name in names if (own := getattr(self, name)) is not None}
+
+        wiring = msgspec.structs.replace(joint.wiring, **values(JointWiring))
+        return msgspec.structs.replace(joint, wiring=wiring, **values(Joint))
 
 
 class WiringEntry(Entry, frozen=True):
     """Wiring whose signs and scales agree."""
 
+    depends = Dependence.CONSTANTS
+
     follows: float  # link motion over motor motion
 
 
 class ZeroEntry(Entry, frozen=True):
-    """Sign and zero [rad] of the link's encoder, by a person who saw the link."""
+    """Sign and zero [rad] of the link's encoder, stated by a person who saw the link."""
+
+    depends = Dependence.NODES
 
     link_sign: Sign
     link_offset: float
@@ -64,6 +76,8 @@ class EncodersEntry(Entry, frozen=True):
     """Error of the link's encoder that repeats with its turn, and how much of phi's scatter at the
     borders it leaves on held-out motion."""
 
+    depends = Dependence.WIRING
+
     link_correction: list[Harmonic]
     left: float
 
@@ -71,14 +85,19 @@ class EncodersEntry(Entry, frozen=True):
 class GapEntry(Entry, frozen=True):
     """Half-gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
 
+    depends = Dependence.WIRING
+
     half_gap: Annotated[float, Meta(ge=0, le=0.5)]
     confidence: NotNegative
     skew_ms: float | None = None
 
 
 class MassesEntry(Entry, frozen=True):
-    """What the joint moves, and |r| (rms) [Nm] on motion that it was not fitted to, by the URDF and
-    by this."""
+    """Body that the joint moves, and |r| (rms) [Nm] on held-out motion, with the URDF's body and
+    with this one."""
+
+    depends = Dependence.MASSES
+    optional = True
 
     body: BodyInertia
     by_urdf: NotNegative
@@ -86,7 +105,9 @@ class MassesEntry(Entry, frozen=True):
 
 
 class FrictionEntry(Entry, frozen=True):
-    """Coefficients of eq. (6), with standard errors of those identified: K_theta, B, ..."""
+    """Coefficients of eq. (6), with standard errors of those identified, such as K_theta and B."""
+
+    depends = Dependence.BODIES
 
     friction: Friction
     errors: dict[str, float]
@@ -95,10 +116,15 @@ class FrictionEntry(Entry, frozen=True):
     gap_spring: GapSpring = GapSpring()
     rotor_inertia: NotNegative | None = None  # None where the current does not show it
 
+    def applied(self, joint: Joint) -> Joint:
+        """As any other, but a joint without a gap has no spring in it."""
+        spring = GapSpring() if joint.half_gap == 0.0 else self.gap_spring
+        return msgspec.structs.replace(Entry.applied(self, joint), gap_spring=spring)
+
 
 class SeenEntry(Settings, frozen=True):
     """Motion in which levels were learned: speed of the motor [rad/s], range of the link [rad], and
-    the load that was carried, in words."""
+    a description of the load that was carried."""
 
     speed: NotNegative
     lower: float
@@ -107,8 +133,8 @@ class SeenEntry(Settings, frozen=True):
 
 
 class DiscardedEntry(Settings, frozen=True):
-    """Stretch that looked like a touch and was left out: from when, for how long [s], how large was
-    |r| [Nm]."""
+    """Interval that looked like a touch and was left out: its start and duration [s], and its
+    largest |r| [Nm]."""
 
     at_s: float
     lasted_s: float
@@ -116,8 +142,10 @@ class DiscardedEntry(Settings, frozen=True):
 
 
 class ThresholdsEntry(Entry, frozen=True):
-    """Levels [Nm] at a rate of false alarms per hour, the largest |r| that was used, what motion
-    they have seen (None in files of before), and what was left out of it."""
+    """Levels [Nm] at a rate of false alarms per hour, the largest |r| that was used, the motion
+    that they cover (None in older files), and the intervals that were left out."""
+
+    depends = Dependence.BODIES
 
     thresholds: Levels
     per_hour: float
@@ -125,11 +153,19 @@ class ThresholdsEntry(Entry, frozen=True):
     seen: SeenEntry | None = None
     discarded: tuple[DiscardedEntry, ...] = ()
 
+    def applied(self, joint: Joint) -> Joint:
+        """Joint with these levels: measured, they may be lowered like any that no person stated."""
+        levels = self.thresholds
+        least = LEAST_SHARE * levels.contact if levels.least is None else levels.least
+        return msgspec.structs.replace(
+            joint, thresholds=msgspec.structs.replace(levels, least=least)
+        )
+
 
 class IdentifiedJoint(Settings, frozen=True):
     """Entries of one joint, and the serial number of the drive that they were measured on."""
 
-    serial: int | None = None  # 0x1018:4; None where the drive keeps it to itself
+    serial: int | None = None  # 0x1018:4; None if the drive does not report it
     zero: ZeroEntry | None = None
     wiring: WiringEntry | None = None
     encoders: EncodersEntry | None = None
@@ -139,9 +175,25 @@ class IdentifiedJoint(Settings, frozen=True):
     thresholds: ThresholdsEntry | None = None
 
 
+ENTRIES: Final[dict[str, type[Entry]]] = {
+    step: get_args(hint)[0]
+    for step, hint in get_type_hints(IdentifiedJoint).items()
+    if step != "serial"
+}
+"""Entry of a joint by the step that writes it, in the order in which they are applied."""
+
+
+def entries_of(joint: IdentifiedJoint | None) -> dict[str, Entry]:
+    """Entries that a joint has, by step."""
+    found = {step: getattr(joint, step, None) for step in ENTRIES}
+    return {step: entry for step, entry in found.items() if entry is not None}
+
+
 class IdentifiedPayload(Entry, frozen=True):
-    """A load that was weighed in motion, with the standard errors of its mass [kg] and of its
-    centre [m]; `payloads` of config.yaml says the frame."""
+    """Load that was identified in motion, with the standard errors of its mass [kg] and of its
+    centre [m]; the frame is that of `payloads` in config.yaml."""
+
+    depends = Dependence.BODIES
 
     mass: Mass
     com: tuple[Place, Place, Place]
@@ -159,7 +211,7 @@ class Identified(Settings, frozen=True):
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
-    """True where samples mean the same with either: drives, wiring and period are equal."""
+    """True if samples mean the same with either: drives, wiring and period are equal."""
 
     def about(c: Configuration) -> object:
         return c.drives, [(j.name, j.wiring) for j in c.joints], c.period_ms
@@ -168,7 +220,8 @@ def samples_alike(a: Configuration, b: Configuration) -> bool:
 
 
 def residuals_alike(a: Configuration, b: Configuration) -> bool:
-    """True where residuals do: the estimator and its parameters of the joints are equal, too."""
+    """True if residuals do, too: the estimator and its parameters of the joints are equal as
+    well."""
 
     def about(c: Configuration) -> object:
         joints = [
@@ -191,45 +244,21 @@ def applied(c: Configuration, found: Identified) -> Configuration:
 
 
 def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
-    if found is None:
-        return joint
-    changes: dict[str, object] = {}
-    wiring = dict[str, object]()
-    if found.zero is not None:
-        wiring |= {"link_sign": found.zero.link_sign, "link_offset": found.zero.link_offset}
-    if found.encoders is not None:
-        wiring["link_correction"] = found.encoders.link_correction
-    if wiring:
-        changes["wiring"] = msgspec.structs.replace(joint.wiring, **wiring)
-    if found.gap is not None:
-        changes["half_gap"] = found.gap.half_gap
-    if found.masses is not None:
-        changes["body"] = found.masses.body
-    if found.friction is not None:
-        changes["friction"] = found.friction.friction
-        rigid = changes.get("half_gap", joint.half_gap) == 0.0
-        changes["gap_spring"] = GapSpring() if rigid else found.friction.gap_spring
-        if found.friction.rotor_inertia is not None:
-            changes["rotor_inertia"] = found.friction.rotor_inertia
-    if found.thresholds is not None:
-        changes["thresholds"] = found.thresholds.thresholds
-    return msgspec.structs.replace(joint, **changes)
+    for entry in entries_of(found).values():
+        joint = entry.applied(joint)
+    return joint
 
 
 def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
-    """Place in identified.yaml of the value behind the `keys` of config.yaml; empty where that is
-    as written by hand."""
+    """Place in identified.yaml of the value behind the `keys` of config.yaml; empty if the value
+    of config.yaml is in force."""
     match keys:
-        case ["joints", int(index), str(field), *rest] if found and field in _STEP_OF:
-            name, step = c.joint_names[index], _STEP_OF[field]
-            entry = getattr(found.joints.get(name), step, None)
-            # Of a rotor that the current does not show the entry has no value.
-            if getattr(entry, field, None) is not None:
-                return ["joints", name, step, field, *rest]
-        case ["joints", int(index), "wiring", ("link_sign" | "link_offset") as field] if found:
+        case ["joints", int(index), "wiring", *path] | ["joints", int(index), *path] if found:
             name = c.joint_names[index]
-            if getattr(found.joints.get(name), "zero", None) is not None:
-                return ["joints", name, "zero", field]
+            for step, entry in entries_of(found.joints.get(name)).items():
+                # The entry has no value for a rotor that is not observable in the current.
+                if path and getattr(entry, str(path[0]), None) is not None:
+                    return ["joints", name, step, *path]
         case ["payloads", str(name), *_] if found and name in found.payloads:
             return keys
     return []

@@ -1,56 +1,58 @@
-"""Marks of what each step of the identification depends on: a change voids only what it touches.
+"""Marks of what identified values depend on: a change voids only the values that it affects.
 
-| changed | void are |
-|---|---|
-| drives, nodes, or the URDF's joints and frames | all steps |
-| the rest of the wiring, gear, period | all but the zeros |
-| torque constants | all but zeros and gap |
-| the URDF's masses | masses, friction, thresholds |
-| identified masses | friction, thresholds |
-| limits, gains, corrections of the encoders, the URDF's pictures | none |
+Limits, gains, corrections of the encoders and the URDF's pictures void none.
 """
 
 import hashlib
+from enum import StrEnum
 
 import msgspec
 
-from daemon.config.schema import AnyStep, Configuration, Joint
+from daemon.config.schema import Configuration, Joint
 from estimator.urdf import parsed
+
+
+class Dependence(StrEnum):
+    """Part of an arm that identified values depend on, in words."""
+
+    NODES = "drives, nodes or the URDF's joints"
+    WIRING = "drives, wiring, period or the URDF's joints"
+    CONSTANTS = "drives, wiring, torque constants, period or the URDF's joints"
+    MASSES = "drives, wiring, torque constants, period or URDF"
+    BODIES = "drives, wiring, torque constants, period, URDF or identified masses"
+
 
 _JOINT = ("origin", "axis", "parent", "child", "mimic")
 
 
 def fingerprint(c: Configuration, urdf: str) -> str:
-    """SHA-256 of everything in a configuration that changes what any measurement means, the URDF
-    letter by letter: the one mark of files of before."""
+    """SHA-256 of everything in a configuration that changes the meaning of any measurement, the
+    URDF letter by letter: the only mark of older files."""
     joints = [(joint.name, _wiring(joint), joint.torque_constant) for joint in c.joints]
     return _digest((_drives(c), joints, c.period_ms, urdf))
 
 
-def marks(c: Configuration, urdf: str) -> dict[AnyStep, str]:
-    """SHA-256 of what each step depends on. Old values do not count; nor does which product may
-    answer, for a drive is known by its serial number."""
+def marks(c: Configuration, urdf: str) -> dict[Dependence, str]:
+    """SHA-256 of each part. Other values found before are not part of it; nor is the product of a
+    drive, which is identified by its serial number."""
     geometry, masses = _urdf(urdf)
     wiring = [(joint.name, _wiring(joint)) for joint in c.joints]
     everything = (_drives(c), wiring, c.period_ms, geometry)
     constants = [joint.torque_constant for joint in c.joints]
     moving = _digest((everything, constants, masses))
-    bodies = {joint.name: joint.body for joint in c.joints if joint.body is not None}
-    moved = _digest((moving, bodies)) if bodies else moving
+    moved = _digest((moving, c.bodies)) if c.bodies else moving
     nodes = [(joint.name, joint.wiring.node, joint.wiring.profile) for joint in c.joints]
     return {
-        "zero": _digest((_drives(c), nodes, geometry)),
-        "wiring": _digest((everything, constants)),
-        "encoders": _digest(everything),
-        "gap": _digest(everything),
-        "masses": moving,
-        "friction": moved,
-        "thresholds": moved,
+        Dependence.NODES: _digest((_drives(c), nodes, geometry)),
+        Dependence.WIRING: _digest(everything),
+        Dependence.CONSTANTS: _digest((everything, constants)),
+        Dependence.MASSES: moving,
+        Dependence.BODIES: moved,
     }
 
 
 def _wiring(joint: Joint) -> object:
-    """Without half a milliradian of the link's encoder, which no step answers for."""
+    """Wiring, without half a milliradian of the link's encoder, which no step guarantees."""
     wiring = msgspec.to_builtins(joint.wiring)
     del wiring["link_correction"]
     return wiring

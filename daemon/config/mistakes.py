@@ -1,11 +1,11 @@
-"""Likely mistakes: figures that can be, and most likely are not what the owner meant.
+"""Likely mistakes: values that are possible, but most likely not intended.
 
-`bounds` refuses what no arm can be. What is left are figures in other units, of the wrong side of a
-gear, or copied from the line above: each within its bounds, and together an arm that nobody built.
-They are recognised by a second figure that says the same (the URDF, the EDS, another scale), or by
-what drives, motors and bodies are like. Each comes with what it would be if it was meant otherwise.
-They are told and not refused, as an unusual arm is no wrong one; `contactd identify wiring`
-decides.
+`bounds` refuses values that no arm can have. The remaining mistakes are values in other units, on
+the wrong side of a gear, or copied from the line above: each within its bounds, but implausible
+together. They are recognised by a second source for the same quantity (the URDF, the EDS, another
+scale), or by the usual properties of drives, motors and bodies. Each is reported with the value
+that was probably intended. They are warnings and are not refused, as an unusual arm is not a wrong
+one; `contactd identify wiring` decides.
 """
 
 import math
@@ -19,19 +19,19 @@ from drivers.codec import quantity
 from drivers.settings import DriveProfile
 from estimator.urdf import JointRange, MovedLink, joint_ranges, moved_links
 
-FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: what small motors with gears turn at most
+FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: highest speed of small motors with gears
 LARGEST_GEAR = 400.0
 FASTEST_JOINT = 10.0  # [rad/s]
 HARDEST = 100.0  # [rad/s2] that an arm with cheap gears is made to accelerate
 DENSEST = 20_000.0  # [kg/m3], tungsten: a body of its mass cannot be smaller than this
 LIGHTEST_ROTOR = 6e-6  # rotor's inertia over the 5/3rd power of its torque, at the shaft, at least
-GEARED = 10.0  # from this gear on a motor is one that turns fast
+GEARED = 10.0  # gear ratio above which a motor is assumed to be a fast one
 WEAKEST, STRONGEST = 3e-3, 0.5  # constants of such motors, at the shaft [Nm/A]
 NOISE_COUNTS = 4.0  # counts of the drive's current that a level must be above
 
 
 def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]) -> list[Problem]:
-    """What most likely is not meant, in a configuration whose types and ranges are right.
+    """Likely mistakes in a configuration whose types and ranges are right.
     sheets: the EDS of each profile, by its name."""
     ranges = {one.joint: one for one in joint_ranges(urdf)}
     return [
@@ -49,7 +49,7 @@ def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]
 
 
 def urdf_mistakes(urdf: str) -> list[tuple[str, str]]:
-    """What most likely is not meant in the text of a URDF: line and part of it, and what."""
+    """Likely mistakes in the text of a URDF: line and part of each, and its description."""
     return [
         *(found for link in moved_links(urdf) for found in _link(link)),
         *(found for one in joint_ranges(urdf) for found in _range(one)),
@@ -81,7 +81,8 @@ def _joint(i: int, joint: Joint, profile: DriveProfile, span: JointRange) -> Ite
         yield Problem(
             *at(i, joint, "thresholds", "contact"),
             f"{joint.thresholds.contact:.4g} Nm is less than {NOISE_COUNTS:g} counts of the "
-            f"drive's {profile.effort} ({figure(count)} Nm each): its noise would be a touch",
+            f"drive's {profile.effort} ({figure(count)} Nm each): its noise would be detected as a "
+            "touch",
         )
 
 
@@ -100,7 +101,7 @@ def _gear(i: int, joint: Joint) -> Iterator[Problem]:
         yield Problem(
             *place,
             f"{gear:g}: at limits.velocity the motor would turn with {figure(fastest)} rad/s "
-            f"({fastest * 60.0 / TURN:.0f} rpm), more than motors of arms do",
+            f"({fastest * 60.0 / TURN:.0f} rpm), faster than motors of arms turn",
         )
 
 
@@ -108,19 +109,19 @@ def _torque(i: int, joint: Joint) -> Iterator[Problem]:
     wiring, constant = joint.wiring, joint.torque_constant
     shaft = constant * wiring.rated_current_A / wiring.gear
     place = at(i, joint, "torque_constant")
-    told = wiring.rated_torque_Nm
-    if told is not None and agree(shaft, told / 1000.0, 1.5):
+    rated = wiring.rated_torque_Nm
+    if rated is not None and agree(shaft, rated / 1000.0, 1.5):
         yield Problem(
             *at(i, joint, "wiring", "rated_torque_Nm"),
-            f"{figure(told)} Nm: in mNm? torque_constant and rated_current_A make {figure(shaft)} "
+            f"{figure(rated)} Nm: in mNm? torque_constant and rated_current_A give {figure(shaft)} "
             "Nm at the shaft",
         )
-    elif told is not None and not agree(shaft, told, 1.5):
-        meant = told * wiring.gear / wiring.rated_current_A
+    elif rated is not None and not agree(shaft, rated, 1.5):
+        meant = rated * wiring.gear / wiring.rated_current_A
         yield Problem(
             *place,
             f"{figure(constant)} Nm/A gives {figure(shaft)} Nm at the shaft at rated current, and "
-            f"rated_torque_Nm is {figure(told)}: by that it is {figure(meant)} Nm/A at the link",
+            f"rated_torque_Nm is {figure(rated)}: by that it is {figure(meant)} Nm/A at the link",
         )
     elif wiring.gear > GEARED and not WEAKEST <= constant / wiring.gear <= STRONGEST:
         weak = constant / wiring.gear < WEAKEST

@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
+from common.errors import TrajectoryError
 from daemon.config.schema import Configuration, Joint
 from daemon.motion.limits import Limits
 from daemon.motion.path import Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import read_trajectory
-from errors import TrajectoryError
 
 
 def row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
-    """Row with one figure of every joint, (n,)."""
+    """Vector with one value of every joint, (n,)."""
     return np.array([of(joint) for joint in c.joints], dtype=np.float64)
 
 

@@ -9,7 +9,7 @@ Keys = list[str | int]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong: its place in the file, and what is allowed."""
+    """One problem: its place in the file, and the allowed values."""
 
     keys: Keys
     where: str
@@ -17,15 +17,15 @@ class Problem:
 
 
 def figure(value: float) -> str:
-    """A number of four digits for people; what is only rounding is 0."""
+    """Number with four digits for display; rounding errors show as 0."""
     return f"{value:.4g}" if abs(value) >= 1e-9 else "0"
 
 
 def agree(a: float, b: float, factor: float) -> bool:
-    """True where two positive figures differ by no more than a factor."""
+    """True if two positive values differ by no more than a factor."""
     return b / factor <= a <= b * factor
 
 
 def at(index: int, joint: Joint, *path: str) -> tuple[Keys, str]:
-    """Keys and words for a place within a joint."""
+    """Keys and printed path of a place within a joint."""
     return ["joints", index, *path], ".".join([f"joints[{index}] ({joint.name})", *path])

@@ -1,4 +1,4 @@
-"""Schema of `config.yaml`: types and bounds of each field; `checks` has what joins several."""
+"""Schema of `config.yaml`: types and bounds of each field; rules over several are in `checks`."""
 
 from typing import Annotated, Literal
 
@@ -6,12 +6,13 @@ import msgspec
 from msgspec import Meta
 
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
-from daemon.motion.admittance import MAX_GAIN
+from daemon.protocol.bounds import MAX_GAIN
 from drivers.drive import Drive
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
 from estimator.settings import EstimatorSettings
+from estimator.thresholds import LEAST_SHARE
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -29,8 +30,8 @@ class Friction(Settings, frozen=True):
     link_viscous: NotNegative = 0.0
     gap_coulomb: NotNegative = 0.0
     gap_viscous: NotNegative = 0.0
-    # share of the Coulomb friction that near rest is what the last motion left (1: it sticks);
-    # without it anything from 0 to 1 is believed
+    # share of the Coulomb friction that near rest keeps the sign of the last motion (1: it sticks);
+    # left out, any share from 0 to 1 is assumed possible
     stiction: Annotated[float, Meta(ge=0, le=1)] | None = None
 
 
@@ -43,11 +44,19 @@ class GapSpring(Settings, frozen=True):
 
 
 class Levels(Settings, frozen=True):
-    """Residuals [Nm] beyond which a joint is touched (`contact`) or hit (`collision`)."""
+    """Residuals [Nm] above which a joint counts as touched (`contact`) or hit (`collision`)."""
 
     contact: Positive
     collision: Positive
     per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
+    # Contact level that learning leaves at least, from a fifth of `contact` to all of it [Nm]. By
+    # default all of one that a person states (`known: {thresholds: ...}`), a fifth of any other.
+    least: Positive | None = None
+
+    @property
+    def least_share(self) -> float:
+        """Share of `contact` that learning leaves at least."""
+        return LEAST_SHARE if self.least is None else self.least / self.contact
 
 
 class JointLimits(Settings, frozen=True):
@@ -60,10 +69,8 @@ class JointLimits(Settings, frozen=True):
     quick_stop: Annotated[float, Meta(gt=0, le=1000)]  # the drive's own deceleration
 
 
-Step = Literal["wiring", "gap", "masses", "friction", "thresholds"]
-"""Step of `contactd identify` that arming looks at: what of a joint it finds."""
-AnyStep = Literal[Step, "encoders", "zero"]
-"""Step of `contactd identify`, also those that arming does without."""
+ArmingStep = Literal["wiring", "gap", "masses", "friction", "thresholds"]
+"""Step of `contactd identify` whose values arming requires, in the order of their dependence."""
 
 
 class Joint(Settings, frozen=True):
@@ -80,15 +87,22 @@ class Joint(Settings, frozen=True):
     admittance_gain: Annotated[float, Meta(ge=0, le=MAX_GAIN)]  # K_a [rad/s per Nm]
     virtual_mass_s: VirtualMass | None = None  # instead of `admittance.virtual_mass_s`
     gap_spring: GapSpring = GapSpring()
-    # All that the joint moves up to the next joints, in place of what the URDF says of it.
+    # Body that the joint moves, up to the next joints, in place of the URDF's.
     body: BodyInertia | None = None
-    # Steps of `contactd identify` that this joint does without, each with how else its values here
-    # are known: `{gap: "data sheet: none"}`. Without either, `arm` is refused. For a copy of
-    # somebody else's arm this is not true: leave it out.
-    known: dict[Step, Name] = msgspec.field(default_factory=dict)
+    # Steps of `contactd identify` that this joint does not need, each with the other source of its
+    # values: `{gap: "data sheet: none"}`. Without either, `arm` is refused. In a copy of another
+    # arm's configuration this does not hold: leave it out.
+    known: dict[ArmingStep, Name] = msgspec.field(default_factory=dict)
     # State of the joint when the daemon ends: `hold` leaves the drive in quick stop,
-    # where it holds by itself; `brake` and `limp` take its torque away.
+    # where it holds by itself; `brake` and `limp` switch its torque off.
     end: Literal["hold", "brake", "limp"] = "hold"
+
+    @property
+    def least_share(self) -> float:
+        """Share of the contact level that learning leaves at least: a level stated by a person is
+        lowered by a person only."""
+        stated = "thresholds" in self.known and self.thresholds.least is None
+        return 1.0 if stated else self.thresholds.least_share
 
 
 class PositionLoop(Settings, frozen=True):
@@ -148,14 +162,14 @@ class FaultSettings(Settings, frozen=True):
     overrun_ticks: Ticks = 5  # deadlines missed in a row
     # Until every drive is in operation, else off.
     enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
-    # Until the arm stands, else a fault. An ending daemon waits this long, and two seconds for the
-    # drives; it must end before systemd kills it (TimeoutStopSec=30).
+    # Time for the arm to come to rest, otherwise a fault. A daemon that ends waits this long, and
+    # two seconds for the drives; it must end before systemd kills it (TimeoutStopSec=30).
     stop_timeout_s: Annotated[float, Meta(gt=0, le=25)] = 3.0
     saturated_ticks: Ticks = 20  # ticks in a row at the current limit
-    # How far a measurement may exceed what the joint can do by itself, and still be believed.
+    # Margins by which a measurement may exceed the joint's own capability and still be plausible.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
-    # How far a motor's speed may differ from its setpoints while its current does not push it
+    # Largest deviation of a motor's speed from its setpoints while its current does not push it
     # towards them: times limits.velocity. A soft velocity loop needs more (porting.md, step 8).
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
@@ -166,8 +180,8 @@ NO_PAYLOAD = "none"
 
 
 class PayloadEntry(Settings, frozen=True):
-    """Something that the hand may carry, for `contactctl payload NAME`. Without a place it is at
-    the tool point, which `contactctl status` names."""
+    """Payload that the hand may carry, for `contactctl payload NAME`. Without a place it is at the
+    tool point, which `contactctl status` shows."""
 
     mass: Mass  # [kg]
     # centre of mass in the frame of the URDF's last link [m]
@@ -199,7 +213,7 @@ class Configuration(Settings, frozen=True):
     supervisor: FaultSettings = FaultSettings()
     payloads: dict[Name, PayloadEntry] = msgspec.field(default_factory=dict)  # by name
     # By name, for `contactctl go NAME`: positions of the links by joint [rad]; joints that are not
-    # named stay. `contactctl home` goes to `home`.
+    # named stay where they are. `contactctl home` goes to `home`.
     poses: dict[Name, Pose] = msgspec.field(default_factory=dict)
 
     @property
@@ -211,6 +225,11 @@ class Configuration(Settings, frozen=True):
     def joint_names(self) -> list[str]:
         """Names of the joints, in the order of every vector."""
         return [joint.name for joint in self.joints]
+
+    @property
+    def bodies(self) -> dict[str, BodyInertia]:
+        """Bodies that replace those of the URDF, by joint."""
+        return {joint.name: joint.body for joint in self.joints if joint.body is not None}
 
     @property
     def joint_drives(self) -> tuple[Drive, ...]:

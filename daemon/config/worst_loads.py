@@ -1,13 +1,13 @@
-"""Worst case of a configuration: gravity and inertia at each joint, and what a payload adds, beside
-what its motor gives."""
+"""Worst loads of a configuration: gravity and inertia at each joint, with and without a payload,
+against the torque of its motor."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Matrix
-from daemon.config.dynamics import model_of
+from common.arrays import Matrix
 from daemon.config.schema import Configuration, Joint
+from estimator.model import Model
 from estimator.payload import Payload
 
 _POSES = 2000
@@ -28,13 +28,12 @@ class Load:
         return self.gravity > self.motor
 
 
-def worst_loads(c: Configuration, urdf: str) -> list[Load]:
+def worst_loads(c: Configuration, model: Model) -> list[Load]:
     """Worst load of each joint: max |g_i(q)| and M_ii(q) over poses within the limits, beside K_c
     times the largest current.
 
     The poses are random, always the same; the true maximum is up to some per cent more.
     """
-    model = model_of(c, urdf)
     poses = _poses(c)
     gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
     inertia = np.max([model.inertia(q) for q in poses], axis=0)
@@ -45,11 +44,10 @@ def worst_loads(c: Configuration, urdf: str) -> list[Load]:
 
 
 class Carrying:
-    """What the motors can carry: gravity on an arm's joints in many poses, with a payload or
-    without, beside the torques of its motors."""
+    """Carrying capacity of the motors: gravity on an arm's joints in many poses, with a payload or
+    without, against the torques of its motors."""
 
-    def __init__(self, c: Configuration, urdf: str) -> None:
-        model = model_of(c, urdf)
+    def __init__(self, c: Configuration, model: Model) -> None:
         poses = _poses(c)
         self._names = c.joint_names
         self._motor = np.array([peak_torque(joint) for joint in c.joints])
@@ -60,21 +58,27 @@ class Carrying:
 
     def too_heavy(self, payload: Payload) -> list[str]:
         """Reasons why the motors cannot hold the arm with a payload in every pose within the
-        limits: each joint that is too weak, and what they can hold there; empty if they can."""
+        limits: each joint that is too weak, and the mass they can hold there; empty if they can."""
         per_kg = self._by_mass + self._by_place @ np.array(payload.com)
-        least = self._holds(per_kg)
         torque = np.abs(self._gravity - payload.mass * per_kg).max(axis=0)
-        at_most = f"at most {0.01 * int(100.0 * least):g} kg" if least >= 0.01 else "nothing"
         weak = [
             f"{name} would need up to {needed:.1f} Nm for {payload.mass:.3g} kg, its motor gives "
             f"{gives:.1f} Nm"
             for name, needed, gives in zip(self._names, torque, self._motor, strict=True)
             if needed > gives
         ]
-        return [*weak, f"too heavy: the motors can hold {at_most} there"] if weak else []
+        return [*weak, f"too heavy: the motors can hold {self._held(per_kg)} there"] if weak else []
+
+    def _held(self, per_kg: Matrix) -> str:
+        """Printed heaviest mass at such a place, rounded down to 0.01 kg."""
+        heaviest = self._holds(per_kg)
+        if heaviest == np.inf:  # without a lever; the arm itself is too heavy
+            return "not even the arm"
+        return f"at most {0.01 * int(100.0 * heaviest):g} kg" if heaviest >= 0.01 else "nothing"
 
     def _holds(self, per_kg: Matrix) -> float:
-        """Heaviest mass [kg] at a place where each kg makes such torques (poses, n) [Nm]."""
+        """Heaviest mass [kg] at a place where each kg causes such torques (poses, n) [Nm]; infinite
+        if it has no lever at any joint."""
         room = np.maximum(self._motor - np.sign(-per_kg) * self._gravity, 0.0)
         size = np.abs(per_kg)
         return float(np.min(np.where(size > _NO_LEVER, room / np.maximum(size, _NO_LEVER), np.inf)))

@@ -1,5 +1,5 @@
-"""Strict reader of YAML: no duplicate keys, no NaN, numbers as YAML 1.2 writes them, and for every
-value the line it came from."""
+"""Strict reader of YAML: no duplicate keys, no NaN, numbers as YAML 1.2 writes them, and the line
+of every value."""
 
 import math
 import re
@@ -9,13 +9,13 @@ from typing import Any
 
 import yaml
 
-from errors import ConfigurationError
-from regular_file import read_text
+from common.errors import ConfigurationError
+from common.regular_file import read_text
 
 
 class _StrictLoader(yaml.SafeLoader):
     """Loader without the surprises of YAML 1.1. PyYAML by itself reads `1e-3` as text, `off` as a
-    boolean, `010` as 8 and `2:00` as 120, and takes the last of two equal keys in silence: none
+    boolean, `010` as 8 and `2:00` as 120, and silently takes the last of two equal keys: none
     of this may happen to a limit."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012
@@ -85,7 +85,7 @@ class Source:
     root: yaml.Node
 
     def line(self, keys: list[str | int]) -> int:
-        """Line of the value behind `keys`, or of the deepest part of the way that exists."""
+        """Line of the value behind `keys`, or of the deepest part of that path that exists."""
         node: yaml.Node = self.root
         for key in keys:
             found: yaml.Node | None = None
@@ -100,7 +100,7 @@ class Source:
 
 
 def quoted(text: str) -> str:
-    """A text in quotes, as YAML reads it back, whatever is in it."""
+    """Text in quotes, from which YAML reads back any content unchanged."""
     return '"' + "".join(map(_in_quotes, text)) + '"'
 
 

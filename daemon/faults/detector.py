@@ -6,41 +6,63 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.following import Following
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility
+from daemon.faults.supply import Supply
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
 from drivers.answers import Samples
 from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import BusEvent, BusTrouble, Emergency, LateAnswer, described
+from drivers.events import (
+    MASTER_SILENT,
+    BusEvent,
+    BusLoaded,
+    BusTrouble,
+    Emergency,
+    LateAnswer,
+    described,
+)
 
 CONDITION_OF = {row.source: condition for condition, row in TABLE.items() if row.source}
-# These may be over at once: it counts how many ticks they last.
+# A loaded bus may be their cause, and is then reported with them.
+OF_LOAD = frozenset(
+    {
+        Condition.SAMPLE_MISSING,
+        Condition.STALE,
+        Condition.UNHEARD,
+        Condition.HEARTBEAT_LOST,
+        Condition.BUS_DISTURBED,
+        Condition.BUS_TROUBLE,
+        Condition.ABSENT,
+    }
+)
+# These may be over at once: they become a fault after some ticks.
 DISTURBANCES = (BusTrouble, LateAnswer)
-# A late machine excuses stale samples for so many times `stale_ticks`; a drive that is missing in
-# most ticks counts as stale after as many.
+# A late machine excuses stale samples for this many times `stale_ticks`; a drive whose samples are
+# missing in most ticks counts as stale after as many.
 STARVED_FACTOR = 3
-# What a good tick takes from a count of bad ones: half, so that more than a third are too many. It
-# takes one from that of a drive's missing samples, which are bridged: more than half are too many.
+# Reduction of a count of bad ticks by a good one: half, so that more than a third are too many. The
+# count of a drive's missing samples, which are bridged, is reduced by one: more than half are too
+# many.
 LEAK = 0.5
 
 
-# Ticks with a joint that senses nothing, until the arm holds: so many, and no longer than that.
+# Largest number, and longest time, of ticks with a joint that senses nothing, until the arm holds.
 DEAF_TICKS, DEAF_S = 5, 0.06
 
 
 def patience_deaf(period_s: float) -> int:
-    """Ticks that an arm with this period may go on with a joint that senses nothing, one at least.
-    It does so only after `SENSED_PERIODS`."""
+    """Ticks for which an arm with this period may continue with a joint that senses nothing, at
+    least one. A joint counts as such only after `SENSED_PERIODS`."""
     return min(max(int(DEAF_S / period_s + 1e-9), 1), DEAF_TICKS)
 
 
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
-    """Patience with a nuisance before it becomes a fault."""
+    """Ticks for which a disturbance is tolerated before it becomes a fault."""
 
     stale_ticks: int
     overrun_ticks: int
@@ -49,7 +71,7 @@ class DetectorSettings:
 
 
 class FaultDetector:
-    """Names the conditions that hold; counts what takes several ticks to become one."""
+    """Names the conditions that hold; counts disturbances that become one after several ticks."""
 
     def __init__(
         self,
@@ -70,6 +92,8 @@ class FaultDetector:
         self._since_late = settings.stale_ticks  # ticks
         # Of each joint: ticks in which its sample was missing, less those since in which it came.
         self._missing = np.zeros(len(joints), dtype=np.int64)
+        self._load = ""  # description of the bus load if it is too high
+        self._supply = Supply(len(joints))
         self._mode = Mode.OFF
         self._enabled = (DriveState.OPERATION_ENABLED,) * len(joints)
 
@@ -89,21 +113,22 @@ class FaultDetector:
     ) -> tuple[Finding, ...]:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
-        lateness_s, left_out: how late the tick began, and the deadlines that this cost.
-        setpoint: what the drives got in the tick before, (n,) [rad/s].
-        residual: the estimate's (n,) [Nm], None where there is none; gaps: since the sample of each
-        joint before this one (n,) [s], 0 where none came. finite: whether estimate and reference
-        are. sensing: joints (n,) that sense contact, by default all; settled: no residual is on its
-        way up from zero.
+        lateness_s, left_out: lateness of the tick, and the deadlines skipped because of it.
+        setpoint: sent to the drives in the tick before, (n,) [rad/s].
+        residual: the estimate's (n,) [Nm], None without one; gaps: time between this sample of each
+        joint and the one before (n,) [s], 0 where none came. finite: whether estimate and reference
+        are. sensing: joints (n,) that sense contact, by default all; settled: no residual is still
+        rising from a restart at zero.
         """
         most = STARVED_FACTOR * self._settings.overrun_ticks
         missed = self._missed + (left_out or -LEAK)
         self._missed = min(max(missed, 0.0), most)
         self._since_late = 0 if left_out else self._since_late + 1
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
-            # A person has looked at it: what is now is the truth.
+            # After a reset by a person the present values count.
             self._plausibility.restart()
             self._ignored.restart()
+            self._supply.restart()
             self._missing[:] = 0
             self._deaf = 0.0
         self._mode = mode
@@ -112,9 +137,10 @@ class FaultDetector:
         elif setpoint is not None:
             self._following.record(setpoint)
         found: list[Finding] = []
-        # First, as the first of equals is the cause: while we stood still, the drives complained.
+        # First, as the first of equals is the cause: drives report the daemon's own pause.
         if left_out:
             found += self._of_time(lateness_s)
+        self._load = ""
         found += self._of_events(samples.events)
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
@@ -122,8 +148,11 @@ class FaultDetector:
             np.maximum(self._missing - 1, 0, out=self._missing)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)
+        self._supply.step(samples.states, samples.statuswords, samples.fresh)
         if samples.states != self._enabled:
             found += self._of_drives(samples, mode)
+        elif self._supply.doubted:
+            found += self._of_supply(mode)
         if not finite:
             found.append(Finding(Condition.NOT_FINITE, "in the estimate"))
         if residual is not None and gaps is not None:
@@ -138,14 +167,20 @@ class FaultDetector:
         else:
             self._disturbed = max(self._disturbed - LEAK, 0.0)
         for event in events:
-            # Code 0 says that an earlier emergency is over.
-            over = isinstance(event, Emergency) and event.code == 0
-            if not over and (condition := CONDITION_OF.get(type(event))):
-                yield Finding(condition, described(event, self._joints))
+            if isinstance(event, BusLoaded):
+                self._load = str(event)
+                yield Finding(Condition.BUS_LOADED, figures=self._load)
+        for event in events:
+            if condition := _condition_of(event):
+                yield self._found(condition, described(event, self._joints))
         if disturbances:
             lasts = self._disturbed >= patience
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
-            yield Finding(condition, described(disturbances[0], self._joints))
+            yield self._found(condition, described(disturbances[0], self._joints))
+
+    def _found(self, condition: Condition, text: str) -> Finding:
+        """A finding, with the load of the bus beside it where that may be its cause."""
+        return Finding(condition, text, self._load if condition in OF_LOAD else "")
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
         ticks = self._settings.stale_ticks
@@ -158,17 +193,17 @@ class FaultDetector:
         if stale.any():
             starved = self._since_late < ticks and samples.age_ticks[stale].max() < longest
             text = f"nothing from {self._named(stale)} for {ticks} ticks"
-            yield Finding(Condition.STARVED if starved else Condition.STALE, text)
+            yield self._found(Condition.STARVED if starved else Condition.STALE, text)
         elif often.any():
-            yield Finding(Condition.STALE, f"{self._named(often)} missing in most ticks")
+            yield self._found(Condition.STALE, f"{self._named(often)} missing in most ticks")
         else:
-            yield Finding(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
+            yield self._found(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
 
     def _of_sensing(self, sensing: NDArray[np.bool_], settled: bool) -> Iterator[Finding]:
         if self._mode not in SENSING:
             self._deaf = 0.0
         elif all(sensing.tolist()):
-            # A residual that begins anew again and again says as little as one that is old.
+            # A residual that restarts again and again is as useless as one that is old.
             self._deaf = max(self._deaf - LEAK * settled, 0.0)
         else:
             most = self._settings.deaf_ticks
@@ -181,14 +216,23 @@ class FaultDetector:
 
     def _of_drives(self, samples: Samples, mode: Mode) -> Iterator[Finding]:
         energised = mode in SENSING
-        for name, state in zip(self._names, samples.states, strict=True):
+        yield from self._of_supply(mode)
+        for i, (name, state) in enumerate(zip(self._names, samples.states, strict=True)):
             if state is DriveState.OPERATION_ENABLED:
                 continue
+            unsupplied = self._supply.missing(i)
             if state in FAULT_STATES:
-                yield Finding(Condition.DRIVE_FAULT, name)
+                yield Finding(Condition.DRIVE_FAULT, f"{name}{', without supply' * unsupplied}")
             elif energised:
                 words = state.name.lower().replace("_", " ")
-                yield Finding(Condition.DRIVE_DROPPED, f"{name} is in {words}")
+                dropped = Condition.SUPPLY_LOST if unsupplied else Condition.DRIVE_DROPPED
+                yield Finding(dropped, f"{name} is in {words}")
+
+    def _of_supply(self, mode: Mode) -> Iterator[Finding]:
+        """Drives that report operation enabled, but have no voltage."""
+        for i, name in enumerate(self._names) if mode in SENSING else ():
+            if self._supply.lost(i):
+                yield Finding(Condition.SUPPLY_LOST, name)
 
     def _of_time(self, lateness_s: float) -> Iterator[Finding]:
         figures = f"{1000 * lateness_s:.0f} ms late, {self._missed:.0f} deadlines missed"
@@ -211,7 +255,7 @@ class FaultDetector:
         )
         for finding in implausible:
             if finding.condition is Condition.TORQUE_SATURATED and mode is Mode.ADMITTANCE:
-                continue  # the hand that leads the arm is stronger than the motor
+                continue  # a hand that leads the arm may be stronger than the motor
             yield finding
         if mode in SENSING:
             for joint in self._following.not_following(
@@ -223,3 +267,15 @@ class FaultDetector:
                 samples.states, samples.statuswords, samples.current, samples.fresh
             ):
                 yield Finding(Condition.IGNORES_SETPOINT, self._names[joint])
+
+
+def _condition_of(event: BusEvent) -> Condition | None:
+    """Condition that an event means, whatever else holds; None where it is only counted."""
+    if isinstance(event, BusLoaded):
+        return None  # it is part of other findings
+    if isinstance(event, Emergency):
+        if event.code == 0:  # an earlier one is over
+            return None
+        if event.code == MASTER_SILENT:
+            return Condition.UNHEARD
+    return CONDITION_OF.get(type(event))

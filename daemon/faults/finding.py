@@ -1,4 +1,4 @@
-"""Findings: conditions that hold in a tick, and which of several decides. Pure."""
+"""Findings: conditions that hold in a tick, and the one of several that decides. Pure."""
 
 from dataclasses import dataclass, field
 
@@ -8,8 +8,8 @@ from daemon.faults.table import TABLE, Condition, Response
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A condition that holds, and where: "LElbowRoll". Figures may change while it stays the same
-    finding."""
+    """Condition that holds, and its place, such as "LElbowRoll". Figures may change while it stays
+    the same finding."""
 
     condition: Condition
     text: str = ""
@@ -17,7 +17,7 @@ class Finding:
 
     @property
     def response(self) -> Response:
-        """The table's."""
+        """Response of the table."""
         return TABLE[self.condition].response
 
     @property
@@ -27,7 +27,7 @@ class Finding:
 
     @property
     def advice(self) -> str:
-        """What a person at the arm does about it."""
+        """Advice for a person at the arm."""
         return advice_of(self.condition)
 
     def __str__(self) -> str:
@@ -36,8 +36,8 @@ class Finding:
 
 
 def advice_on(cause: str) -> str:
-    """Advice of the condition that a cause begins with, as `str(Finding)` writes it; empty where
-    it begins with none."""
+    """Advice of the condition with which a cause begins, as `str(Finding)` writes it; empty if it
+    begins with none."""
     begins = cause.partition(":")[0].partition(" (")[0]
     return advice_of(Condition(begins)) if begins in set(Condition) else ""
 

@@ -1,11 +1,11 @@
-"""Following check: does each motor do what its setpoints say? Pure; arrays of shape (n,), SI at the
-link side.
+"""Following check: does each motor follow its setpoints? Pure; arrays of shape (n,), SI at the link
+side.
 
-A drive may send samples and hear no setpoint: it goes on at the last velocity that it heard. Its
-motor then differs from its setpoint, and its current does nothing about it. A motor that is held
-up, or carried along, differs too, but its drive presses towards the setpoint. So does one whose
-link sagged as its brake opened, while its drive's integral takes up the weight: for a while after
-enabling, a current that goes the right way is enough (decision 0076).
+A drive may send samples but receive no setpoint: it continues at the last velocity received. Its
+motor then deviates from its setpoint, and its current does not counteract this. A motor that is
+blocked, or carried along, deviates too, but its drive pushes towards the setpoint. So does one
+whose link sagged as its brake opened, while its drive's integral takes up the weight: for a while
+after enabling, a current that changes in the right direction is enough (decision 0011).
 """
 
 import math
@@ -15,16 +15,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.faults.measures import within
 
-#: A motor must differ for so many ticks in a row.
+#: A motor must deviate for this many ticks in a row.
 TICKS: Final = 20
-#: A drive that gives this share of its current limit the right way is doing what it can.
+#: Share of its current limit, in the right direction, from which on a drive is doing what it can.
 PRESSING_SHARE: Final = 0.5
-#: So many ticks after enabling, weight may be taken up by a current that goes the right way ...
+#: Ticks after enabling in which a current that changes in the right direction may take up weight.
 SAG_TICKS: Final = 50
-#: ... by this share of its limit at least, since enabling.
+#: Least change of that current since enabling, as a share of its limit.
 HEARD_SHARE: Final = 0.02
 #: Ticks from a setpoint until the samples of a drive without any lag show all of it: latched at the
 #: next SYNC, interpolated until the one after, and sampled there.
@@ -41,7 +41,7 @@ class FollowingSettings:
 
 
 class Following:
-    """Compares velocities with all setpoints that a motor may still be obeying."""
+    """Comparison of velocities with all setpoints that a motor may still be following."""
 
     def __init__(self, settings: FollowingSettings, period_s: float) -> None:
         self._settings = settings
@@ -57,7 +57,7 @@ class Following:
         self._since = 0  # ticks since enabling
 
     def restart(self) -> None:
-        """Forget the setpoints: the motors stand, and were to."""
+        """Forget the setpoints: the motors stand, as commanded."""
         self._setpoints.fill(0.0)
         self._in_row.fill(0)
         self._since = 0
@@ -78,7 +78,7 @@ class Following:
             self._first[:] = current
         obeyed = within(velocity, self._setpoints[self._next - 1], deviation)
         if obeyed and all(fresh.tolist()):
-            # All obey the last setpoint: the usual tick need not look for more.
+            # All follow the last setpoint: in the usual tick no other one is needed.
             self._in_row.fill(0)
             return []
         slower = self._setpoints.min(axis=0) - velocity
@@ -87,7 +87,7 @@ class Following:
         np.logical_and(slower > deviation, current < self._pressing, out=self._too_slow)
         np.logical_and(faster > deviation, current > -self._pressing, out=self._too_fast)
         if self._since <= SAG_TICKS:
-            # Where the first current is no number, nothing is excused.
+            # If the first current is not a number, nothing is excused.
             self._too_slow &= ~(current >= self._first + self._heard)
             self._too_fast &= ~(current <= self._first - self._heard)
         self._in_row += fresh
@@ -95,5 +95,5 @@ class Following:
         return np.flatnonzero(self._in_row >= TICKS).tolist()
 
     def figures(self, joint: int) -> str:
-        """Deviation of a joint from the nearest of its setpoints, and its bound, in words."""
+        """Printed deviation of a joint from the nearest of its setpoints, and its bound."""
         return f"by {self._off[joint]:.3f} rad/s, at most {self._settings.deviation[joint]:.3f}"

@@ -1,9 +1,9 @@
-"""Ignored setpoints: a drive in operation says that it does not take its target velocity. Pure.
+"""Ignored setpoints: a drive in operation reports not following its target velocity. Pure.
 
-In cyclic synchronous velocity, bit 12 of the statusword says that the drive follows its command
-(CiA 402-2). Somebody's tool that chooses another mode of operation clears it. So may a drive at its
-current limit, which is no fault of this kind; and not every drive has the bit: one that never set
-it is not judged by it.
+In cyclic synchronous velocity, bit 12 of the statusword means that the drive follows its command
+(CiA 402-2). It is cleared when another tool selects another mode of operation. A drive at its
+current limit may clear it, too, which is not a fault of this kind. Not every drive has the bit: one
+that has never set it is not judged by it.
 """
 
 from collections.abc import Sequence
@@ -12,19 +12,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 from drivers.cia402 import DriveState
 
 #: "Drive follows the command value" of the statusword.
 FOLLOWS: Final = 1 << 12
-#: Ticks for which it must be clear: entering operation a drive may set it later.
+#: Ticks for which it must be clear: on entering operation a drive may set it with a delay.
 IGNORED_TICKS: Final = 3
 #: A drive that gives this share of its current limit may be limited rather than in another mode.
 LIMITED_SHARE: Final = 0.5
 
 
 class IgnoredSetpoints:
-    """Watch on that bit of every drive of an arm."""
+    """Monitor of that bit of every drive of an arm."""
 
     def __init__(self, current_limit: Vector) -> None:
         """current_limit: (n,) [A]."""
@@ -34,7 +34,7 @@ class IgnoredSetpoints:
         self._ticks = [0] * n
 
     def restart(self) -> None:
-        """Forget which drives have the bit: others may be there now."""
+        """Forget which drives have the bit: the drives may be others now."""
         self._known = [False] * len(self._known)
         self._ticks = [0] * len(self._ticks)
 
@@ -45,9 +45,9 @@ class IgnoredSetpoints:
         current: Vector,
         fresh: NDArray[np.bool_],
     ) -> list[int]:
-        """Joints whose drives ignore their setpoints, from what is fresh of one tick; current (n,)
-        [A]."""
-        if all(word & FOLLOWS for word in statuswords):  # -1, of none, is no state of operation
+        """Joints whose drives ignore their setpoints, from the fresh samples of one tick; current
+        (n,) [A]."""
+        if all(word & FOLLOWS for word in statuswords):  # -1, for none, is not a state in operation
             self._known = [True] * len(self._known)
             self._ticks = [0] * len(self._ticks)
             return []

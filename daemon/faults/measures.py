@@ -8,7 +8,7 @@ Ordinary Python, which runs as it is; `measures.pxd` names the types for the com
 
 import numpy as np
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 
 JUMP, OVERSPEED, TORQUE_STUCK, TORQUE_SATURATED = 0, 1, 2, 3
 RESIDUAL_LIMIT, JOINT_LIMIT, FROZEN, APART = 4, 5, 6, 7
@@ -127,7 +127,7 @@ class Measures:
         self.full_ticks[i] = self.fast_ticks[i] = self.same_ticks[i] = 0.0
 
     def _follow_gap(self, i: int, advance: float, same: bool) -> None:
-        """What holds for an arm that is moved by hand, too."""
+        """Measures of the gap, also valid for an arm that is moved by hand."""
         phi = self.q[i] - self._theta[i]
         self._highest[i] = max(self._highest[i], phi)
         self._lowest[i] = min(self._lowest[i], phi)
@@ -137,7 +137,7 @@ class Measures:
         self.measures[FROZEN, i] = abs(self._turned[i])
 
     def _follow_motion(self, i: int, advance: float, same: bool, residual: float) -> None:
-        """What holds where the drives have power."""
+        """Measures that are valid only while the drives have power."""
         came = 1.0 if self.dt[i] > 0.0 else 0.0
         full, fast = abs(self.current[i]) >= self._full[i], abs(self.velocity[i]) >= self._speed[i]
         self.full_ticks[i] = self.full_ticks[i] + came if full else 0.0

@@ -1,7 +1,7 @@
 """Plausibility checks on measured samples: encoders, torques, speeds, joint limits. Pure.
 
 Arrays of shape (n,), SI at the link side; time is an argument. All figures are compared with their
-bounds by `measures`; what is beyond gets its words here.
+bounds by `measures`; those beyond become findings here.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,26 +10,26 @@ from typing import Final
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.measures import Measures
 from daemon.faults.table import Condition
 
-# What a half-gap may be wider than it was identified.
+# Largest ratio of a half-gap to its identified value.
 GAP_TOLERANCE: Final = 1.1
-# A current has noise; one that is the same to the last bit for so many ticks, while the motor turns
-# so far [rad], was not measured.
+# A current has noise; one that is the same to the last bit for this many ticks, while the motor
+# turns this far [rad], was not measured.
 STUCK_TRAVEL: Final = 0.1
 STUCK_TICKS: Final = 20
 # Share of the current limit at which a drive is at its limit.
 SATURATED_SHARE: Final = 0.95
-# A knock may drag a motor along for a tick or two.
+# A blow may carry a motor along for a tick or two.
 OVERSPEED_TICKS: Final = 3
 
-# Slower than this a joint or a motor stands [rad/s]: a few counts of a coarse velocity, or its
-# bias, are no motion.
+# Speed below which a joint or a motor stands [rad/s]: a few counts of a coarse velocity, or its
+# bias, are not motion.
 STANDSTILL_SPEED: Final = 0.02
-# Rows of the measures, in their order, and figure and bound of each in words; of several at one
+# Rows of the measures, in their order, and the text for figure and bound of each; of several at one
 # joint the first is the nearest to the cause.
 _ENERGISED_ONLY: Final = {
     Condition.JUMP: "by {:.3f} rad, at most {:.3f}",
@@ -39,7 +39,7 @@ _ENERGISED_ONLY: Final = {
     Condition.RESIDUAL_LIMIT: "{:.1f} Nm, at most {:.1f}",
     Condition.JOINT_LIMIT: "{:.3f} rad from the middle, at most {:.3f}",
 }
-# These hold for an arm that is moved by hand, too.
+# These also apply to an arm that is moved by hand.
 _ALWAYS: Final = {
     Condition.FROZEN: "while the motor turned by {:.3f} rad, at most {:.3f}",
     Condition.APART: "by {:.3f} rad, at most {:.3f}",
@@ -50,7 +50,7 @@ _ROWS: Final = tuple(_FIGURES)
 
 @dataclass(frozen=True, slots=True)
 class PlausibilitySettings:
-    """Bounds on what each joint may show, arrays of shape (n,)."""
+    """Bounds on the measurements of each joint, arrays of shape (n,)."""
 
     lower: Vector  # joint limits [rad]
     upper: Vector
@@ -65,7 +65,7 @@ class PlausibilitySettings:
 
 
 class Plausibility:
-    """Compares the samples of each joint with the bounds, and with those before them."""
+    """Comparison of the samples of each joint with the bounds, and with earlier samples."""
 
     def __init__(self, joints: Sequence[str], settings: PlausibilitySettings) -> None:
         self._joints, self._settings = tuple(joints), settings
@@ -80,7 +80,7 @@ class Plausibility:
             Condition.RESIDUAL_LIMIT: settings.residual,
             Condition.JOINT_LIMIT: 0.5 * (settings.upper - settings.lower)
             + settings.position_margin,
-            # What repeats to the last bit has no noise.
+            # Values that repeat to the last bit have no noise.
             Condition.FROZEN: play - 0.5 * settings.position_margin,
             Condition.APART: play,
         }
@@ -96,7 +96,7 @@ class Plausibility:
         )
 
     def restart(self) -> None:
-        """Forget the samples before: the next are believed, whatever they are."""
+        """Forget earlier samples: the next ones are accepted without comparison."""
         self._measured.restart()
 
     def step(
@@ -109,8 +109,8 @@ class Plausibility:
         dt: Vector,
         energised: bool,
     ) -> tuple[Finding, ...]:
-        """Everything that cannot be true of these samples, dt (n,) [s] after those before; where dt
-        is 0 they are those before, and prove nothing."""
+        """Findings about implausible samples, taken dt (n,) [s] after the ones before; where dt is
+        0 they are the same as before, and are not evidence."""
         beyond = self._measured.step(
             q, motor_velocity, motor_position, current, residual, dt, energised
         )
@@ -138,7 +138,8 @@ class Plausibility:
         return bool(side * (q - before) > STANDSTILL_SPEED * measured.dt[joint])
 
     def _brakes(self, joint: int) -> bool:
-        """Somebody is stronger than the motor, which resists with half its current or more."""
+        """True if an external push overcomes the motor, which resists with half its current or
+        more."""
         measured = self._measured
         driving = np.sign(measured.velocity[joint]) * measured.current[joint]
         return bool(driving < -0.5 * self._settings.current[joint])

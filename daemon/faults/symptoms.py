@@ -1,8 +1,8 @@
-"""Symptoms of faults: which section of docs/troubleshooting.md a person is sent to, and the advice
-that sends them there.
+"""Symptoms of faults: the section of docs/troubleshooting.md for each condition, and the advice
+that refers to it.
 
-A fault says what was found; a section of that page begins with what a person sees, and orders its
-causes by how often they are it. Many conditions share one.
+A fault names a condition; a section of that page starts from the symptom a person sees, and lists
+its causes by frequency. Several conditions share a section.
 """
 
 from typing import Final
@@ -15,7 +15,9 @@ _C = Condition
 SECTION_OF: Final[dict[Condition, str]] = {
     _C.SAMPLE_MISSING: "a-drive-falls-silent",
     _C.STALE: "a-drive-falls-silent",
+    _C.OLD: "it-is-late",
     _C.HEARTBEAT_LOST: "a-drive-falls-silent",
+    _C.BUS_LOADED: "a-drive-falls-silent",
     _C.BUS_DISTURBED: "a-drive-falls-silent",
     _C.BUS_TROUBLE: "a-drive-falls-silent",
     _C.ERROR_PASSIVE: "a-drive-falls-silent",
@@ -27,13 +29,16 @@ SECTION_OF: Final[dict[Condition, str]] = {
     _C.LATE: "it-is-late",
     _C.OVERRUN: "it-is-late",
     _C.ABSENT: "it-is-late",
+    _C.UNHEARD: "a-drive-falls-silent",
     _C.EMERGENCY: "a-drive-gives-up",
     _C.DRIVE_FAULT: "a-drive-gives-up",
     _C.DRIVE_DROPPED: "a-drive-gives-up",
+    _C.SUPPLY_LOST: "a-drive-gives-up",
     _C.REBOOTED: "a-drive-gives-up",
     _C.NOT_FOLLOWING: "a-drive-does-what-it-likes",
     _C.IGNORES_SETPOINT: "a-drive-does-what-it-likes",
     _C.FOREIGN_MASTER: "a-drive-does-what-it-likes",
+    _C.TWO_DRIVES: "a-drive-does-what-it-likes",
     _C.OVERSPEED: "a-drive-does-what-it-likes",
     _C.NOT_SEEN_TO_STOP: "it-is-not-seen-to-stop",
     _C.UNPROVED: "it-is-not-seen-to-stop",
@@ -49,5 +54,5 @@ SECTION_OF: Final[dict[Condition, str]] = {
 
 
 def advice_of(condition: Condition) -> str:
-    """What a person at the arm does about a condition, and where there is more."""
+    """Advice for a person at the arm about a condition, with a reference to the section."""
     return f"{TABLE[condition].advice}; more: {PAGE}#{SECTION_OF[condition]}"

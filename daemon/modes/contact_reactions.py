@@ -1,5 +1,5 @@
-"""Reactions to contact: for each level one choice of the configuration, and the event of the mode
-table that it leads to. Pure data."""
+"""Reactions to contact: the configured choice for each level, and the event of the mode table that
+it causes. Pure data."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,10 +10,10 @@ from daemon.modes.table import Event, Mode
 class ContactReaction(StrEnum):
     """Reaction to a contact or a collision."""
 
-    REPORT = "report"  # nothing else
+    REPORT = "report"  # only report it
     ADMITTANCE = "admittance"  # yield, eq. (15)
     RETRACT = "retract"  # back away a fixed distance, the way it was pushed
-    RELEASE = "release"  # let go of it: slowly, the way it pushes, until it presses no more
+    RELEASE = "release"  # let go of it: slowly, the way it pushes, until the pressure is gone
     HOLD = "hold"  # decelerate and hold
     QUICK_STOP = "quick_stop"  # quick stop of all drives, latched until `reset`
 
@@ -35,12 +35,12 @@ EVENT_OF: dict[ContactReaction, Event | None] = {
     ContactReaction.QUICK_STOP: Event.FAULT,
 }
 
-# Where contact and collision count as long as they last; elsewhere one is being reacted to already,
-# and only a collision that begins is more than that.
+# Modes in which contact and collision count as long as they last; in others there is a reaction
+# already, and only a collision that begins causes another.
 ATTENTIVE = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.RETURNING})
 
 
-# What a collision leads to without a permission, too.
+# Reactions to a collision that need no permission.
 UNPERMITTED = frozenset({ContactReaction.RELEASE, ContactReaction.QUICK_STOP})
 
 
@@ -56,7 +56,7 @@ class Reactions:
         return EVENT_OF[self.contact] if armed else None
 
     def to_collision(self, armed: bool) -> Event | None:
-        """Event of a collision; while not armed, one that asks for a permission stops the arm."""
+        """Event of a collision; while not armed, one that needs a permission stops the arm."""
         if armed or self.collision in UNPERMITTED:
             return EVENT_OF[self.collision]
         return Event.HALT

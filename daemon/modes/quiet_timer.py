@@ -1,8 +1,8 @@
-"""Quiet timer: how long the thresholded residual has been zero on all joints. Pure; time is an
-argument.
+"""Quiet timer: time for which the thresholded residual has been zero on all joints. Pure; time is
+an argument.
 
-When it has run out, an arm that yielded to a contact goes on with what the contact interrupted.
-Time in which a touch might not be felt is not quiet: it does not count.
+When it expires, an arm that yielded to a contact continues the trajectory that was interrupted.
+Time in which a touch might not be detected does not count as quiet.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,8 @@ ROUNDING_S = 5e-4
 
 @dataclass(slots=True)
 class QuietTimer:
-    """Runs from the last tick with a touch, or from `restart`; stands while sensing is not sure."""
+    """Timer that runs from the last tick with a touch, or from `restart`; it stops while sensing is
+    not sure."""
 
     limit_s: float
     quiet_s: float = 0.0
@@ -22,7 +23,7 @@ class QuietTimer:
     _sensed_s: float = 0.0
 
     def sense(self, touched: bool, time_s: float, *, sure: bool = True) -> None:
-        """Take the sensing of one tick: `touched` while any thresholded residual is not zero."""
+        """Process the sensing of one tick: `touched` while any thresholded residual is not zero."""
         if touched:
             self._touched_s = time_s
         elif not sure:
@@ -31,7 +32,7 @@ class QuietTimer:
         self.quiet_s = time_s - self._touched_s
 
     def restart(self, time_s: float) -> None:
-        """Run anew from `time_s`."""
+        """Start again from `time_s`."""
         self._touched_s = self._sensed_s = time_s
         self.quiet_s = 0.0
 

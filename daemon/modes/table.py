@@ -25,14 +25,14 @@ class Mode(StrEnum):
     TRACKING = "tracking"
     # The arm moves the way it is pushed, eq. (15) of the paper, within bounds.
     ADMITTANCE = "admittance"
-    # Backs away from what it met, by `reactions.retract_distance` the way it was pushed, and waits
+    # Backs away from a contact, by `reactions.retract_distance` the way it was pushed, and waits
     # there until it is quiet.
     RETRACTING = "retracting"
-    # Goes slowly, in a straight line through joint space, back to where a contact took it from its
+    # Returns slowly, in a straight line through joint space, to where a contact took it from its
     # trajectory, or only as far as the trajectory needs to stay within the joint limits.
     RETURNING = "returning"
-    # Lets go of what it collided with: the joints that feel it move slowly the way they are pushed,
-    # at `reactions.release_velocity`, by `reactions.release_distance` at most.
+    # Lets go after a collision: the joints in contact move slowly the way they are pushed, at
+    # `reactions.release_velocity`, by `reactions.release_distance` at most.
     RELEASING = "releasing"
     # Decelerates within its limits.
     STOPPING = "stopping"
@@ -44,12 +44,14 @@ class Event(StrEnum):
     """Event that may change the mode: a command of a person, or what happens to the arm."""
 
     ENABLE = "enable"  # a person: energise the drives
-    START = "start"  # a person: run a trajectory, or go on with the paused one
-    PAUSE = "pause"  # a person: halt the trajectory; `start` goes on with it
+    START = "start"  # a person: run a trajectory, or continue the paused one
+    PAUSE = "pause"  # a person: halt the trajectory; `start` continues it
+    # the client that attended the motion is gone, or silent: halt it, and forget it
+    ABANDON = "abandon"
     STOP = "stop"  # a person: stop
     DISARM = "disarm"  # a person: stop yielding
     DISABLE = "disable"  # a person, or the end of the program: let go of the drives
-    RESET = "reset"  # a person: the fault was seen to
+    RESET = "reset"  # a person: the fault has been dealt with
     ENERGISED = "energised"  # every drive reports operation enabled
     STANDSTILL = "standstill"  # no joint moves, and no setpoint asks for it
     END = "end"  # the trajectory came to its end
@@ -85,6 +87,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.ENABLING, _E.FAULT): _M.FAULTED,
     (_M.HOLDING, _E.START): _M.TRACKING,
     (_M.HOLDING, _E.PAUSE): _M.HOLDING,
+    (_M.HOLDING, _E.ABANDON): _M.HOLDING,
     (_M.HOLDING, _E.STOP): _M.STOPPING,
     (_M.HOLDING, _E.DISARM): _M.HOLDING,
     (_M.HOLDING, _E.DISABLE): _M.OFF,
@@ -96,6 +99,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.HOLDING, _E.FAULT): _M.FAULTED,
     (_M.TRACKING, _E.END): _M.HOLDING,
     (_M.TRACKING, _E.PAUSE): _M.STOPPING,
+    (_M.TRACKING, _E.ABANDON): _M.STOPPING,
     (_M.TRACKING, _E.STOP): _M.STOPPING,
     (_M.TRACKING, _E.DISARM): _M.TRACKING,
     (_M.TRACKING, _E.DISABLE): _M.STOPPING,
@@ -106,6 +110,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.TRACKING, _E.DOUBT): _M.STOPPING,
     (_M.TRACKING, _E.FAULT): _M.FAULTED,
     (_M.ADMITTANCE, _E.PAUSE): _M.ADMITTANCE,
+    (_M.ADMITTANCE, _E.ABANDON): _M.ADMITTANCE,
     (_M.ADMITTANCE, _E.STOP): _M.STOPPING,
     (_M.ADMITTANCE, _E.DISARM): _M.STOPPING,
     (_M.ADMITTANCE, _E.DISABLE): _M.STOPPING,
@@ -118,6 +123,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.ADMITTANCE, _E.DOUBT): _M.STOPPING,
     (_M.ADMITTANCE, _E.FAULT): _M.FAULTED,
     (_M.RETRACTING, _E.PAUSE): _M.RETRACTING,
+    (_M.RETRACTING, _E.ABANDON): _M.RETRACTING,
     (_M.RETRACTING, _E.STOP): _M.STOPPING,
     (_M.RETRACTING, _E.DISARM): _M.STOPPING,
     (_M.RETRACTING, _E.DISABLE): _M.STOPPING,
@@ -132,6 +138,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.RETRACTING, _E.DOUBT): _M.STOPPING,
     (_M.RETRACTING, _E.FAULT): _M.FAULTED,
     (_M.RETURNING, _E.PAUSE): _M.STOPPING,
+    (_M.RETURNING, _E.ABANDON): _M.STOPPING,
     (_M.RETURNING, _E.STOP): _M.STOPPING,
     (_M.RETURNING, _E.DISARM): _M.STOPPING,
     (_M.RETURNING, _E.DISABLE): _M.STOPPING,
@@ -144,6 +151,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.RETURNING, _E.DOUBT): _M.STOPPING,
     (_M.RETURNING, _E.FAULT): _M.FAULTED,
     (_M.RELEASING, _E.PAUSE): _M.RELEASING,
+    (_M.RELEASING, _E.ABANDON): _M.RELEASING,
     (_M.RELEASING, _E.STOP): _M.STOPPING,
     (_M.RELEASING, _E.DISARM): _M.RELEASING,
     (_M.RELEASING, _E.DISABLE): _M.STOPPING,
@@ -156,6 +164,7 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.STOPPING, _E.RETRACT): _M.RETRACTING,
     (_M.STOPPING, _E.RELEASE): _M.RELEASING,
     (_M.STOPPING, _E.PAUSE): _M.STOPPING,
+    (_M.STOPPING, _E.ABANDON): _M.STOPPING,
     (_M.STOPPING, _E.STOP): _M.STOPPING,
     (_M.STOPPING, _E.DISARM): _M.STOPPING,
     (_M.STOPPING, _E.DISABLE): _M.STOPPING,
@@ -167,39 +176,41 @@ TRANSITIONS: dict[tuple[Mode, Event], Mode] = {
     (_M.FAULTED, _E.DISARM): _M.FAULTED,
 }
 
-# Modes that a contact leads to; a trajectory that it interrupted goes on after these.
+# Modes caused by a contact; a trajectory that it interrupted continues after these.
 GUIDED = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RETURNING})
 # Modes in which the arm moves the way it is pushed.
 YIELDING = frozenset({_M.ADMITTANCE, _M.RETRACTING, _M.RELEASING})
-# Modes in which contacts are detected: in others the motor currents say nothing of contact.
+# Modes in which contacts are detected: in others the motor currents do not show contact.
 SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, _M.RELEASING, *GUIDED})
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
 ENERGISED = frozenset({_M.ENABLING, *SENSING})
 
-# Events that take the permission back: a person must arm again.
+# Events that revoke the permission: a person must arm again.
 DISARMING = frozenset(
     {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
 )
 
-# Events that halt a trajectory, which goes on with the next `start`...
+# Events that halt a trajectory, which continues with the next `start`.
 HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.RELEASE, _E.HALT})
-# ...and events after which it begins anew.
-FORGETTING = frozenset({_E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
+# Events after which the configured trajectory begins anew.
+FORGETTING = frozenset({_E.ABANDON, _E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
+# Events after which no trajectory continues by itself, whatever a contact causes.
+WAITING = frozenset({_E.PAUSE, _E.ABANDON})
 
-# Reason for a refusal in each mode...
+# Reason for a refusal in each mode.
 REFUSALS: dict[Mode, str] = {
     _M.OFF: "the drives are off",
     _M.ENABLING: "the drives are still being enabled",
     _M.HOLDING: "the arm is holding",
     _M.TRACKING: "the trajectory is running",
-    _M.ADMITTANCE: "somebody is guiding the arm",
+    _M.ADMITTANCE: "the arm is being guided",
     _M.RETRACTING: "the arm is backing away from a contact",
     _M.RETURNING: "the arm is going back to its trajectory",
-    _M.RELEASING: "the arm is letting go of what it collided with",
+    _M.RELEASING: "the arm is letting go after a collision",
     _M.STOPPING: "the arm is still stopping",
     _M.FAULTED: "a fault is latched",
 }
-# ...and the command that leads from there to a mode in which the arm can be started or armed.
+# Command that leads from a mode to one in which the arm can be started or armed.
 ADVICE: dict[Mode, str] = {
     _M.OFF: "`contactctl enable` first",
     _M.TRACKING: "`contactctl pause` or `stop` first",
@@ -233,10 +244,18 @@ class Change:
     cause: str
 
 
+@dataclass(frozen=True, slots=True)
+class Trigger:
+    """Event that may change the mode, with its cause."""
+
+    event: Event
+    cause: str
+
+
 class ModeMachine:
     """Present mode and the permissions beside it.
 
-    `changes` collects every change with its cause; the tick reports them and empties the list.
+    `changes` collects every change with its cause; the tick reports them and clears the list.
     """
 
     def __init__(self) -> None:
@@ -247,6 +266,7 @@ class ModeMachine:
         self.paused = False  # one was halted, and goes on with the next `start`
         self.cause = "started"
         self.entered_s = 0.0  # time at which the mode was entered
+        self.entered_by: Event | None = None  # None: the start
         self._disable_pending = False
 
     @property
@@ -267,7 +287,7 @@ class ModeMachine:
         return next_mode(self.mode, event) is not None
 
     def apply(self, event: Event, cause: str, time_s: float) -> bool:
-        """Follow the table; returns False, and changes nothing, where it has no such row.
+        """Follow the table; returns False, and changes nothing, if it has no such row.
 
         `disable` in motion first stops the arm; the drives go off when it holds.
         """
@@ -277,16 +297,22 @@ class ModeMachine:
         if event in DISARMING and self.armed:
             self.armed = False
             self.changes.append(Change("disarmed", cause))
+        forgets = event is Event.ABANDON and (self.paused or self.moving)
         if event in HALTING:
             self.paused = self.paused or self.moving
         elif after is Mode.TRACKING or event in FORGETTING:
             self.paused = False
-        # Only a contact leaves a trajectory that goes on by itself.
-        guided = self.moving and after in GUIDED and event is not Event.PAUSE
+        # Only after a contact does a trajectory continue by itself.
+        guided = self.moving and after in GUIDED and event not in WAITING
         self.moving = guided or after is Mode.TRACKING
         if after is not self.mode:
             self.changes.append(Change(f"{self.mode} -> {after}", cause))
-            self.mode, self.cause, self.entered_s = after, cause, time_s
+            self.mode, self.cause = after, cause
+            self.entered_by, self.entered_s = event, time_s
+        elif forgets:
+            # The mode does not show it.
+            self.changes.append(Change("trajectory forgotten", cause))
+            self.cause = f"{self.cause}; {cause}"
         if event is Event.DISABLE:
             self._disable_pending = after is Mode.STOPPING
         elif after is Mode.FAULTED:

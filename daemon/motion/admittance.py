@@ -10,10 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 
-# The softest admittance that may be asked for [rad/s per Nm].
-MAX_GAIN = 5.0
 # A changed gain is reached evenly over this time, without a jerk in the person's hand [s].
 GAIN_RAMP_S = 0.5
 
@@ -44,7 +42,7 @@ class Gains:
         self._rate = np.zeros_like(gain)
 
     def change(self, joint: int, gain: float) -> None:
-        """Let the gain of one joint move to `gain` from now on."""
+        """Ramp the gain of one joint to `gain` from now on."""
         self.goal[joint] = gain
         self._rate[joint] = abs(gain - self.value[joint]) / GAIN_RAMP_S
 
@@ -60,14 +58,14 @@ class Gains:
 
 @dataclass(frozen=True, slots=True)
 class AllowanceSettings:
-    """Bounds on how long [s] and how far [rad] contacts may lead the arm."""
+    """Bounds on the duration [s] and distance [rad] over which contacts may lead the arm."""
 
     max_duration_s: float
     max_excursion: float
 
 
 class Allowance:
-    """Allowance of one arming: what contacts have used up of its bounds.
+    """Allowance of one arming: the part of its bounds that contacts have used up.
 
     Time counts up while the arm yields and down while it does not, so that short breaks of contact
     do not restart it. Distance is the sum by which all contacts since the arming have displaced the
@@ -106,7 +104,7 @@ class Allowance:
         self._spent_s = max(self._spent_s - dt, 0.0)
 
     def bound_reached(self, q: Vector) -> str:
-        """Bound that the arm has passed at q (n,) [rad], in words; empty while none."""
+        """Description of the bound that the arm has passed at q (n,) [rad]; empty while none."""
         bounds = self._bounds
         # Times are sums of periods; half a millisecond keeps their rounding out of it.
         if self._spent_s > bounds.max_duration_s + 5e-4:

@@ -5,31 +5,31 @@ force
 
     F_i(q) = (threshold_i + w / K_i) / l_i(q)        l_i = |J_i(q)|, the lever of joint i
 
-and what asks for least moves first: with one gain for all, short levers fold to their limits while
-long ones stand. So the joint that must ask for most says how much, and all others ask for the same.
-Levers differ from pose to pose, and a gain does not: F is the same where each lever is longest, and
-more where it is shorter. Balanced at shorter levers, the largest force of all poses would be as
-many times the smallest, and every joint heavier. No gain goes beyond what a stiff hand and the
-joint's inertia allow.
+and the joint with the smallest force moves first: with one gain for all, joints with short levers
+fold to their limits while those with long ones stand. The joint that must require the largest force
+therefore sets the force for all others. Levers differ from pose to pose, and a gain does not: F is
+the same where each lever is longest, and more where it is shorter. Balanced at shorter levers, the
+largest force of all poses would be as many times the smallest, and every joint heavier. No gain
+exceeds the one that a stiff hand and the joint's inertia allow.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Matrix, Vector
-from daemon.motion.admittance import MAX_GAIN
+from common.arrays import Matrix, Vector
+from daemon.protocol.bounds import MAX_GAIN
 
-# A person leads an arm about so fast [rad/s].
+# Typical joint speed at which a person leads an arm [rad/s].
 LEADING_RAD_S = 0.25
-# A stiff hand, and what K_a times its stiffness at a joint may be: a third of what trembles in it
-# (docs/admittance.md, `python -m bench.hand`).
+# Stiffness of a stiff hand, and largest product of K_a and its stiffness at a joint: a third of the
+# one at which the arm trembles in it (docs/admittance.md).
 HAND_N_M, FIRMEST_1_S = 1500.0, 25.0
-# A hand holds a joint by more than the lever of one point [m].
+# Least lever: a hand holds a joint by more than one point [m].
 GRIP_M = 0.08
-# A virtual mass of a shorter time constant [s] pretends nothing.
+# Time constant below which a virtual mass has no effect [s].
 NO_MASS_S = 0.005
-# Of the levers over all poses: the shortest and the longest but for rare ones [%].
+# Percentiles of the levers over all poses for the shortest and the longest [%].
 USUAL = (5.0, 95.0)
 
 
@@ -53,8 +53,8 @@ def balanced(lever: Matrix, threshold: Vector, inertia: Vector, virtual_mass_s: 
     """Gains that ask for one force at the hand.
 
     lever: (poses, n) [m]; threshold: (n,) [Nm]; inertia: (n,) [kg m2] of link and rotor; the
-    virtual mass (n,) [s] as its time constant: as a mass it is virtual_mass_s / K_a, and a joint
-    that seemed lighter than it is would have to push its own links into the hand.
+    virtual mass (n,) [s] as its time constant: as a mass it is virtual_mass_s / K_a, and with one
+    below its real mass a joint would have to push its own links into the hand.
     """
     shortest, longest = np.percentile(lever, USUAL, axis=0)
     most = np.minimum(FIRMEST_1_S / (HAND_N_M * lever.max(axis=0) ** 2), MAX_GAIN)
@@ -66,7 +66,7 @@ def balanced(lever: Matrix, threshold: Vector, inertia: Vector, virtual_mass_s: 
 
 
 def _three_digits(values: Vector) -> Vector:
-    """Rounded to what may be typed."""
+    """Values rounded to three digits, for typing."""
     return np.array([float(f"{value:.3g}") for value in values.tolist()])
 
 

@@ -8,7 +8,7 @@ Ordinary Python, which runs as it is; `bounding.pxd` names the types for the com
 
 from math import sqrt
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 
 LARGEST = 1.7976931348623157e308  # what is finite
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector, check_shapes
+from common.arrays import Vector, check_shapes
 from daemon.motion.bounding import Bounding
 
 
@@ -21,9 +21,9 @@ class Limits:
     upper: Vector
     velocity: Vector
     acceleration: Vector
-    # Delay from a sample until the joint moves at the setpoint made from it [s].
+    # Delay from a sample until the joint moves at the setpoint computed from it [s].
     reaction_s: float
-    # Distance beyond a limit from which a joint may still be led back [rad].
+    # Largest distance beyond a limit from which a joint may be moved back [rad].
     tolerance: float = 0.0
     _bounding: Bounding = field(init=False, repr=False, compare=False)
 
@@ -62,10 +62,10 @@ class Limits:
         """Largest speed [rad/s] towards a limit that is `distance` [rad] away, both (..., n), from
         which the joint still stops before it: v tau + v^2 / (2 a) = distance.
 
-        v^2 / (2 a) is the braking distance, and v tau what the joint travels while the setpoint is
-        on its way. Near the limit the funnel is a loop, v = distance / tau, around the delay
-        reaction_s: it comes to rest without swinging across from tau = e reaction_s up if that is
-        a dead time, from 4 reaction_s up if it is a first-order lag. It is some of each.
+        v^2 / (2 a) is the braking distance, and v tau the travel before the setpoint takes effect.
+        Near the limit the funnel is a loop, v = distance / tau, around the delay reaction_s: it
+        comes to rest without overshoot from tau = e reaction_s up if that is a dead time, from
+        4 reaction_s up if it is a first-order lag. It is some of each.
 
         Zero at and beyond the limit, and where the distance is not a number: a joint whose
         position is not known does not move.
@@ -98,6 +98,6 @@ class Limits:
 
 
 def all_finite(values: Vector) -> bool:
-    """True if no value is NaN or infinite: their sum would be, too. On so few values this is five
-    times cheaper than numpy, whose reductions cost more than all else in a tick."""
+    """True if no value is NaN or infinite, as their sum would be, too. On so few values this is
+    five times faster than numpy, whose reductions cost more than all else in a tick."""
     return math.isfinite(sum(values.tolist()))

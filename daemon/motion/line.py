@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.motion.path import Reference
 
 # Share of the acceleration limit that planned motion uses; the position loop has the rest.

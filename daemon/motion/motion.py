@@ -1,11 +1,11 @@
-"""Motion in each mode: reference and target velocity. It decides no mode and reads no clock."""
+"""Motion in each mode: reference and target velocity. It does not decide modes or read a clock."""
 
 from dataclasses import dataclass
 from typing import assert_never
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.admittance import AdmittanceLaw, Gains
 from daemon.motion.limits import Limits
@@ -13,7 +13,7 @@ from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 
-# A joint has arrived when it is as near as this to the line's end [rad].
+# Distance from the line's end at which a joint has arrived [rad].
 ARRIVED_RAD = 0.01
 
 
@@ -41,8 +41,8 @@ class Motion:
         *,
         blind: bool = False,
     ) -> None:
-        """blind: the links' signs were never checked: hold by the motors, close no loop over the
-        links."""
+        """blind: the signs of the links are unchecked, so the motors hold the arm, and no loop is
+        closed over the links."""
         self.velocity = np.zeros_like(limits.lower)
         """target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
@@ -65,22 +65,22 @@ class Motion:
         self.follower.anchor(self.reference)
 
     def retract(self, q: Vector, thresholded: Vector) -> None:
-        """Back away from q [rad] the way the thresholded residual [Nm] would move the arm."""
+        """Back away from q [rad] in the direction of the thresholded residual [Nm]."""
         pushed = self.gains.value * thresholded
         furthest = float(np.abs(pushed).max())
         share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
         self._go(q, q + share * pushed, self._manner.retract_velocity)
 
     def release(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
-        """Let go of what presses, from q [rad], the way the thresholded residual [Nm] points."""
+        """Let go of a contact, from q [rad], in the direction of the thresholded residual [Nm]."""
         self.hold(q)
         self.giving_way.begin(q, thresholded, residual)
 
     def yield_to(self, thresholded: Vector, motor_velocity: Vector) -> None:
-        """Take back what goes against the thresholded residual [Nm], where the arm begins to yield.
+        """Remove setpoints against the thresholded residual [Nm], when the arm begins to yield.
 
         A setpoint that a blocked motor does not reach only presses, and its drive seems not to
-        follow: it sinks at once to `motor_velocity` [rad/s], from which the ramp begins.
+        follow: it drops at once to `motor_velocity` [rad/s], from which the ramp begins.
         """
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
@@ -89,7 +89,7 @@ class Motion:
         self.velocity = np.where(thresholded * self.velocity < 0.0, reached, self.velocity)
 
     def can_release(self, q: Vector, thresholded: Vector) -> bool:
-        """True if the arm can let go: links are trusted, and a joint that is pressed has room."""
+        """True if the arm can let go: links are trusted, and a pressed joint has room."""
         return not self.blind and self.giving_way.possible(q, thresholded)
 
     def go_back(self, q: Vector, home: Vector) -> None:
@@ -117,7 +117,7 @@ class Motion:
 
     @property
     def line_duration_s(self) -> float:
-        """Duration of the line that was begun last [s]."""
+        """Duration of the latest line [s]."""
         return self._line.duration_s
 
     def arrived(self, q: Vector) -> bool:
@@ -167,7 +167,8 @@ class Motion:
                 pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
                 return self.limits.soft_stop(q, pushed, gain, play)
             case Mode.RELEASING:
-                # Joints that feel nothing stand by their drives alone: a loop might pull them back.
+                # Joints without contact are held by their drives alone: a loop might pull them
+                # back.
                 self.hold(q)
                 return self.giving_way.velocity(q)
             case Mode.TRACKING:

@@ -3,7 +3,7 @@
 The path is a function of a path time s. Pausing, stopping and resuming change how fast s runs,
 never the path itself, so the setpoint cannot leave it. A path consists of displacements:
 after a person has moved the arm, the same path is anchored anew where the arm stands. Only a path
-to a pose is another one from there.
+to a pose changes with its starting point.
 """
 
 import math
@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 
 
 class JointPath(Protocol):
@@ -21,16 +21,16 @@ class JointPath(Protocol):
 
     @property
     def name(self) -> str:
-        """Name for people."""
+        """Name for messages."""
 
     @property
     def duration(self) -> float:
-        """Path time at its end [s]; infinite where it has none."""
+        """Path time at its end [s]; infinite if it has none."""
 
     @property
     def begin(self) -> Vector | None:
-        """Pose that the path asks for at s = 0 [rad], NaN for a joint that may stand anywhere; None
-        if it may begin from any pose."""
+        """Pose required at s = 0 [rad], NaN for a joint that may be anywhere; None if the path may
+        begin from any pose."""
 
     @property
     def motors_only(self) -> bool:
@@ -38,12 +38,12 @@ class JointPath(Protocol):
 
     @property
     def halts_at_contact(self) -> bool:
-        """True if a contact halts the arm on it where nothing else reacts: while it is not
-        armed."""
+        """True if a contact halts the arm on this path when there is no other reaction, that is
+        while it is not armed."""
 
     def led_to(self, q: Vector) -> "JointPath":
-        """Path that goes on from q (n,) [rad], where the arm was led: itself if it consists of
-        displacements; from there, and from its beginning, if it leads to a pose."""
+        """Path that continues from q (n,) [rad], to which the arm was led: itself if it consists of
+        displacements; a new one from there if it leads to a pose."""
 
     def offset(self, s: float) -> Vector:
         """Displacement from the anchor's origin [rad] at path time s [s]."""
@@ -90,14 +90,14 @@ class Sinusoids:
         return -self.amplitude, self.amplitude
 
     def fastest(self, s: float) -> Vector:
-        """Largest speed [rad/s], which comes again and again."""
+        """Largest speed [rad/s], which recurs in every period."""
         return np.abs(self.amplitude * self.omega)
 
 
 # Tolerance for sums of rounded numbers; far below the resolution of any drive [rad].
 ROUNDING = 1e-9
 
-# Path time that a Follower does not run any more: rounding might keep it from its end [s].
+# Path time before the end at which a Follower counts as finished, because of rounding [s].
 LEFT_S = 1e-13
 
 
@@ -110,8 +110,8 @@ class Reference:
 
 
 def stands(path: JointPath) -> bool:
-    """True for sinusoids of no joint, which nobody configured: they would run for ever, and move
-    nothing."""
+    """True for sinusoids of no joint, as in an empty configuration: they would run for ever, and
+    move nothing."""
     return isinstance(path, Sinusoids) and not path.amplitude.any()
 
 
@@ -123,13 +123,13 @@ class Place:
     s: float = 0.0
 
     def led_to(self, q: Vector) -> "Place":
-        """Place at which the path goes on from q (n,) [rad]."""
+        """Place at which the path continues from q (n,) [rad]."""
         path = self.path.led_to(q)
         return self if path is self.path else Place(path)
 
     def leaves_limits(self, q: Vector, lower: Vector, upper: Vector) -> NDArray[np.bool_]:
-        """Mask (n,) of joints whose path from here on, as it goes on from q, leaves [lower,
-        upper]; a joint that holds does not."""
+        """Mask (n,) of joints whose path from here on, continued from q, leaves [lower, upper]; a
+        joint that holds does not."""
         first, last = self.led_to(q).room(lower, upper)
         return (q < first - ROUNDING) | (q > last + ROUNDING)
 
@@ -144,8 +144,8 @@ class Place:
 
     def nearest(self, q: Vector, lower: Vector, upper: Vector, inside: float = 0.0) -> Vector:
         """Pose (n,) [rad] nearest to q from which the path from here on stays within [lower,
-        upper]: by `inside` [rad] where there is so much room, in the middle where there is less;
-        NaN for a joint whose path fits nowhere."""
+        upper] with a margin of `inside` [rad], or centred if there is less room; NaN for a joint
+        whose path fits nowhere."""
         first, last = self.led_to(q).room(lower, upper)
         room = last - first
         margin = np.minimum(inside, 0.5 * room)
@@ -153,8 +153,8 @@ class Place:
         return np.where(room < 0.0, np.nan, nearest)
 
     def astray(self, q: Vector, tolerance: float) -> NDArray[np.bool_]:
-        """Mask (n,) of joints further than `tolerance` [rad] from the pose that the path begins at;
-        all false if it goes on from a later place."""
+        """Mask (n,) of joints further than `tolerance` [rad] from the pose where the path begins;
+        all false if it continues from a later place."""
         begin = self.path.begin
         if begin is None or self.s > 0.0:
             return np.zeros(len(q), dtype=np.bool_)

@@ -1,9 +1,9 @@
-"""Straight path to a pose: all joints set out and arrive together, the furthest at the speed asked
-for, the others slower. A straight line through joint space leaves no box that holds both its ends,
-so it stays within the joint limits; of what stands in the way it knows nothing.
+"""Straight path to a pose: all joints start and arrive together, the furthest at the requested
+speed, the others slower. A straight line through joint space leaves no box that contains both its
+ends, so it stays within the joint limits; obstacles in the way are not known to it.
 
-Unlike a path of displacements it leads to one place: where a person has moved the arm meanwhile,
-it begins anew from there.
+Unlike a path of displacements it leads to one pose: if a person has moved the arm meanwhile, it
+begins anew from there.
 """
 
 import math
@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.motion.limits import Limits
 from daemon.motion.line import PLANNED_SHARE
 
 
 @dataclass(frozen=True, slots=True)
 class PosePath:
-    """Way from `start` to `goal`, both (n,) [rad], as a JointPath."""
+    """Path from `start` to `goal`, both (n,) [rad], as a JointPath."""
 
     name: str
     start: Vector
@@ -32,8 +32,8 @@ class PosePath:
     def planned(
         cls, name: str, start: Vector, goal: Vector, speed: float, limits: Limits, ramp_s: float
     ) -> "PosePath":
-        """Path at `speed` [rad/s], less for joints whose limits of speed, or of acceleration within
-        the `ramp_s` [s] that a Follower takes, ask for it."""
+        """Path at `speed` [rad/s], less if a joint's limit of speed, or of acceleration within the
+        `ramp_s` [s] of a Follower, requires it."""
         slowest = np.minimum(limits.velocity, PLANNED_SHARE * limits.acceleration * ramp_s)
         return cls(name, start, goal, np.minimum(speed, slowest))
 
@@ -53,14 +53,14 @@ class PosePath:
         return self.way * (min(s / duration, 1.0) if duration else 1.0)
 
     def slope(self, s: float) -> Vector:
-        """d offset / d s [rad/s]; it is the same on all of the way."""
+        """d offset / d s [rad/s]; constant along the path."""
         del s
         duration = self.duration
         return self.way / duration if duration else np.zeros_like(self.way)
 
     def extent(self, s: float) -> tuple[Vector, Vector]:
-        """Offset of the goal [rad], as lowest and highest: where the arm stands a little outside
-        its limits, the way leads inwards."""
+        """Offset of the goal [rad], as lowest and highest: if the arm stands slightly outside its
+        limits, the path leads inwards."""
         del s
         return self.way, self.way
 
@@ -69,7 +69,7 @@ class PosePath:
         return np.abs(self.slope(s))
 
     def led_to(self, q: Vector) -> "PosePath":
-        """The way from q (n,) [rad] to the same goal."""
+        """Path from q (n,) [rad] to the same goal."""
         return PosePath(self.name, q.copy(), self.goal, self.speed)
 
 

@@ -1,43 +1,33 @@
-"""Release of what the arm collided with: every joint that feels it gives way, slowly, the way it is
-pushed. Pure; time is an argument.
+"""Release after a collision: every joint in contact gives way, slowly, the way it is pushed. Pure;
+time is an argument.
 
-All of them move at one constant speed, and each stops for good when it feels no more than its
-contact level. A speed in proportion to the torque would be a loop around the stiffness of the clamp
-and the delay of the residual, which swings against anything stiff; a speed that begins once and
-ends once is no loop. Each joint moves the way its own torque points: so the power of all of them on
-what presses is positive, and no point of contact is led into it.
+All of them move at one constant speed, and each stops for good when its residual falls to its
+contact level. A speed in proportion to the torque would close a loop around the stiffness of the
+clamp and the delay of the residual, which oscillates against anything stiff; a speed that begins
+once and ends once is no loop. Each joint moves in the direction of its own torque: the power of all
+of them on the obstacle is thus positive, and no point of contact is moved into it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
+from daemon.modes.release_stage import Ending
 from daemon.motion.limits import Limits
 
-# Time beyond that of the whole distance, for ramps and for the end at a limit [s].
+# Time added to that of the whole distance, for ramps and for the end at a limit [s].
 SLACK_S: Final = 1.0
-# A joint that is as near as this to the end of its way has come to it [rad].
+# Distance from the end of its way at which a joint counts as arrived [rad].
 ARRIVED_RAD: Final = 0.01
-# Ticks in a row until it counts that something presses from elsewhere.
+# Ticks in a row until pressure from elsewhere counts.
 DEBOUNCE_TICKS: Final = 3
-# How long it may stand because the sensing is not sure [s]; sure ticks take as much back, so that
-# it stands for no longer than it goes and this.
+# Longest pause while sensing is not reliable [s]; reliable ticks count down as much, so that the
+# pauses are no longer than the motion and this.
 PAUSE_S: Final = 0.5
-
-
-class Ending(StrEnum):
-    """Why a release is over."""
-
-    LET_GO = "let go"
-    BOUND = "at a bound, and still pressed"
-    TIME = "still pressed after its time"
-    ELSEWHERE = "pressed from elsewhere"
-    UNSURE = "sensing not sure"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +36,8 @@ class ReleaseSettings:
 
     velocity: float  # of each joint [rad/s]
     distance: float  # of each joint [rad]
-    # By how much a setpoint may be ahead of its motor, (n,) [rad/s]: the drive of a joint that is
-    # held by something stiff cannot follow at once, and must not be taken for deaf.
+    # Largest lead of a setpoint over its motor, (n,) [rad/s]: the drive of a joint that is held by
+    # something stiff cannot follow at once, and must not be reported as not following.
     ahead: Vector
 
 
@@ -58,39 +48,40 @@ class Release:
         n = len(limits.lower)
         self._bounds, self._limits = bounds, limits
         self._speed = np.minimum(bounds.velocity, limits.velocity)
-        self._begun, self._pushed, self._way, self._followed, self._felt = np.zeros((5, n))
+        self._begun, self._pushed, self._way, self._followed, self._residual = np.zeros((5, n))
         self._elapsed_s = self._unsure_s = 0.0
         self._against, self._sure = 0, True
         self.end: Ending | None = None
         """None while it goes on."""
 
     def possible(self, q: Vector, thresholded: Vector) -> bool:
-        """True if a joint that is pressed at q [rad] has room before its limit."""
+        """True if a pressed joint at q [rad] has room before its limit."""
         return bool(np.any((thresholded != 0.0) & (self._to_limit(q, thresholded) > ARRIVED_RAD)))
 
     def begin(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
         """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero.
 
-        A joint that gave way to the same push since `forget` has what is left of its distance.
+        A joint that gave way to the same push since `forget` has only the rest of its distance.
         """
         pushed = np.sign(thresholded)
         again = (pushed != 0.0) & (pushed == self._pushed)
         self._begun = np.where(again, self._begun, q)
-        self._pushed, self._felt = pushed, residual.copy()
+        self._pushed, self._residual = pushed, residual.copy()
         self._way = pushed.copy()
         self._followed[:] = 0.0
         self._elapsed_s, self._unsure_s, self._against, self._sure = 0.0, 0.0, 0, True
         self.end = None
 
     def forget(self) -> None:
-        """What pressed is gone: the next push is another one."""
+        """End of a contact: the next push counts as another one."""
         self._pushed[:] = 0.0
 
     def step(
         self, q: Vector, motor_velocity: Vector, thresholded: Vector, dt: float, *, sure: bool
     ) -> None:
-        """Take what is measured dt [s] after the last: link positions [rad], velocities of motors
-        [rad/s], thresholded residual [Nm]. Unless `sure`, they may be wrong or old: it waits."""
+        """Process the measurements dt [s] after the last: link positions [rad], velocities of
+        motors [rad/s], thresholded residual [Nm]. Unless `sure`, they may be wrong or old, and the
+        release waits."""
         self._sure = sure
         if not sure:
             self._unsure_s += dt
@@ -116,11 +107,11 @@ class Release:
     def in_words(
         self, joints: Sequence[str], q: Vector, thresholded: Vector, residual: Vector
     ) -> str:
-        """Its end, with joints and torques; from what is measured now."""
+        """Description of the end, with joints and torques, from the present measurements."""
 
-        def feel(which: NDArray[np.bool_], text: str) -> str:
+        def contacts(which: NDArray[np.bool_]) -> str:
             named = (
-                f"{joints[i]} {text} {residual[i]:+.1f} Nm" for i in np.flatnonzero(which).tolist()
+                f"{residual[i]:+.1f} Nm at {joints[i]}" for i in np.flatnonzero(which).tolist()
             )
             return ", ".join(named)
 
@@ -128,24 +119,25 @@ class Release:
         match self.end:
             case Ending.LET_GO:
                 pushed = np.flatnonzero(self._pushed).tolist()
-                felt = (f"{joints[i]} (it felt {self._felt[i]:+.1f} Nm)" for i in pushed)
-                return f"let go of {', '.join(felt)}"
+                ended = (f"{joints[i]} ({self._residual[i]:+.1f} Nm)" for i in pushed)
+                return f"let go of contact at {', '.join(ended)}"
             case Ending.BOUND:
-                return f"{feel(thresholded * self._pushed > 0.0, 'still feels')} {gave}"
+                still = contacts(thresholded * self._pushed > 0.0)
+                return f"still pressed with {still} {gave}"
             case Ending.TIME:
-                still = feel(thresholded * self._pushed > 0.0, "still feels")
-                return f"{still} {gave} for {self._elapsed_s:.1f} s"
+                still = contacts(thresholded * self._pushed > 0.0)
+                return f"still pressed with {still} {gave} for {self._elapsed_s:.1f} s"
             case Ending.ELSEWHERE:
-                elsewhere = feel(self._elsewhere(thresholded), "feels")
-                return f"pressed from elsewhere while it let go: {elsewhere}"
+                elsewhere = contacts(self._elsewhere(thresholded))
+                return f"pressed from elsewhere while it let go: contact of {elsewhere}"
             case Ending.UNSURE:
-                return f"what the arm feels was not sure for {PAUSE_S:g} s while it let go"
+                return f"sensing was not reliable for {PAUSE_S:g} s while it let go"
             case None:
                 return ""
 
     def velocity(self, q: Vector) -> Vector:
-        """Desired velocity [rad/s] at q [rad]; it sinks towards the end of the distance, and waits
-        for the motors. None on torques that may be old."""
+        """Desired velocity [rad/s] at q [rad]: decreasing towards the end of the distance, limited
+        by the motors' own, and zero while torques may be old."""
         if not self._sure:
             return np.zeros_like(q)
         speed = np.minimum(self._speed, self._followed + self._bounds.ahead)
@@ -153,25 +145,25 @@ class Release:
         return self._way * slowed
 
     def rest(self, q: Vector, before: Vector, thresholded: Vector) -> Vector:
-        """Where to hold [rad], of q and an earlier position: where each joint is further away from
-        what it let go of, unless it is pressed back. A link that fell back through its gap is not
-        pressed on to it again."""
+        """Position to hold [rad]: for each joint, of q and an earlier position, the one further
+        away from the contact, unless it is pressed back. A link that fell back through its gap is
+        thus not pressed against it again."""
         away = (self._pushed * (before - q) > 0.0) & (self._pushed * thresholded >= 0.0)
         further: Vector = np.where(away, before, q)
         return further
 
     def _elsewhere(self, thresholded: Vector) -> NDArray[np.bool_]:
-        """Joints that are pressed from the other side, or that felt nothing when it began."""
+        """Joints that are pressed from the other side, or that had no contact when it began."""
         other: NDArray[np.bool_] = (thresholded != 0.0) & (np.sign(thresholded) != self._pushed)
         return other
 
     def _left(self, q: Vector) -> Vector:
-        """What is left of the distance [rad]."""
+        """Remaining part of the distance [rad]."""
         left: Vector = self._bounds.distance - self._pushed * (q - self._begun)
         return left
 
     def _to_limit(self, q: Vector, push: Vector) -> Vector:
-        """What is left to the joint limit the way of the push [rad]."""
+        """Distance to the joint limit in the direction of the push [rad]."""
         limits = self._limits
         room: Vector = np.where(push > 0.0, limits.upper - q, q - limits.lower)
         return room

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
+from common.errors import TrajectoryError
 from daemon.motion.limits import Limits
 from daemon.motion.path import ROUNDING
-from daemon.motion.trajectory_file import MAX_ROWS, PLAUSIBLE, SHORTEST_STEP_S, refuse_columns
-from errors import TrajectoryError
+from daemon.motion.trajectory_file import MAX_ROWS, SHORTEST_STEP_S, refuse_columns
+from daemon.protocol.bounds import PLAUSIBLE
 
 Tensor = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ class SampledPath:
 
 
 class PathBuilder:
-    """Builder of a SampledPath: takes its rows chunk by chunk, refuses what breaks a limit.
+    """Builder of a SampledPath: takes its rows chunk by chunk, and refuses those beyond a limit.
 
     `columns` are the joints that the rows name, in the rows' order; all others hold. Rows are
     [t, q of each column, q_dot of each column]. Raises TrajectoryError for an unknown, doubled or
@@ -142,7 +143,7 @@ class PathBuilder:
         self._start_s = 0.0
 
     def append(self, rows: Sequence[Sequence[float]]) -> None:
-        """Judge and keep the next rows. Raises TrajectoryError with the row (counted from 0 over
+        """Check and keep the next rows. Raises TrajectoryError with the row (counted from 0 over
         all chunks) and the reason; then nothing of this chunk is kept."""
         if self.rows + len(rows) > MAX_ROWS:
             raise TrajectoryError(f"more than {MAX_ROWS} rows", row=MAX_ROWS)
@@ -150,7 +151,7 @@ class PathBuilder:
             return
         times, knots = self._knots_of(rows)
         first_row = self.rows
-        # One knot alone has no piece; with the one before it has.
+        # A single knot has no piece, except with the one before it.
         if self._last is not None:
             times = np.concatenate([self._last[0], times])
             knots = np.concatenate([self._last[1], knots])

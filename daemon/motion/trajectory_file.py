@@ -4,8 +4,8 @@
     0.00,0.10,-0.50
     0.05,0.11,-0.49
 
-Empty lines and lines that begin with # are left out. Read without numpy, for clients that must
-start at once; `daemon.motion.sampled_path` checks the rows against the arm's limits.
+Empty lines and lines that begin with # are ignored. Read without numpy, for clients that must
+start quickly; `daemon.motion.sampled_path` checks the rows against the arm's limits.
 """
 
 import csv
@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from common.errors import TrajectoryError
+from common.regular_file import open_text
+from daemon.protocol.bounds import PLAUSIBLE
 from daemon.protocol.messages import printable
-from errors import TrajectoryError
-from regular_file import open_text
 
 if TYPE_CHECKING:
     from _csv import Reader
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 TIME = "time_s"
 #: Ten minutes at 100 Hz; 7 MB in the daemon for seven joints.
 MAX_ROWS = 60_000
-#: Largest time, position or velocity that is accepted, so that no sum overflows.
-PLAUSIBLE = 1e9
 SHORTEST_STEP_S = 1e-6
 
 
@@ -55,7 +54,7 @@ def read_trajectory(path: Path, known: Sequence[str]) -> TrajectoryFile:
     Raises TrajectoryError with file, line, column and reason of the first fault.
     """
     try:
-        # The mark that some spreadsheets put in front is no part of the header.
+        # The byte order mark that some spreadsheets write is not part of the header.
         with open_text(path, "utf-8-sig", newline="") as stream:
             return _read(path, csv.reader(stream, strict=True), known)
     except OSError as error:

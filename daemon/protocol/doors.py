@@ -1,7 +1,7 @@
 """Doors of the daemon: two sockets, the group of each, and the commands that it takes. Pure.
 
-Whoever may use the control socket commands the arm. The view socket is for those who look, and who
-may stop what they see: a web page, a display, a logger. It lets nothing move.
+Clients of the control socket command the arm. The view socket is for observers, which may also
+stop it: a web page, a display, a logger. No command of it starts a motion.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for the
 
 DOORS: Final[dict[Door, DoorRule]] = {
     Door.CONTROL: DoorRule(CONTROL_GROUP, frozenset(COMMANDS), MAX_CONNECTIONS),
-    # Never so many that those who command the arm find no place.
+    # Always leaves places for clients that command the arm.
     Door.VIEW: DoorRule(
         VIEW_GROUP, frozenset[Command]({"subscribe", "status", "stop", "disarm"}), 64
     ),

@@ -1,4 +1,4 @@
-"""Lease on the armed arm: one owner, who keeps it armed until a time. Pure; time is an argument.
+"""Lease on the armed arm: one owner keeps it armed until a time. Pure; time is an argument.
 
 There are two kinds of owner. A program owns by its connection, renews often, and its lease ends
 with the connection. A person at a command line, whose connection closes at once, owns by the user
@@ -7,12 +7,13 @@ id alone, and the lease ends with its time.
 
 from dataclasses import dataclass
 
-#: Length of a lease that asks for no other [s].
+#: Default length of a lease, and the allowed range [s].
 PROGRAM_S = 0.5
 PERSON_S = 600.0
+SHORTEST_S = 0.05
 LONGEST_S = 86_400.0
-#: Every joint must have sensed contact for so long before [s]: one that comes and goes would be
-#: armed in a good moment.
+#: Time for which every joint must have sensed contact before [s], as sensing that comes and goes
+#: might be armed in a good moment.
 SENSES_S = 0.25
 
 
@@ -48,8 +49,8 @@ class Lease:
         if self.ended(time_s) or self.owner.is_same(other):
             return ""
         return (
-            f"armed by {self.owner} for another {in_words(self.left_s(time_s))}: only they renew "
-            "it (`contactctl disarm` works for everybody)"
+            f"armed by {self.owner} for another {in_words(self.left_s(time_s))}: only this owner "
+            "can renew it (anyone can use `contactctl disarm`)"
         )
 
     def ended(self, time_s: float, closed: int = 0) -> str:
@@ -67,7 +68,7 @@ class Lease:
 
 
 def in_words(seconds: float) -> str:
-    """Duration for people: 0.5 s, 42 s, 9 min 12 s."""
+    """Duration for display: 0.5 s, 42 s, 9 min 12 s."""
     if seconds < 10.0:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

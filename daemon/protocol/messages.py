@@ -10,7 +10,14 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 
 from daemon.modes.table import Mode
-from estimator.payload import Payload
+from daemon.protocol.bounds import (
+    FASTEST,
+    MAX_GAIN,
+    PLAUSIBLE,
+    SLOWEST,
+)
+from daemon.protocol.lease import LONGEST_S, SHORTEST_S
+from estimator.payload import FURTHEST_M, HEAVIEST_KG, Payload
 
 Command = Literal[
     "enable",
@@ -34,8 +41,8 @@ COMMANDS: tuple[str, ...] = get_args(Command)
 MAX_REQUEST_BYTES = 8192  # of one message to the daemon
 # Commands that let the arm move: dropped if the client closed the connection before the answer.
 AWAITED: frozenset[Command] = frozenset({"enable", "start", "go", "arm"})
-# Commands that are served before all others, and what must not be carried out any more if it came
-# before them, or with them, and still waits for its turn.
+# Commands that are served before all others, and those that must not be carried out any more if
+# they came before them, or with them, and still wait for their turn.
 OUTDATED_BY: dict[Command, frozenset[Command]] = {
     "stop": AWAITED,
     "disarm": frozenset({"arm"}),
@@ -45,7 +52,7 @@ PerJoint = list[float]
 """One number per joint, in the order of `Snapshot.joints`, SI at the link side."""
 
 SideName = Literal["left", "gap", "right", "unknown"]
-"""Gap state of a joint: `motor_position.Side` in words."""
+"""Gap state of a joint: name of `motor_position.Side`."""
 
 # Text that may stand in one line of the log: no line breaks, no control characters for a terminal
 # (C0, C1), none that reverse the text beside them (bidirectional embeddings and isolates).
@@ -64,10 +71,18 @@ def printable(text: str) -> str:
 
 
 def on_behalf_of(text: str) -> str:
-    """`text` as it may stand in `Request.on_behalf_of`: a question mark for each other character,
-    and no more of it than there is room for."""
+    """`text` as allowed in `Request.on_behalf_of`: a question mark for each other character, and
+    cut to the allowed length."""
     plain = "".join(c if " " <= c <= "~" and c not in '"\\' else "?" for c in text)
     return plain[:MOST_ON_BEHALF]
+
+
+def _within(least: float, most: float) -> msgspec.Meta:
+    """Bounds for the schema, of numbers that are checked where joint and row are known."""
+    return msgspec.Meta(extra_json_schema={"minimum": least, "maximum": most})
+
+
+Plausible = Annotated[float, _within(-PLAUSIBLE, PLAUSIBLE)]
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -84,31 +99,36 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defa
 
     command: Command
     header: Header | None = None  # `load`: begin a trajectory
-    rows: list[list[float]] | None = None  # `load`: more of it
+    rows: list[list[Plausible]] | None = None  # `load`: more of it
     loaded: bool = False  # `start`: run what this connection has loaded
     # `arm`, `renew`: for how long from now, unless renewed; 0.5 s, or 600 s if detached.
-    lease_s: Annotated[float, msgspec.Meta(gt=0, le=86_400)] | None = None
+    lease_s: Annotated[float, msgspec.Meta(ge=SHORTEST_S, le=LONGEST_S)] | None = None
     # `arm`: the lease outlives this connection, and any process of this user may arm again.
     detached: bool = False
     joint: str | None = None  # `gain`: of which joint
-    gain: float | None = None  # `gain`: its K_a from now on [rad/s per Nm]
-    # Who asked the client for this, in its own words: for the log, and believed by nobody.
+    # `gain`: its K_a from now on, 0 or at least LEAST_GAIN [rad/s per Nm]
+    gain: Annotated[float, _within(0.0, MAX_GAIN)] | None = None
+    # Person or program on whose behalf the client asks, as stated by the client: for the log only,
+    # not verified.
     on_behalf_of: (
         Annotated[str, msgspec.Meta(min_length=1, max_length=MOST_ON_BEHALF, pattern=PLAIN)] | None
     ) = None
-    # `payload`: what the hand carries from now on, by its name in the configuration, or
+    # `payload`: payload of the hand from now on, by its name in the configuration, or
     name: str | None = None
-    mass: float | None = None  # by its mass [kg]; 0: nothing
-    com: list[float] | None = None  # beside `mass`: its centre in the hand's frame [m]
+    # by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
+    mass: Annotated[float, _within(0.0, HEAVIEST_KG)] | None = None
+    # beside `mass`: its centre in the hand's frame, three numbers [m]
+    com: list[Annotated[float, _within(-FURTHEST_M, FURTHEST_M)]] | None = None
     pose: Annotated[str, msgspec.Meta(max_length=64)] | None = None  # `go`: to this one, or
-    # to these positions; joints that are not named stay [rad]
-    targets: Annotated[dict[str, float], msgspec.Meta(max_length=32)] | None = None
+    # to these positions, within the joints' limits; joints that are not named stay [rad]
+    targets: Annotated[dict[str, Plausible], msgspec.Meta(max_length=32)] | None = None
     # `go`: of the joint that goes furthest; 0.2 unless given [rad/s]
-    speed: Annotated[float, msgspec.Meta(gt=0, le=2)] | None = None
+    speed: Annotated[float, msgspec.Meta(ge=SLOWEST, le=FASTEST)] | None = None
     plan: bool = False  # `go`: answer only what it would do
-    # `go`: positions for which it was planned; refused if the arm stands elsewhere by now [rad]
-    planned_from: Annotated[list[float], msgspec.Meta(max_length=32)] | None = None
-    # `go`, `start` of what was loaded: halt when this connection ends, or asks nothing for 2 s
+    # `go`: positions for which it was planned; refused if the arm is elsewhere by now [rad]
+    planned_from: Annotated[list[Plausible], msgspec.Meta(max_length=32)] | None = None
+    # `go`, `start` of a loaded trajectory: halt when this connection ends, or sends nothing for
+    # 2 s, and forget the motion
     attended: bool = False
 
 
@@ -130,26 +150,26 @@ class Permit(msgspec.Struct, frozen=True, kw_only=True):
     pid: int
     detached: bool  # ends by time alone; otherwise also with the connection of `pid`
     left_s: float
-    on_behalf_of: str = ""  # as the owner said
+    on_behalf_of: str = ""  # as stated by the owner
 
 
 class ToolForce(msgspec.Struct, frozen=True, kw_only=True):
-    """Forces at the tool that the arm feels; directions along x, y, z of the URDF's root."""
+    """Forces at the tool that the arm detects; directions along x, y, z of the URDF's root."""
 
-    least_N: float  # where it feels best
+    least_N: float  # in the most sensitive direction
     least_along: list[float]
-    most_N: float  # where it feels worst, beside where it feels nothing
+    most_N: float  # in the least sensitive direction, except those without detection
     most_along: list[float]
-    unfelt: list[list[float]] = []  # directions in which no joint feels a force
+    undetected: list[list[float]] = []  # directions in which no joint detects a force
 
 
-class Felt(msgspec.Struct, frozen=True, kw_only=True):
-    """Touches that the arm feels in its present pose: torque at each joint, force at the tool. Both
-    may be a little larger before they are felt, by errors of the model (docs/estimator.md)."""
+class Sensitivity(msgspec.Struct, frozen=True, kw_only=True):
+    """Smallest touches that the arm detects in its present pose: torque at each joint, force at the
+    tool. With errors of the model both may be a little larger (docs/estimator.md)."""
 
     joints: list[str]
-    tool: str  # the point, in words
-    # None: a joint that does not sense now, and feels nothing
+    tool: str  # description of the tool point
+    # None: a joint that does not sense now, and detects nothing
     moving: list[float | None]  # [Nm], every joint at its velocity limit
     resting: list[float | None]  # [Nm], every joint at rest
     tool_moving: ToolForce
@@ -157,8 +177,8 @@ class Felt(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Way(msgspec.Struct, frozen=True, kw_only=True):
-    """Way to a pose: a straight line through joint space, which knows nothing of what stands in
-    it. All joints arrive together."""
+    """Way to a pose: a straight line through joint space, on which all joints arrive together.
+    Obstacles are not taken into account."""
 
     name: str
     joints: list[str]
@@ -177,10 +197,10 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     mode: Mode | None = None
     armed: bool = False
     checks: list[Check] = []  # of `arm`
-    felt: Felt | None = None  # of `arm` that is done; a client that does not know it leaves it out
+    sensitivity: Sensitivity | None = None  # of `arm` that is done
     row: int | None = None  # of a trajectory: the first that was refused, from 0
-    unproved: list[str] = []  # joints that are told to stop and not seen to stand
-    # of `start` and `go` that are done, and of a plan: beyond what the thresholds have seen, or
+    unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds cover, or
     # nearer to a limit than a joint may get
     warnings: list[str] = []
     way: Way | None = None  # of `go` that is done, or planned
@@ -224,14 +244,14 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class State(msgspec.Struct, frozen=True, kw_only=True):
-    """Record of one tick: everything it measured, estimated and decided."""
+    """Record of one tick: its measurements, estimates and decisions."""
 
     tick: int
     time_s: float  # time of the tick since the loop started
     interval_s: float  # since the tick before
     mode: Mode
     armed: bool
-    cause: str  # why this mode, in words
+    cause: str  # reason for this mode
     moving: bool  # a trajectory is running or will go on after this contact
     fresh: list[bool]  # joints whose samples came in time; of others these are the last
     drives: list[str]  # CiA 402 states
@@ -259,25 +279,25 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     quiet_s: float  # since the last tick with a non-zero thresholded residual
     notices: list[Notice]
     timing: Timing
-    unproved: list[str] = []  # joints that were told to stop and not seen to stand
-    silenced: bool = False  # the drives hear nothing of the daemon until `reset`
+    unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
+    silenced: bool = False  # the daemon sends nothing to the drives until `reset`
     sensing: list[bool] | None = None  # joints that sense contact now; None in format 1
     sensing_since_s: PerJoint | None = None  # time at which that last changed [s]
-    # k: share of each configured contact level that learning leaves in force; None where recorded
-    # before it was said
+    # k: share of each configured contact level that learning leaves in force; None in recordings
+    # from before it was published
     level_share: PerJoint | None = None
-    permit: Permit | None = None  # while armed; None also in recordings from before it was told
-    payload: Payload | None = None  # that the model counts in this tick
-    recognised: Payload | None = None  # that nobody told; nothing is learned in this tick
+    permit: Permit | None = None  # while armed; None also in recordings from before it existed
+    payload: Payload | None = None  # included in the model in this tick
+    recognised: Payload | None = None  # unannounced payload; nothing is learned in this tick
 
 
-STATE_FORMAT = 5
+STATE_FORMAT = 6
 """Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
 with a default needs no new version. Recordings of every version from 1 on stay readable."""
 
 
 def format_refusal(version: int) -> str:
-    """Reason why States of this version are not read; empty where they are."""
+    """Reason why States of this version are not read; empty if they are."""
     if version < 1:
         return "of a contactd before format 1, whose States have other fields: record anew"
     if version > STATE_FORMAT:
@@ -286,7 +306,7 @@ def format_refusal(version: int) -> str:
 
 
 class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
-    """Context of a recording: all that is needed to read its States. Sent to each reader first."""
+    """Context of a recording: everything needed to read its States. Sent to each reader first."""
 
     format: int = 0  # STATE_FORMAT of its program; 0: made before there was one
 
@@ -304,7 +324,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Grant(msgspec.Struct, frozen=True):
-    """One part of the real-time set-up, granted by the machine or not, and the same in words."""
+    """One part of the real-time set-up, granted by the machine or not, with its description."""
 
     name: str
     achieved: bool
@@ -318,10 +338,11 @@ class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
     state: Literal["ready", "running", "interrupted", "paused"]
     time_s: float  # path time
     duration_s: float | None  # None: it has no end
+    attended: bool = False  # it halts, and is forgotten, when the program that began it ends
 
 
 class Learned(msgspec.Struct, frozen=True, kw_only=True):
-    """What was learned since identification, as shares of what was identified: +0.1 is a tenth
+    """Changes learned since identification, as shares of the identified values: +0.1 is a tenth
     more."""
 
     coulomb: PerJoint
@@ -347,7 +368,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     missed: int
     lateness_max_us: float
     work_max_us: float
-    realtime: list[Grant]  # what was achieved of the real-time set-up, and what not
+    realtime: list[Grant]  # parts of the real-time set-up, achieved or not
     readers: int
     joints: list[str]
     identities: list[str] = []  # of the drives: make, revision, serial number
@@ -359,12 +380,12 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
     serials: list[int | None] = []  # 0x1018:4 of the drives
-    unproved: list[str] = []  # joints that were told to stop and not seen to stand
-    silenced: bool = False  # the drives hear nothing of the daemon until `reset`
-    felt: Felt | None = None  # None before the first samples
+    unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
+    silenced: bool = False  # the daemon sends nothing to the drives until `reset`
+    sensitivity: Sensitivity | None = None  # None before the first samples
     sensing: list[bool] | None = None  # joints that sense contact now; None before the first tick
     sensing_since_s: PerJoint | None = None  # when that last changed, as `uptime_s` counts
-    lost: PerJoint | None = None  # share of the samples of late that went missing
+    lost: PerJoint | None = None  # share of recent samples that went missing
     learned: Learned | None = None  # None where nothing is learned
     hand: str = ""  # the URDF's last link, in whose frame payloads are
     payload: Payload | None = (
@@ -372,8 +393,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     )
     payloads: list[Payload] = []  # that can be announced by name
     poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
-    gears: list[str] = []  # what their trends say, a line for each joint (`contactctl health`)
-    recognised: str = ""  # load that nobody told, in words, with what to do; empty without one
-    # Files that say something else than those it runs by; looked at while the drives are off.
+    gears: list[str] = []  # findings of their trends, a line for each joint (`contactctl health`)
+    recognised: str = ""  # description of an unannounced payload, with advice; empty without one
+    # Files that differ from those in use; checked while the drives are off.
     changed: list[str] = []
-    not_taken_up: str = ""  # why a `reload` went on with the old ones, with file and field
+    not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field

@@ -1,7 +1,7 @@
 """File of a socket that the daemon listens at: its permissions, and the credentials of its peers.
 
-The file's group decides who may connect; the kernel reports who is at the other end. Where the
-socket is, clients know as well: `contactd_client/paths.py`.
+The file's group decides who may connect; the kernel reports the process at the other end. Clients
+find the path of the socket by `contactd_client/paths.py`.
 """
 
 import contextlib
@@ -14,9 +14,10 @@ import struct
 from dataclasses import dataclass
 from pathlib import Path
 
-from errors import ControlError
+from common.errors import ControlError
 
-LISTEN_BACKLOG = 256  # net.core.somaxconn is 4096 on Linux 5.4 and newer
+# Few, as a client with a stop queues behind all that wait. When it is full, clients retry at once.
+LISTEN_BACKLOG = 64
 _UCRED = struct.Struct("3i")  # pid, uid, gid
 _SO_PEERGROUPS = 59  # Linux 4.13; not in Python's socket module
 _MOST_GROUPS = 256
@@ -44,7 +45,8 @@ def listen(path: Path, group: str) -> socket.socket:
     try:
         _refuse_unless_stale(path)
         hidden.unlink(missing_ok=True)
-        # Linux takes the file's mode from the socket: nobody gets in before the group is set.
+        # Linux takes the file's mode from the socket: no client can connect before the group is
+        # set.
         os.fchmod(listener.fileno(), 0o600)
         listener.bind(str(hidden))
         if why := open_to_group(hidden, 0o660, group):

@@ -1,15 +1,18 @@
 """Strict JSON: messages of a known type, in which no object has a key twice.
 
-msgspec takes the last of two equal keys in silence, other readers the first: a request that says
-two things must not be carried out, and a recording must not mean two things.
+msgspec silently takes the last of two equal keys, other readers the first: an ambiguous request
+must not be carried out, and a recording must not be ambiguous.
 """
 
 import json
-from typing import Any, Generic, TypeVar
+import re
+from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 
 T = TypeVar("T")
+_PLACE: Final = re.compile(r" - at `\$((?:\.\w+)+)`$")
+_SHOWN_BYTES: Final = 60
 
 
 class StrictDecoder(Generic[T]):
@@ -20,18 +23,34 @@ class StrictDecoder(Generic[T]):
         self._encoder = msgspec.json.Encoder()
 
     def decode(self, packet: bytes) -> T:
-        """The object. Raises msgspec.DecodeError for what is no such object, is not UTF-8, or has a
-        key twice."""
+        """Decoded object. Raises msgspec.DecodeError for anything else, invalid UTF-8, or a
+        duplicate key."""
         try:
             found = self._decoder.decode(packet)
-            # What our own programs have written comes out byte for byte: nothing was dropped.
+            # Messages of our own programs re-encode byte for byte, so no key was dropped.
             if self._encoder.encode(found) != packet:
                 _STRICT.decode(packet.decode())
+        except msgspec.ValidationError as error:
+            raise msgspec.ValidationError(f"{error}{_given(packet, str(error))}") from error
         except UnicodeDecodeError as error:
             raise msgspec.DecodeError(f"JSON is malformed: {error}") from error
         except RecursionError as error:
             raise msgspec.DecodeError("JSON is nested too deeply") from error
         return found
+
+
+def _given(packet: bytes, problem: str) -> str:
+    """Text of the value that caused a validation error; empty if the error names no single one."""
+    place = _PLACE.search(problem)
+    if place is None:
+        return ""
+    try:
+        value = msgspec.json.decode(packet)
+        for key in place[1].split(".")[1:]:
+            value = value[key]
+    except (msgspec.DecodeError, ValueError, RecursionError, LookupError, TypeError):
+        return ""  # the error is elsewhere in it
+    return f", not {msgspec.json.encode(value)[:_SHOWN_BYTES].decode(errors='replace')}"
 
 
 def _once(pairs: list[tuple[str, Any]]) -> None:

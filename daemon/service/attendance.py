@@ -1,7 +1,9 @@
-"""Attendance of a way: the client that asked for it watches it, and the arm halts when it is gone.
+"""Attendance of a motion: the client that began it watches it. When that client is gone, the arm
+halts and the motion is forgotten.
 
-Somebody who waits at `contactctl go` takes Ctrl-C for their stop. Killed, or held up, that client
-stops nothing any more; so the way ends with its connection, or with its silence.
+Ctrl-C at `contactctl go` sends a stop. A client that is killed, or held up, cannot send one;
+therefore the motion ends with its connection, or with its silence, and no later `start` continues
+it, as the client that was to end it at a touch no longer watches it.
 """
 
 from dataclasses import dataclass
@@ -12,24 +14,29 @@ SILENT_S = 2.0
 
 @dataclass(slots=True)
 class Attendance:
-    """Connection that watches the way which runs now; 0 where none needs to be watched."""
+    """Connection that watches the motion which runs or is paused; 0 where none needs to be."""
 
     silent_s: float = SILENT_S
     _connection: int = 0
     _heard_s: float = 0.0
 
+    @property
+    def attended(self) -> bool:
+        """True while a client watches the motion."""
+        return self._connection != 0
+
     def begin(self, connection: int, time_s: float) -> None:
-        """The way that has begun is watched by a connection; 0: by none."""
+        """Set the connection that watches the motion just begun; 0 for none."""
         self._connection, self._heard_s = connection, time_s
 
     def heard(self, connection: int, time_s: float) -> None:
-        """A request came."""
+        """Record a request of a connection."""
         if connection == self._connection:
             self._heard_s = time_s
 
     def lost(self, time_s: float, closed: int = 0) -> str:
-        """Reason to halt, at `time_s` or because connection number `closed` was closed; empty while
-        there is none. Said once."""
+        """Reason to forget the motion, at `time_s` or because connection number `closed` was
+        closed; empty while there is none. Returned once."""
         if not self._connection:
             return ""
         why = ""

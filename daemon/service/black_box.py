@@ -2,10 +2,10 @@
 
 The daemon keeps the frames in a `FrameRing` beside its control socket. Before it goes real-time it
 starts a helper, which holds the other end of a pipe and sleeps: a line on the pipe is a fault, and
-its end is the daemon's death, however it came. Either way the helper writes the ring to a log of
-python-can in the state directory, and beside it what the frames mean: configuration, URDF, and the
-faults (`Context`). An orderly end says so, and leaves nothing; so does a start that failed: it has
-no minute to tell of, and a day of them would push out the logs of what did happen.
+its end is the daemon's death, of whatever cause. Either way the helper writes the ring to a log of
+python-can in the state directory, with the context needed to read it: configuration, URDF, and the
+faults (`Context`). An orderly end is announced, and leaves no log. Nor does a start that failed: it
+has no minute of frames, and a day of such starts would displace the logs of real faults.
 """
 
 import contextlib
@@ -25,26 +25,26 @@ from typing import IO, Final
 import can
 import msgspec
 
-from daemon.new_file import refuse_suffix, refuse_unless_new
+from common.errors import LogError
+from common.new_file import refuse_suffix, refuse_unless_new
+from common.regular_file import LARGEST_TEXT_BYTES, open_regular
 from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.socket_path import open_to_group
 from daemon.service.journal import log_to_stderr
 from drivers.can.frame_ring import KEPT_S, FrameRing, Recorded, read_frames
 from drivers.can.wire import ERROR, EXTENDED, REMOTE
-from errors import LogError
-from regular_file import LARGEST_TEXT_BYTES, open_regular
 
-# After a fault the helper waits so long for what the drives do about it.
+# Time for which the helper waits after a fault, so that the log shows the reaction of the drives.
 AFTERMATH_S: Final = 2.0
 LOGS_KEPT: Final = 20
-# Of the many that python-can writes, those that others read.
+# Formats of python-can that other programs read.
 FORMATS: Final = (".blf", ".log", ".asc")
-# Emergencies and whatever else is on the bus take room, too.
+# Room for emergencies and other frames on the bus.
 MARGIN: Final = 1.2
 _PATIENCE_S: Final = 10.0
-# A helper that dies all the time is begun anew no oftener.
+# Shortest time between restarts of a helper that keeps dying.
 HELPS_EVERY_S: Final = 10.0
-#: A daemon that ends for a fault is wanted again: so long it waits for its log at most [s].
+#: Longest wait for the log when the daemon ends for a fault, as it is to be restarted soon [s].
 FAULTED_PATIENCE_S: Final = 1.0
 _ENDED: Final = b"ended\n"
 _log = logging.getLogger("contactd")
@@ -64,20 +64,20 @@ def ring_path(socket: Path) -> Path:
 
 
 class Context(msgspec.Struct, frozen=True):
-    """What is needed to read the frames of a log: the snapshot of a recording, without memory, and
-    the faults with the time of day at which the helper heard of them [s]."""
+    """Context needed to read the frames of a log: the snapshot of a recording, without memory, and
+    the faults with the time of day at which the helper received them [s]."""
 
     snapshot: msgspec.Raw
     faults: list[tuple[float, str]] = []
 
 
 def context_path(ring: Path) -> Path:
-    """Where the daemon keeps its snapshot for the helper: beside the ring."""
+    """Path of the daemon's snapshot for the helper: beside the ring."""
     return ring.with_suffix(".context")
 
 
 def context_of_log(log: Path) -> Path:
-    """Where the context of a log is: beside it."""
+    """Path of the context of a log: beside it."""
     return log.with_suffix(".json")
 
 
@@ -85,18 +85,18 @@ class BlackBox:
     """Daemon's side; a context that ends in good order unless an exception leaves it."""
 
     def __init__(self, path: Path, directory: Path, rate_hz: float, snapshot: bytes = b"") -> None:
-        """Save what an earlier daemon left, make the ring, for a bus of `rate_hz` frames a second,
-        and start the helper. `snapshot` is encoded, and says what the frames mean.
+        """Save the ring that an earlier daemon left, create the ring for a bus of `rate_hz` frames
+        a second, and start the helper. `snapshot` is encoded, and describes the frames.
 
-        Without a place for the ring or the log there is no black box: `ring` is None, and the log
-        says why. The arm runs all the same.
+        Without a place for the ring or the log there is no black box: `ring` is None, and the
+        reason is logged. The arm runs nevertheless.
         """
         self.ring: FrameRing | None = None
         self._path, self._directory = path, directory
         self._helper: subprocess.Popen[bytes] | None = None
         self._begun = False  # the loop ran
-        self._unheard = ""  # fault that no helper heard of
-        self._helped_s = -math.inf  # when it was last begun anew
+        self._unheard = ""  # fault that no helper received
+        self._helped_s = -math.inf  # time of the last restart
         try:
             save_left_over(path, directory, patience_s=0.0)
             directory.mkdir(parents=True, exist_ok=True)
@@ -122,11 +122,11 @@ class BlackBox:
         self.close(orderly=kind is None or not self._begun)
 
     def begin(self) -> None:
-        """From now on an end in disorder leaves a log."""
+        """Leave a log at any disorderly end from now on."""
         self._begun = True
 
-    def tell(self, fault: str) -> None:
-        """Report a fault to the helper. Never waits: a full pipe says that it knows of one."""
+    def report(self, fault: str) -> None:
+        """Report a fault to the helper. Never waits: if the pipe is full, it has received one."""
         if self._helper and self._helper.stdin:
             try:
                 os.write(self._helper.stdin.fileno(), fault.encode()[:200] + b"\n")
@@ -136,13 +136,13 @@ class BlackBox:
                 self._unheard = fault  # for the next one: the frames are still there
 
     def look_after(self, now_s: float) -> None:
-        """Begin the helper anew if it was killed, at most once in HELPS_EVERY_S; to be called now
-        and then, between two ticks. It hears of a fault that it missed."""
+        """Restart the helper if it was killed, at most once in HELPS_EVERY_S, and report a fault
+        that it missed; to be called now and then, between two ticks."""
         helper = self._helper
         if helper is None or now_s < self._helped_s + HELPS_EVERY_S or helper.poll() is None:
             return
         self._helped_s = now_s
-        _log.warning("the black box's helper ended (%d): it is begun anew", helper.returncode)
+        _log.warning("the black box's helper ended (%d): restarting it", helper.returncode)
         try:
             self._helper = _start_helper(self._path, self._directory)
         except OSError as error:
@@ -152,14 +152,14 @@ class BlackBox:
             helper.stdin.close()
         if missed := self._unheard:
             self._unheard = ""
-            self.tell(missed)
+            self.report(missed)
 
     def close(self, *, orderly: bool) -> None:
-        """Let the helper end; wait for a log that it still writes, after a fault not for long: the
-        helper goes on alone, and what it cannot end is saved at the next start."""
+        """End the helper, and wait for a log that it still writes; after a fault only briefly, as
+        the helper continues alone, and an incomplete log is saved at the next start."""
         if self._helper and self._helper.stdin:
             if orderly:
-                self.tell(_ENDED.decode().strip())
+                self.report(_ENDED.decode().strip())
             self._helper.stdin.close()
             try:
                 self._helper.wait(_PATIENCE_S if orderly else FAULTED_PATIENCE_S)
@@ -170,7 +170,7 @@ class BlackBox:
 
 
 def _start_helper(path: Path, directory: Path) -> "subprocess.Popen[bytes]":
-    # -P: the working directory is nobody's module path. A session of its own: Ctrl-C is not for it.
+    # -P: no modules from the working directory. A session of its own: Ctrl-C does not reach it.
     command = [sys.executable, "-P", "-m", "daemon.service.black_box", str(path), str(directory)]
     helper = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, bufsize=0)
     assert helper.stdin is not None
@@ -181,10 +181,10 @@ def _start_helper(path: Path, directory: Path) -> "subprocess.Popen[bytes]":
 # --- the helper's side --------------------------------------------------------------------------
 
 
-def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) -> None:
+def follow(path: Path, directory: Path, pipe: int, report: Callable[[str], None]) -> None:
     """Write a log after every fault, and after a death, until the pipe ends. Raises LogError."""
     with open_regular(path, follow=False) as ring:
-        # Whoever finds the ring locked knows that it is being looked after.
+        # A locked ring is in the care of a helper.
         fcntl.flock(ring, fcntl.LOCK_EX)
         alive = True
         while alive:
@@ -199,17 +199,17 @@ def follow(path: Path, directory: Path, pipe: int, tell: Callable[[str], None]) 
                     faults += _faults(more)
                     alive = _alive(more)
             if fault and (saved := save(path, directory, faults)):
-                tell(f"black box: {saved}")
+                report(f"black box: {saved}")
         _remove(path, ring)
 
 
 def _alive(heard: bytes) -> bool:
-    """True if the daemon goes on after it sent `heard`."""
+    """True if the daemon is still running after it sent `heard`."""
     return bool(heard) and not heard.endswith(_ENDED)
 
 
 def _faults(heard: bytes) -> list[tuple[float, str]]:
-    """Faults that the daemon told of just now."""
+    """Faults that the daemon has just reported, with the time of day [s]."""
     now = time.time()
     lines = heard.decode(errors="replace").splitlines()
     return [(now, line) for line in lines if line and line != _ENDED.decode().strip()]
@@ -233,8 +233,8 @@ def save(path: Path, directory: Path, faults: Sequence[tuple[float, str]] = ()) 
 
 
 def write_context(ring: Path, log: Path, faults: Sequence[tuple[float, str]] = ()) -> None:
-    """Write what the frames of `log` mean beside it, if the daemon of the ring said so. A log
-    without is still a log: what goes wrong is said."""
+    """Write the context of `log` beside it, if the daemon of the ring left one. A log without
+    context is still usable: an error is only logged."""
     try:
         with open_regular(context_path(ring), follow=False) as stream:
             snapshot = stream.read(LARGEST_TEXT_BYTES)
@@ -260,7 +260,7 @@ def new_log(directory: Path) -> Path:
 def write_log(frames: list[Recorded], target: Path) -> Path:
     """Write frames by python-can's own writers, the format by the suffix of `target`.
 
-    Nothing half-written gets that name, and no file is overwritten. Raises LogError.
+    A partial file never gets that name, and no file is overwritten. Raises LogError.
     """
     refuse_suffix(target, FORMATS)
     refuse_unless_new(target)
@@ -274,14 +274,14 @@ def write_log(frames: list[Recorded], target: Path) -> Path:
     except (OSError, ValueError) as error:
         with contextlib.suppress(OSError):
             partial.unlink()
-        # `error` itself may name the partial file, which is nobody's business.
+        # `error` itself may name the partial file, which is internal.
         why = getattr(error, "strerror", None) or error
         raise LogError(f"cannot write {target}: {why}") from error
     return target
 
 
 def save_left_over(path: Path, directory: Path, patience_s: float = _PATIENCE_S) -> Path | None:
-    """Save the frames that a dead daemon left and no helper saves, and remove the ring; returns the
+    """Save the frames that a dead daemon left without a helper, and remove the ring; returns the
     log's path, None if there is none.
 
     Waits up to `patience_s` for a helper that is at work. Raises LogError.

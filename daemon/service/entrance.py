@@ -1,11 +1,14 @@
-"""Entrance of one door: listens, and lets in whom the socket file's group allows.
+"""Entrance of one door: listens, and admits the clients that the socket file's group allows.
 
-The file's mode says the same; the kernel is asked once more, for somebody may have opened the file
-to all.
+The file's mode already ensures this; the kernel is asked once more, as the file may have been
+opened to all.
 """
 
 import contextlib
+import errno
 import os
+import resource
+import select
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,13 +16,31 @@ from typing import Final
 
 import msgspec
 
-from daemon.protocol.doors import DOORS, Door
+from daemon.protocol.doors import DOORS, MAX_CONNECTIONS, Door
 from daemon.protocol.messages import Reply
 from daemon.protocol.socket_path import LISTEN_BACKLOG, Peer, groups_of, listen, peer_of
 from daemon.service.connections import Connection
 
 #: As many as the kernel keeps waiting outside.
 MOST_OUTSIDE: Final = LISTEN_BACKLOG + 1
+SPARED_FILES: Final = 64  # descriptors for the daemon's own files
+FEWEST_PLACES: Final = 8
+
+
+def places() -> int:
+    """Places for connections: MAX_CONNECTIONS, or fewer if this process may open too few files. The
+    limit is raised as far as allowed; descriptors for the daemon's own files are reserved."""
+    wanted = MAX_CONNECTIONS + SPARED_FILES
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= wanted:
+        return MAX_CONNECTIONS
+    soft = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    return max(soft - SPARED_FILES, FEWEST_PLACES)
+
+
+class NoDescriptorError(Exception):
+    """A client waits outside, and the process or the machine has no descriptor left."""
 
 
 class Entrance:
@@ -31,11 +52,11 @@ class Entrance:
         self._listener = listen(path, DOORS[door].group)
         file = path.stat()
         self._inode, self._group = file.st_ino, file.st_gid
-        self._numbers = numbers
-        self.silent_at = self.looked = 0  # as of a connection: nobody was outside, somebody was
+        self._numbers, self._own_uid = numbers, os.getuid()
+        self.silent_at = self.looked = 0  # polls without and with a client outside
 
     def fileno(self) -> int:
-        """Descriptor that is readable while somebody waits outside."""
+        """Descriptor that is readable while a client waits outside."""
         return self._listener.fileno()
 
     def close(self) -> None:
@@ -46,12 +67,16 @@ class Entrance:
                 self.path.unlink()
 
     def next(self) -> Connection | None:
-        """The next who may come in; None if nobody is outside. Never waits."""
+        """Connection of the next client that may come in; None without one. Never waits. Raises
+        NoDescriptorError if a client is outside, and no descriptor is left for it."""
         for _ in range(MOST_OUTSIDE):
             try:
                 accepted, _ = self._listener.accept()
-            except OSError:  # gone again, or out of descriptors: looked at in the next tick
-                return None
+            except OSError as error:
+                # The kernel looks for a descriptor before it looks for a client.
+                if error.errno in (errno.EMFILE, errno.ENFILE) and self._is_called():
+                    raise NoDescriptorError from error
+                return None  # gone again
             accepted.setblocking(False)
             try:
                 peer = peer_of(accepted, next(self._numbers))
@@ -65,9 +90,15 @@ class Entrance:
                 accepted.send(msgspec.json.encode(reply))
         return None
 
+    def _is_called(self) -> bool:
+        """True while a client waits outside."""
+        looked = select.poll()
+        looked.register(self._listener, select.POLLIN)
+        return bool(looked.poll(0))
+
     def _admits(self, accepted: socket.socket, peer: Peer) -> bool:
         """True if the socket file's group, owner or root is at the other end."""
         try:
-            return peer.uid in (0, os.getuid()) or self._group in groups_of(accepted)
+            return peer.uid in (0, self._own_uid) or self._group in groups_of(accepted)
         except OSError:  # an old kernel, or too many groups to ask for: the file's mode has decided
             return True

@@ -2,10 +2,10 @@
 
 A thread that sleeps until there is a line writes it, so that a stuck terminal never holds a tick.
 
-All that happens is logged line by line, until a client makes it happen too often: a bucket of lines
-that fills up again. A person never sees its bottom, a client that arms and disarms a hundred times
-a second does. What is left out then is counted, and logged once a second with every different line
-among it, so that who did what stays in the log.
+All events are logged line by line, until a client causes too many: the limit is a token bucket. A
+person never exhausts it; a client that arms and disarms a hundred times a second does. Lines left
+out then are counted, and summarised once a second with every different line among them, so that the
+log still shows which client did what.
 """
 
 import logging
@@ -33,12 +33,13 @@ MOST_WAITING = 1000
 BURST = 30  # lines
 PER_S = 2.0
 SUMMARY_EVERY_S = 1.0
-# Different lines that are told of what was left out.
-MOST_TOLD = 8
+# Different lines that a summary of lines left out contains.
+MOST_NAMED = 8
 
 
 class _Formatter(logging.Formatter):
-    """Lines like `[mode tick=812] off -> enabling: ...` for news of a tick, else the bare text."""
+    """Lines like `[mode tick=812] off -> enabling: ...` for notices of a tick, else the text
+    alone."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:
         kind = getattr(record, "kind", "")
@@ -121,7 +122,7 @@ class LogLimit:
             return True
         if not self._left_out:
             self._since_s = time_s
-        if line in self._left_out or len(self._left_out) < MOST_TOLD:
+        if line in self._left_out or len(self._left_out) < MOST_NAMED:
             self._left_out[line] = self._left_out.get(line, 0) + 1
         else:
             self._others += 1
@@ -131,9 +132,9 @@ class LogLimit:
         """Summary of the lines left out, once it is due; empty until then, and without any."""
         if not self._left_out or time_s < self._since_s + SUMMARY_EVERY_S:
             return ""
-        told = [f"{count} x {line}" for line, count in self._left_out.items()]
-        told += [f"{self._others} x others"] * bool(self._others)
+        lines = [f"{count} x {line}" for line, count in self._left_out.items()]
+        lines += [f"{self._others} x others"] * bool(self._others)
         count = sum(self._left_out.values()) + self._others
         self._left_out.clear()
         self._others = 0
-        return f"too much to tell line by line, {count} in {SUMMARY_EVERY_S:g} s: {'; '.join(told)}"
+        return f"too many lines, {count} in {SUMMARY_EVERY_S:g} s: {'; '.join(lines)}"

@@ -1,6 +1,7 @@
 """Reports to systemd on the state of the service (sd_notify(3)): datagrams to $NOTIFY_SOCKET.
 
-Nothing here waits. What the socket does not take is kept, and tried again after the next tick.
+Nothing here waits. A datagram that the socket does not take is kept, and tried again after the next
+tick.
 """
 
 import logging
@@ -20,7 +21,7 @@ _log = logging.getLogger("contactd")
 
 
 class Notifier:
-    """Line of one service to its manager; without one (`address` empty) nothing is sent."""
+    """Connection of one service to its manager; without one (`address` empty) nothing is sent."""
 
     def __init__(self, address: str = "", watchdog_s: float = 0.0) -> None:
         """`address` as in $NOTIFY_SOCKET: a path, or @ and an abstract name."""
@@ -29,30 +30,30 @@ class Notifier:
         self._fed_s = -math.inf
         self._address = _socket_address(address)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        # What the socket has not taken yet; a later status overrides an earlier one.
+        # Not yet taken by the socket; a later status overrides an earlier one.
         self._state = self._status = b""
         self._failing = False
 
     def ready(self, status: str) -> None:
         """Report that the start is over: units that wait for this service may begin."""
-        self._tell(b"READY=1\n" + self._patience(self._watchdog_s), status)
+        self._notify(b"READY=1\n" + self._patience(self._watchdog_s), status)
 
     def reloading(self, status: str, now_s: float) -> None:
-        """Report that a new start has begun (`now_s` monotonic), which the watchdog lets take as
-        long as the first: no tick feeds it meanwhile."""
+        """Report that a new start has begun (`now_s` monotonic). The watchdog allows it as long as
+        the first one, as no tick feeds it meanwhile."""
         now = f"RELOADING=1\nMONOTONIC_USEC={round(1e6 * now_s)}\n"
-        self._tell(now.encode() + self._patience(RELOAD_S), status)
+        self._notify(now.encode() + self._patience(RELOAD_S), status)
 
     def status(self, text: str) -> None:
         """Report one line for `systemctl status`."""
-        self._tell(self._state, text)
+        self._notify(self._state, text)
 
     def stopping(self, status: str) -> None:
         """Report that the end has begun."""
-        self._tell(b"STOPPING=1\n", status)
+        self._notify(b"STOPPING=1\n", status)
 
     def ticked(self, now_s: float) -> None:
-        """Feed the watchdog after a tick, if it is time (`now_s` monotonic)."""
+        """Feed the watchdog after a tick, if it is due (`now_s` monotonic)."""
         if self._status:
             self._flush()
         if 0.0 < self.feed_every_s <= now_s - self._fed_s and self._send(_FEED):
@@ -65,7 +66,7 @@ class Notifier:
     def _patience(self, seconds: float) -> bytes:
         return f"WATCHDOG_USEC={round(1e6 * seconds)}\n".encode() if self._watchdog_s else b""
 
-    def _tell(self, state: bytes, status: str) -> None:
+    def _notify(self, state: bytes, status: str) -> None:
         # A line break in a status would begin another assignment.
         self._state, self._status = state, f"STATUS={' '.join(status.split())}".encode()
         self._flush()
@@ -75,14 +76,14 @@ class Notifier:
             self._state = self._status = b""
 
     def _send(self, message: bytes) -> bool:
-        """Send; True if it is out, or if there is no manager."""
+        """Send; True if it was sent, or if there is no manager."""
         if not self._address:
             return True
         try:
             self._socket.sendto(message, self._address)
         except OSError as error:
             if not self._failing:
-                _log.warning("systemd takes no notification: %s", error.strerror)
+                _log.warning("systemd does not take a notification: %s", error.strerror)
             self._failing = True
             return False
         self._failing = False
@@ -90,7 +91,7 @@ class Notifier:
 
 
 def notifier_of(environment: Mapping[str, str], pid: int) -> Notifier:
-    """Notifier for the line that systemd offers process `pid` in its environment, if it does."""
+    """Notifier for the socket that systemd offers process `pid` in its environment, if any."""
     address = environment.get("NOTIFY_SOCKET", "")
     watched = environment.get("WATCHDOG_PID", str(pid)) == str(pid)
     usec = environment.get("WATCHDOG_USEC", "")
@@ -98,7 +99,7 @@ def notifier_of(environment: Mapping[str, str], pid: int) -> Notifier:
 
 
 @contextmanager
-def why_told(environment: Mapping[str, str], pid: int) -> Iterator[None]:
+def failure_reported(environment: Mapping[str, str], pid: int) -> Iterator[None]:
     """Report an error that ends process `pid` as its status: `systemctl status` shows it until the
     next start, whatever is logged after it."""
     try:
@@ -110,7 +111,7 @@ def why_told(environment: Mapping[str, str], pid: int) -> Iterator[None]:
 
 
 def _socket_address(address: str) -> bytes:
-    """Address of an AF_UNIX socket; empty for none, and for what is none (vsock:...)."""
+    """Address of an AF_UNIX socket; empty without one, and for other kinds (vsock:...)."""
     if address.startswith("@"):
         return b"\0" + os.fsencode(address[1:])
     if address.startswith("/") or not address:

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from daemon.config.dynamics import model_of
+from common.errors import ModelError
 from daemon.config.load import Robot
 from daemon.config.schema import NO_PAYLOAD, Configuration
 from daemon.config.worst_loads import Carrying
+from daemon.protocol.bounds import LIGHTEST_KG
 from daemon.protocol.messages import Request
-from errors import ModelError
-from estimator.payload import Payload
+from estimator.payload import HEAVIEST_KG, Payload
 
 
 def named_payloads(c: Configuration, tool_place: Sequence[float]) -> dict[str, Payload]:
@@ -22,7 +22,7 @@ def named_payloads(c: Configuration, tool_place: Sequence[float]) -> dict[str, P
 
 @dataclass(slots=True)
 class Payloads:
-    """Payloads of one arm. Made before the loop runs, as it looks at many poses."""
+    """Payloads of one arm. Created before the loop runs, as it computes many poses."""
 
     robot: Robot
     named: dict[str, Payload] = field(init=False)
@@ -32,14 +32,13 @@ class Payloads:
     _carrying: Carrying = field(init=False)
 
     def __post_init__(self) -> None:
-        c = self.robot.configuration
-        model = model_of(c, self.robot.urdf)
+        c, model = self.robot.configuration, self.robot.model
         self.hand, self._tool_place = model.hand, model.tool_place.tolist()
-        self._carrying = Carrying(c, self.robot.urdf)
+        self._carrying = Carrying(c, model)
         self.named = named_payloads(c, self._tool_place)
 
     def asked_for(self, request: Request) -> Payload | None:
-        """Payload of a request, None for nothing. Raises ModelError for one that cannot be."""
+        """Payload of a request, None for none. Raises ModelError for an impossible one."""
         if request.name is not None:
             if request.mass is not None or request.com is not None:
                 raise ModelError("it takes a `name`, or a `mass` with its `com`")
@@ -56,6 +55,11 @@ class Payloads:
             raise ModelError("it takes a `name`, or a `mass` with its `com`")
         if request.mass == 0.0:
             return None
+        if not LIGHTEST_KG <= request.mass <= HEAVIEST_KG:
+            raise ModelError(
+                f"{request.mass:g} kg is not allowed: {LIGHTEST_KG:g} to {HEAVIEST_KG:g} kg; 0 for "
+                "nothing"
+            )
         com = self._tool_place if request.com is None else request.com
         return Payload.of(request.mass, com)
 

@@ -1,4 +1,4 @@
-"""Grants, renews and ends the arming lease."""
+"""Arming lease: granted, renewed and ended."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Answer:
 
 
 def owner_of(request: Request, peer: Peer, connection: int = 0) -> Owner:
-    """Who asks: the process as the kernel knows it, and for whom by its own words."""
+    """Owner for a request: the process as the kernel identifies it, and the name that it states."""
     return Owner(peer.uid, peer.pid, connection, request.on_behalf_of or "")
 
 
@@ -29,31 +29,31 @@ class Permission:
     owner's connection."""
 
     tick: Tick
-    _lease: Lease | None = None
+    lease: Lease | None = None
 
     @property
     def connection(self) -> int:
-        """Number of the connection that holds it; 0 for a person's, or nobody's."""
-        return self._lease.owner.connection if self._lease else 0
+        """Number of the connection that holds it; 0 if a person holds it, or without a lease."""
+        return self.lease.owner.connection if self.lease else 0
 
     def arm(self, request: Request, peer: Peer, time_s: float) -> Answer:
-        """Arm an arm that is not armed. A person who has armed it, and who wants it longer, says so
-        with another `arm`; a program says `renew`."""
+        """Arm an arm that is not armed. A person extends a lease with another `arm`, a program with
+        `renew`."""
         owner = owner_of(request, peer, 0 if request.detached else peer.connection)
         duration_s = request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
         held = self._held(time_s)
         if held is not None:
             refusal = held.refusal(owner, time_s)
             if not refusal and owner.connection:
-                refusal = "this connection has armed it already: `renew` it"
+                refusal = "this connection has armed it already: use `renew`"
             return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
         found = self.tick.check_arming(time_s)
         reasons = found.reasons or self.tick.controller.arm(f"{owner}, for {in_words(duration_s)}")
         return self._grant(owner, duration_s, time_s, reasons, found.checks)
 
     def renew(self, request: Request, peer: Peer, time_s: float) -> Answer:
-        """Prolong what this connection holds. Never arms: a program that renews every moment must
-        not undo somebody else's `disarm`, or a fault."""
+        """Prolong the lease of this connection. Never arms: a program that renews periodically must
+        not undo another client's `disarm`, or a fault."""
         owner = owner_of(request, peer, peer.connection)
         held = self._held(time_s)
         refusal = held.refusal(owner, time_s) if held else "not armed any more: `arm` it anew"
@@ -61,9 +61,9 @@ class Permission:
         return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
 
     def _held(self, time_s: float) -> Lease | None:
-        # What has run out since the last tick is nobody's: there is nothing to take over.
+        # A lease that has run out since the last tick has no owner: there is nothing to take over.
         self.expire(time_s)
-        return self._lease if self.tick.controller.machine.armed else None
+        return self.lease if self.tick.controller.machine.armed else None
 
     def _grant(
         self,
@@ -74,23 +74,23 @@ class Permission:
         checks: Sequence[Check] = (),
     ) -> Answer:
         if not reasons:
-            self._lease = Lease(owner, time_s + duration_s)
+            self.lease = Lease(owner, time_s + duration_s)
         return Answer(reasons, duration_s, checks)
 
     def expire(self, time_s: float, closed: int = 0) -> None:
-        """End what has run out, or was held by connection number `closed`."""
-        lease, controller = self._lease, self.tick.controller
+        """End a lease that has run out, or was held by connection number `closed`."""
+        lease, controller = self.lease, self.tick.controller
         if lease is None:
             return
         if not controller.machine.armed:
-            self._lease = None
+            self.lease = None
         elif why := lease.ended(time_s, closed):
-            self._lease = None
+            self.lease = None
             controller.disarm(why, time_s)
 
     def permit(self, time_s: float) -> Permit | None:
         """Owner of the lease and the time it has left; None while the arm is not armed."""
-        lease = self._lease
+        lease = self.lease
         if lease is None or not self.tick.controller.machine.armed:
             return None
         return Permit(

@@ -1,22 +1,21 @@
-"""Poses that the arm may be asked to go to: by values of joints, or by their names in the
-configuration."""
+"""Poses for the `go` command: given by values of joints, or by their names in the configuration."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
+from common.errors import TrajectoryError
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of
 from daemon.motion.limits import Limits
 from daemon.motion.pose_path import PosePath, run_time_s
 from daemon.protocol.messages import Request, Way
 from daemon.tick.refusals import START_TOLERANCE
-from errors import TrajectoryError
 
-# Of the joint that goes furthest, unless asked for otherwise [rad/s].
+# Default speed of the joint that goes furthest [rad/s].
 USUAL_SPEED = 0.2
-TOLD_RAD = 1e-3  # what a joint may stop short by, and nobody is told
+WARNED_RAD = 1e-3  # shortfall of a joint above which a warning is given
 
 
 @dataclass(slots=True)
@@ -36,8 +35,8 @@ class Poses:
         self._limits, self._ramp_s = limits_of(c), c.trajectory.ramp_s
 
     def path(self, request: Request, q: Vector) -> PosePath:
-        """Path from q (n,) [rad] to the pose of a request. Raises TrajectoryError for a pose that
-        there is not, or where the arm stands elsewhere than the request says it was planned."""
+        """Path from q (n,) [rad] to the pose of a request. Raises TrajectoryError for an unknown
+        pose, or if the arm is elsewhere than where the request was planned."""
         name, values = self._asked_for(request)
         goal = q.copy()
         for joint, value in values.items():
@@ -50,7 +49,7 @@ class Poses:
                     f"{joint}={value:g} is outside its limits [{lower:g}, {upper:g}] rad"
                 )
             goal[i] = value
-        # A joint that is to stay, and stands a little outside, is led back as while it holds.
+        # A joint that is to stay, but is slightly outside, is moved back, as while holding.
         goal = np.clip(goal, self._limits.lower, self._limits.upper)
         self._refuse_elsewhere(request, q)
         speed = request.speed or USUAL_SPEED
@@ -59,7 +58,7 @@ class Poses:
         )
 
     def way(self, path: PosePath) -> Way:
-        """The path in figures, for people to judge before the arm moves."""
+        """Figures of the path, for a person to check before the arm moves."""
         return Way(
             name=path.name,
             joints=self.joints,
@@ -70,7 +69,7 @@ class Poses:
         )
 
     def short_of(self, path: PosePath) -> list[str]:
-        """Warnings for joints that the path leads nearer to a limit than a link may fall in its
+        """Warnings for joints that the path moves nearer to a limit than a link may fall in its
         gap: they stop short of it, unless the link has fallen to that side already."""
         goal, limits = path.goal, self._limits
         gaps = np.array([2.0 * joint.half_gap for joint in self.robot.configuration.joints])
@@ -79,7 +78,7 @@ class Poses:
             f"{joint} may stop up to {short[i]:.3f} rad short of {goal[i]:.3f}: nearer to its "
             f"limit its link could fall beyond, through its gap"
             for i, joint in enumerate(self.joints)
-            if path.way[i] and short[i] > TOLD_RAD
+            if path.way[i] and short[i] > WARNED_RAD
         ]
 
     def _asked_for(self, request: Request) -> tuple[str, dict[str, float]]:

@@ -1,6 +1,6 @@
 """Real-time set-up of the process; each step is reported as achieved or not.
 
-A machine without the rights works all the same. Imports nothing that may start threads.
+The daemon also runs on a machine without the rights. Imports nothing that may start threads.
 """
 
 import ctypes
@@ -11,32 +11,25 @@ from pathlib import Path
 
 from daemon.protocol.messages import Grant
 
-# A robot's loop goes before everything of the user, after the kernel's own interrupt threads (50).
+# Above all processes of the user, below the kernel's own interrupt threads (50).
 FIFO_PRIORITY = 40
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
-_THREAD_COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-def single_threaded() -> None:
-    """Have the numeric libraries, which read this when they are loaded, start no threads: on
-    matrices of seven rows these cost more than they give, and spin beside the loop."""
-    for name in _THREAD_COUNTS:
-        os.environ[name] = "1"
 
 
 def go_realtime() -> list[Grant]:
-    """Lock memory, give this thread a real-time priority, freeze what the garbage collector would
-    walk, and look at the rest. For the loop's thread, when all that it needs is loaded."""
+    """Lock memory, give this thread a real-time priority, freeze the objects that the garbage
+    collector would walk, and check the rest. For the loop's thread, when all that it needs is
+    loaded."""
     return [_lock_memory(), _schedule(), _freeze(), _cpus(), _threads()]
 
 
 def leave_realtime() -> None:
-    """Give back priority and frozen objects, so that what a loop leaves behind is collected, and
-    files are read by a process in no hurry. Memory stays locked."""
+    """Give back priority and frozen objects, so that the remains of a loop are collected, and files
+    are read at normal priority. Memory stays locked."""
     gc.unfreeze()
     gc.enable()
-    # What was said of forks cannot be taken back without privilege.
+    # The reset of the policy on fork cannot be undone without privilege.
     os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
 
@@ -48,7 +41,7 @@ def _lock_memory() -> Grant:
 
 
 def _schedule() -> Grant:
-    # This thread alone: what it starts later (the log's writer has started) is in no hurry.
+    # This thread alone: threads that it starts later have normal priority, as has the log's writer.
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     try:
         os.sched_setscheduler(0, policy, os.sched_param(FIFO_PRIORITY))
@@ -65,7 +58,7 @@ def _freeze() -> Grant:
 
 
 def _cpus() -> Grant:
-    """CPUs of the loop, which are the administrator's to say (`CPUAffinity=`, `taskset`)."""
+    """CPUs of the loop, which the administrator sets (`CPUAffinity=`, `taskset`)."""
     mine, there_are = sorted(os.sched_getaffinity(0)), os.cpu_count() or 1
     if len(mine) < there_are:
         names = ", ".join(map(str, mine))
@@ -76,7 +69,7 @@ def _cpus() -> Grant:
 
 
 def _threads() -> Grant:
-    """Count what the kernel runs for this process beside Python's own threads."""
+    """Count the threads of this process that are not Python's own."""
     there_are = len(list(Path("/proc/self/task").iterdir()))
     strange = there_are - threading.active_count()
     if strange <= 0:

@@ -1,4 +1,4 @@
-"""Running service: answers requests, publishes each tick to readers and the log."""
+"""Running service: answers requests, and publishes each tick to readers and the log."""
 
 import logging
 from collections.abc import Sequence
@@ -7,30 +7,31 @@ from typing import Literal
 
 from msgspec.structs import replace
 
+from common.errors import ModelError, TrajectoryError
 from daemon.config.motion import limits_of
 from daemon.modes.table import Event, Mode, ModeMachine
 from daemon.motion.path import Place
 from daemon.protocol.lease import in_words
-from daemon.protocol.messages import Reply, Request, Status
+from daemon.protocol.messages import Reply, Request, Status, printable
 from daemon.protocol.socket_path import Peer
 from daemon.service.arguments import misplaced
 from daemon.service.attendance import Attendance
 from daemon.service.black_box import BlackBox
 from daemon.service.journal import LogLimit
+from daemon.service.mishaps import Checkpoint, error_in_words, place_of
 from daemon.service.notify import Notifier
 from daemon.service.permission import Answer, Permission, owner_of
+from daemon.service.sensitivity import sensitivity_now
 from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, snapshot_of, status_of
 from daemon.service.trend_line import TrendLine
 from daemon.service.upload import TrajectoryUpload
-from daemon.tick.felt import felt_now
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
 from drivers.boot.boot_up import DriveBoot
-from errors import ModelError, TrajectoryError
 
-# Keyed so that mypy names a new command that `handle` forgets.
+# Keyed so that mypy reports a new command that `handle` omits.
 EVENT_OF_COMMAND: dict[
     Literal["enable", "start", "pause", "disarm", "stop", "disable", "reset"], Event
 ] = {
@@ -42,16 +43,16 @@ EVENT_OF_COMMAND: dict[
     "disable": Event.DISABLE,
     "reset": Event.RESET,
 }
-# What the daemon still does for anybody once it is on its way out: nothing that moves or energises.
+# Commands still served while the daemon is ending: none that moves or energises the arm.
 AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
-# What may tell the drives to stop, or must wait until they stand: the answer says which are not
-# seen to.
+# Commands whose reply lists joints not confirmed at standstill.
 SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
-# Shares of the period after which, in a tick, nobody more is let in (who waits outside may want to
-# stop the arm), and after which no more requests are begun.
+# Share of the period in a tick for admitting clients (one that waits outside may want to stop the
+# arm), and share for beginning requests.
 ENTRANCE_SHARE = 0.28
 TURNS_SHARE = 0.1
-LOOKS_EVERY = 100  # ticks, after the black box's helper
+SHOWN_BYTES = 200  # of a request that broke, in the log
+LOOKS_EVERY = 100  # ticks between checks of the black box's helper
 AT_REST = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 
 _TO_OFF = dict.fromkeys(Mode, "`contactctl disable` first") | {
@@ -76,8 +77,8 @@ class Service:
     boot: DriveBoot
     black_box: BlackBox | None = None
     trends: TrendLine | None = None
-    ending: bool = False  # the arm is being brought to rest for good, or to run by newer files
-    reloading: bool = False  # somebody asked for that
+    ending: bool = False  # the arm is being brought to rest for good, or for newer files
+    reloading: bool = False  # the latter was requested
     dock: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
     set_up: SetUp = field(init=False)
@@ -96,6 +97,7 @@ class Service:
             self.loop.resume,
         )
         self.control.on_close = self._on_close
+        self.control.answers.on_mishap = self._on_mishap
 
     # --- after every tick -------------------------------------------------------------------
 
@@ -110,22 +112,24 @@ class Service:
             self.trends.put(record, self.loop.tick.estimator)
         for notice in record.notices:
             if notice.kind == "fault" or self._limit.admit(notice.text, self.loop.time_s):
-                self._tell(notice.kind, notice.text)
+                self._report(notice.kind, notice.text)
             if notice.kind == "fault" and self.black_box is not None:
-                self.black_box.tell(notice.text)
+                self.black_box.report(notice.text)
             if notice.kind == "mode":
                 self.notifier.status(self.summary())
         if left_out := self._limit.summary(self.loop.time_s):
-            self._tell("mode", left_out)
-        # A new process may cost a tick: none that moves the arm, or in which it may have to yield.
+            self._report("mode", left_out)
+        # A new process may delay a tick: only while the arm is at rest and need not yield.
         due = self.loop.tick.number % LOOKS_EVERY == 0
         if self.black_box is not None and due and self._at_rest:
             self.black_box.look_after(self.loop.time_s)
-        # After the State, which tells of what was decided in its tick: the next one tells of this.
+        # After the State, which reports decisions of its own tick: this is in the next one.
         self.permission.expire(self.loop.time_s)
         period_s = self.process.robot.configuration.period_s
         self.control.poll(self.handle, TURNS_SHARE * period_s, ENTRANCE_SHARE * period_s)
-        self._halt_unattended()
+        self._abandon_unattended()
+        if self.loop.tick.controller.machine.mode is Mode.OFF:
+            self.process.files.look_on()
         self.notifier.ticked(record.wakeup.monotonic_s)
 
     @property
@@ -133,19 +137,37 @@ class Service:
         machine = self.loop.tick.controller.machine
         return machine.mode in AT_REST and not machine.armed
 
-    def _tell(self, kind: str, text: str) -> None:
+    def _report(self, kind: str, text: str) -> None:
         place = {"kind": kind, "tick": self.loop.tick.number}
         _log.log(_LEVELS[kind], "%s", text, extra=place)
 
     def summary(self) -> str:
-        """Mode and its cause, and while off why newer files are not taken up, in one line."""
+        """Mode and its cause, and while off the reason why newer files are not in use, in one
+        line."""
         machine = self.loop.tick.controller.machine
-        said = f"{_outcome(machine)}: {machine.cause}"
+        line = f"{_outcome(machine)}: {machine.cause}"
         refused = self.process.not_taken_up if machine.mode is Mode.OFF else ""
-        return f"{said}; not taken up: {refused}" if refused else said
+        return f"{line}; not taken up: {refused}" if refused else line
 
     def handle(self, request: Request, peer: Peer) -> Reply:
-        """Carry out one request; a refusal gives every reason."""
+        """Carry out one request; a refusal lists every reason. After any exception the arm is as it
+        was before, or stopped."""
+        tick, permission = self.loop.tick, self.permission
+        before = Checkpoint.of(tick, permission)
+        try:
+            return self._carry_out(request, peer)
+        except Exception:
+            before.go_back(request.command, tick, permission, self.loop.time_s)
+            raise
+
+    def _on_mishap(self, packet: bytes, peer: Peer, error: Exception) -> None:
+        """Log an error of the program in answering a request."""
+        asked = printable(packet[:SHOWN_BYTES].decode(errors="replace"))
+        text = f"{error_in_words(error)} at {place_of(error)}, answering uid {peer.uid}: {asked}"
+        if self._limit.admit(text, self.loop.time_s):
+            self._report("fault", text)
+
+    def _carry_out(self, request: Request, peer: Peer) -> Reply:
         if strange := misplaced(request):
             return self._reply(request, strange)
         if (self.ending or self.reloading) and request.command not in AT_THE_END:
@@ -181,14 +203,27 @@ class Service:
         if event is Event.ENABLE and (newer := self._newer()):
             return self._reply(request, newer)
         path = self.dock.take(peer.connection) if request.loaded else None
+        controller = self.loop.tick.controller
+        goes_on = path is None and controller.machine.paused
+        place = controller.next_place(path)
+        warnings = self._beyond_what_was_seen(place) if event is Event.START else []
         reply = self._reply(request, self.set_up.request(event, who, path))
         if event is Event.START and reply.ok:
-            self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
-            reply = replace(reply, warnings=self._beyond_what_was_seen())
+            self._set_out(request, peer, warnings, goes_on=goes_on)
+            reply = replace(reply, warnings=warnings)
         return reply
 
+    def _set_out(
+        self, request: Request, peer: Peer, warnings: Sequence[str], *, goes_on: bool = False
+    ) -> None:
+        # A continued motion stays with the client that began it.
+        if request.attended or not goes_on:
+            self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
+        for text in warnings:
+            _log.warning("start: %s", text)
+
     def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
-        """Refusal for these reasons; without any, what was done: in words, or as the mode says."""
+        """Refusal for these reasons; without any, the reply for `done`, or else for the mode."""
         machine = self.loop.tick.controller.machine
         outcome = "refused" if reasons else done or _outcome(machine)
         return Reply(
@@ -200,17 +235,13 @@ class Service:
             unproved=list(self.loop.tick.unproved()) if request.command in SEEN_TO_STAND else [],
         )
 
-    def _beyond_what_was_seen(self) -> list[str]:
-        """Warnings about the path that was started; also in the log."""
-        last, place = self.loop.tick.last, self.loop.tick.controller.motion.follower.place
-        if last is None or place.path.motors_only:
+    def _beyond_what_was_seen(self, place: Place) -> list[str]:
+        """Warnings about a path that is to be started."""
+        last = self.loop.tick.last
+        if last is None or last.decision is None or place.path.motors_only:
             return []
         c = self.process.robot.configuration
-        q = last.samples.link_position
-        warnings = self.process.seen.beyond(c.joint_names, q, place)
-        for text in warnings:
-            _log.warning("start: %s", text)
-        return warnings
+        return self.process.seen.beyond(c.joint_names, last.samples.link_position, place)
 
     def _go(self, request: Request, peer: Peer, who: str) -> Reply:
         last, poses = self.loop.tick.last, self.process.poses
@@ -221,25 +252,26 @@ class Service:
             path = poses.path(request, q)
         except TrajectoryError as error:
             return self._reply(request, [str(error)])
+        # All warnings, before the arm starts.
+        seen, way = self._beyond_what_was_seen(Place(path)), poses.way(path)
+        warnings = [*seen, *poses.short_of(path)]
         reasons = self.loop.tick.arming_checks.unsettled()
         if request.plan:
             reasons = reasons or self.loop.tick.controller.refusals(Event.START, path)
-            seen = self.process.seen.beyond(poses.joints, q, Place(path))
-            planned = self._reply(request, reasons, "planned")
-            warnings = [*seen, *poses.short_of(path)]
-            return planned if reasons else replace(planned, way=poses.way(path), warnings=warnings)
-        reply = self._reply(request, reasons or self.set_up.request(Event.START, who, path))
-        if not reply.ok:
-            return reply
-        self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
-        warnings = [*self._beyond_what_was_seen(), *poses.short_of(path)]
-        return replace(reply, way=poses.way(path), warnings=warnings)
+            reply = self._reply(request, reasons, "planned")
+        else:
+            reply = self._reply(request, reasons or self.set_up.request(Event.START, who, path))
+            if reply.ok:
+                self._set_out(request, peer, seen)
+        return replace(reply, way=way, warnings=warnings) if reply.ok else reply
 
     def _arm(self, request: Request, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)
         self.control.spare = self.permission.connection
-        felt = None if answer.reasons else felt_now(self.loop.tick)
-        return replace(self._granted(request, answer), checks=list(answer.checks), felt=felt)
+        sensitivity = None if answer.reasons else sensitivity_now(self.loop.tick)
+        return replace(
+            self._granted(request, answer), checks=list(answer.checks), sensitivity=sensitivity
+        )
 
     def _renew(self, request: Request, peer: Peer) -> Reply:
         return self._granted(request, self.permission.renew(request, peer, self.loop.time_s))
@@ -252,26 +284,27 @@ class Service:
     def _on_close(self, peer: Peer) -> None:
         self.dock.release(peer.connection)
         self.permission.expire(self.loop.time_s, peer.connection)
-        self._halt_unattended(peer.connection)
+        self._abandon_unattended(peer.connection)
 
-    def _halt_unattended(self, closed: int = 0) -> None:
-        """Pause a way whose client watches it no more; `start` goes on with it."""
+    def _abandon_unattended(self, closed: int = 0) -> None:
+        """Halt and forget a motion that its client no longer watches."""
         if why := self.attendance.lost(self.loop.time_s, closed):
             controller, now = self.loop.tick.controller, self.loop.time_s
-            controller.request(Event.PAUSE, f"the daemon: {why}", now)
+            controller.request(Event.ABANDON, f"the daemon: {why}; its motion is forgotten", now)
 
     def _reload(self, request: Request, who: str) -> Reply:
-        """Have whoever runs the loop end it, and begin anew by the files as they are."""
+        """Request the end of the loop, and a new start with the present files."""
         mode = self.loop.tick.controller.machine.mode
         if mode is not Mode.OFF:
             return self._reply(request, [f"the drives must be off, not {mode}: {_TO_OFF[mode]}"])
-        self.reloading = True
         changed = ", ".join(self.process.files.changed()) or "nothing"
+        reply = self._reply(request, done="the files are read, and the drives set up anew")
         _log.info("reload: asked for by %s; changed: %s", who, changed)
-        return self._reply(request, done="the files are read, and the drives set up anew")
+        self.reloading = True
+        return reply
 
     def _newer(self) -> list[str]:
-        # No tick waits for files while the drives are on.
+        # Ticks do not wait for files while the drives are on.
         off = self.loop.tick.controller.machine.mode is Mode.OFF
         return self.process.newer() if off else []
 
@@ -279,7 +312,12 @@ class Service:
         self._newer()
         permit = self.permission.permit(self.loop.time_s)
         status = status_of(
-            self.process, self.loop, self.boot.identities, permit, len(self.control.readers)
+            self.process,
+            self.loop,
+            self.boot.identities,
+            permit,
+            len(self.control.readers),
+            attended=self.attendance.attended,
         )
         return replace(status, gears=self.trends.warnings) if self.trends else status
 

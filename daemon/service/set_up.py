@@ -1,8 +1,8 @@
-"""Set-up of the drives, proved by reading it back before the arm is enabled or a fault is reset.
+"""Set-up of the drives, verified by reading it back before the arm is enabled or a fault is reset.
 
-What was written at the start may not be there any more, and no message need have said so: another
-tool has written to a drive, or it has restarted by itself and nobody heard it. So all drives are
-read first, and those that do not hold what they must are set up again.
+The values written at the start may have been lost without any message: another tool has written to
+a drive, or a drive has restarted unnoticed. Therefore all drives are read first, and those whose
+values differ are set up again.
 """
 
 import logging
@@ -11,21 +11,21 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Final
 
+from common.errors import ContactdError
 from daemon.modes.table import Event
 from daemon.motion.path import JointPath
 from daemon.tick.tick import Tick
 from drivers.boot.boot_up import DriveBoot
-from errors import ContactdError
 
-#: Events that only drives with a proved set-up may follow.
+#: Events that require drives with a verified set-up.
 PROVED: Final = frozenset({Event.ENABLE, Event.RESET})
 _log = logging.getLogger("contactd")
 
 
 @dataclass(slots=True)
 class SetUp:
-    """Set-up of one arm's drives. All is done between two ticks, by SDO: the arm stands in quick
-    stop or without torque, and nobody ticks meanwhile."""
+    """Set-up of one arm's drives, by SDO between two ticks: the arm stands in quick stop or without
+    torque, and no tick runs meanwhile."""
 
     boot: DriveBoot
     tick: Tick
@@ -39,10 +39,10 @@ class SetUp:
     """entered while there is SDO on the bus, and no tick"""
 
     def request(self, event: Event, who: str, path: JointPath | None = None) -> list[str]:
-        """Carry out an event that somebody asks for, `enable` and `reset` only with drives whose
-        set-up was proved; returns the reasons of a refusal, empty when it was done."""
+        """Carry out a requested event, `enable` and `reset` only with drives whose set-up is
+        verified; returns the reasons of a refusal, empty when it was done."""
         controller = self.tick.controller
-        # What is refused anyway must not make the loop pause.
+        # A request that is refused anyway must not make the loop pause.
         if event in PROVED and controller.machine.can(event):
             refused = self._refusals(event)
             if reasons := refused or self.prove():
@@ -56,13 +56,14 @@ class SetUp:
         drives = self.tick.drives
         if event is Event.ENABLE:
             return self.tick.controller.refusals(event)
-        if drives.silenced or not (unproved := drives.unproved()):
+        if drives.left_alone or not (unproved := drives.unproved()):
             return []
-        # In a moment they stand, or are left to themselves.
+        # Soon they stand, or nothing is sent to them any more.
         return [f"not seen to stand yet: {', '.join(unproved)}; try again"]
 
     def prove(self) -> list[str]:
-        """Verify all drives, and set up again those that need it; returns why that failed."""
+        """Verify all drives, and set up again those that need it; returns the reasons of a
+        failure."""
         drives, boot = self.tick.drives, self.boot
         renewed: list[int] = []
         try:
@@ -73,6 +74,10 @@ class SetUp:
                 renewed = unset
         except ContactdError as error:
             return str(error).splitlines()
+        except Exception:
+            # Interrupted at an unknown point: the values of every drive are unknown.
+            drives.distrust(range(len(drives.names)))
+            raise
         else:
             return []
         finally:
@@ -82,16 +87,16 @@ class SetUp:
             self.resume()
 
     def _not_set_up(self) -> list[int]:
-        """Joints whose drives must be set up again: known to, or found by reading; the log says
-        why."""
+        """Joints whose drives must be set up again: known already, or found by reading; the reason
+        is logged."""
         drives = self.tick.drives
         known = drives.unfit()
         for i in known:
-            _log.warning("%s: silent, restarted, or locked: it is set up again", drives.names[i])
+            _log.warning("%s: silent, restarted, or locked: setting it up again", drives.names[i])
         others = [i for i in range(len(drives.names)) if i not in known]
         found = self.boot.verify(others, self.meanwhile)
         for i, problems in found.items():
             for problem in problems:
-                _log.warning("%s: %s: it is set up again", self.boot.setups[i], problem)
+                _log.warning("%s: %s: setting it up again", self.boot.setups[i], problem)
         drives.distrust([*known, *found])
         return sorted([*known, *found])

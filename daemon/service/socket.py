@@ -1,22 +1,22 @@
 """Control socket, and the view socket beside it: polled by the tick and never waited for.
 
-AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. Whoever may
-connect is decided by the socket file's group; who did connect is known from the kernel, which is
-asked once more. Which commands a door takes is said by `daemon/protocol/doors.py`; inside, all
-connections stand in the same lines.
+AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. The socket file's
+group decides who may connect; the kernel, which is asked once more, identifies the process that did
+connect. `daemon/protocol/doors.py` defines the commands of each door; inside, all connections share
+the same queues.
 
-**`stop` and `disarm` come first.** Every `poll` takes what everybody has said and lets in everybody
-who waits outside; a stop among these is served on the spot, whatever else is waiting. All other
+**`stop` and `disarm` come first.** Every `poll` reads the packets of all connections and admits all
+clients that wait outside; a stop among these is served at once, whatever else is waiting. All other
 requests are kept, eight a connection, and get their turn: at most four a poll, and none is begun
-when the time is over, so that no client, however loud, takes more than a bounded share of a tick. A
-connection's own requests stay in their order. Of who hangs up all is read at once.
+when the time is over, so that no client takes more than a bounded share of a tick. A connection's
+own requests stay in their order. All packets of a client that hangs up are read at once.
 
-What lets the arm move is refused unless it was sent after the last stop: the connection said
-nothing more at some moment after that stop was served, or the stop was its own. Moments are counted
-by what is looked at and read.
+A request that lets the arm move is refused unless it was sent after the last stop: the connection
+had no packet to read at some moment after that stop was served, or the stop was its own. Moments
+are counted by looks at connections and reads.
 
-Where all places are taken, whoever has been silent longest makes room: those who only hold
-connections lock nobody out. Nor can one user hold all the places of readers.
+When all places are taken, the connection that has been silent longest is closed: clients that only
+hold connections cannot lock others out. Nor can one user hold all the places of readers.
 """
 
 import contextlib
@@ -35,42 +35,33 @@ import msgspec
 
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import MAX_CONNECTIONS, Door
-from daemon.protocol.doors import refusal as refusal_at
 from daemon.protocol.messages import (
-    AWAITED,
-    COMMANDS,
     MAX_REQUEST_BYTES,
-    OUTDATED_BY,
-    Command,
     Reply,
-    Request,
     State,
 )
 from daemon.protocol.socket_path import Peer
-from daemon.protocol.strict_json import StrictDecoder
+from daemon.service.answers import Answers, Handler, has_hung_up
 from daemon.service.connections import Connection, Connections
-from daemon.service.entrance import MOST_OUTSIDE, Entrance
-from errors import ContactdError
+from daemon.service.entrance import MOST_OUTSIDE, Entrance, NoDescriptorError, places
 
 TURNS_PER_POLL: Final = 4
-LAST_WORDS: Final = 1024  # of all who have hung up, read in one poll; the kernel keeps 300 of each
-SHORT_BYTES: Final = 128  # a stop is no longer; what is longer is looked at in its turn
+LAST_WORDS: Final = 1024  # packets of closed clients read in one poll; the kernel keeps 300 of each
 _MADE_ROOM: Final = msgspec.json.encode(
     Reply(
         ok=False,
         message=f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle",
     )
 )
-SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
+LEAST_SHARE: Final = 0.5  # of the time for the entrance, left after reading all connections
 
 
-Handler = Callable[[Request, Peer], Reply]
 Listener = Callable[[Peer], None]
 
 
 class ControlSocket:
-    """Listens at `path`, and for those who only look at `view_socket_path(path)`, from construction
-    to `close`; belongs to the one thread that polls it.
+    """Control socket at `path`, and for observers at `view_socket_path(path)`, open from
+    construction to `close`; for use by the one thread that polls it.
 
     Raises ControlError if another daemon serves `path`, or a file cannot be made.
     """
@@ -79,7 +70,7 @@ class ControlSocket:
         self.path = path
         with contextlib.ExitStack() as opened:
             numbers = itertools.count(1)
-            self._entrances: dict[int, Entrance] = {}  # by descriptor, those who command first
+            self._entrances: dict[int, Entrance] = {}  # by descriptor, that for commands first
             for door, place in ((Door.CONTROL, path), (Door.VIEW, view_socket_path(path))):
                 entrance = Entrance(place, door, numbers)
                 opened.callback(entrance.close)
@@ -88,19 +79,17 @@ class ControlSocket:
         self._epoll = select.epoll()
         for file in self._entrances:
             self._epoll.register(file, select.EPOLLIN)
-        self._connections = Connections()
+        self._connections = Connections(places())
+        self.answers = Answers(self._connections)
         self._poll = 0
-        self._served_in: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)
-        self._moment = 0
-        self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
         self._began, self._began_before = 0, 0  # moments: this poll, and the one before
         self._last_words = LAST_WORDS
-        self.spare = 0  # the number of a connection that never has to make room
-        self.on_close: Listener = lambda _: None  # told of all that end, perhaps twice
+        self.clock: Callable[[], float] = time.monotonic
+        self.spare = 0  # the number of a connection that is never closed for a newcomer
+        self.on_close: Listener = lambda _: None  # called for all that end, perhaps twice
         self._buffer = bytearray(MAX_REQUEST_BYTES)
         self._packet = bytearray()
         self._encoder = msgspec.json.Encoder()
-        self._decoder = StrictDecoder(Request)
 
     def __enter__(self) -> Self:
         return self
@@ -120,37 +109,42 @@ class ControlSocket:
 
     @property
     def readers(self) -> list[Connection]:
-        """The connections that receive every State."""
+        """Connections that receive every State."""
         return list(self._connections.readers.values())
 
     def poll(
         self, handle: Handler, turns_s: float = math.inf, entrance_s: float = math.inf
     ) -> None:
-        """Serve what is waiting, without blocking: one system call when nothing is.
+        """Serve waiting clients and requests, without blocking: one system call if there are none.
 
         `handle` answers each well-formed request; a ContactdError that it raises becomes a refusal.
-        After `entrance_s` nobody more is let in; after another `turns_s` no request's turn begins.
-        One of each always does.
+        After `entrance_s` no more clients are admitted; after another `turns_s` no request is
+        begun. At least one of each is served.
         """
         self._poll += 1
-        self._began_before, self._began = self._began, self._next_moment()
+        self._began_before, self._began = self._began, self.answers.begin_poll()
         self._last_words = LAST_WORDS
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
-            until_s = time.monotonic() + entrance_s  # with what those inside have said
+            until_s = self.clock() + entrance_s  # including the packets of connections
             called = set()
             for file, what in events:
                 if file in self._entrances:
                     called.add(file)
-                else:
-                    self._look_at(self._connections.all[file], handle, what)
-            for file, entrance in self._entrances.items():
-                if file in called:
-                    self._let_in(entrance, handle, until_s)
+                elif connection := self._connections.all.get(file):
+                    self._look_at(connection, handle, what)
+            # However many packets connections have sent: a client with a stop may be outside.
+            until_s = max(until_s, self.clock() + LEAST_SHARE * entrance_s)
+            for file in self._in_turn(called):
+                # A crowd at one door does not keep clients at the other from entering.
+                share_s = max(until_s - self.clock(), 0.0) / len(called)
+                called.discard(file)
+                self._let_in(self._entrances[file], handle, self.clock() + share_s)
         self._serve_in_turn(handle, turns_s)
 
-    def _next_moment(self) -> int:
-        self._moment += 1
-        return self._moment
+    def _in_turn(self, called: set[int]) -> list[int]:
+        """Entrances at which a client waits, another one first each time."""
+        files = [file for file in self._entrances if file in called]
+        return files if self._poll % 2 else files[::-1]
 
     def _look_at(self, connection: Connection, handle: Handler, events: int) -> None:
         if connection.gone:
@@ -161,7 +155,7 @@ class ControlSocket:
         if events & select.EPOLLHUP:
             self._hear_out(connection, handle)
             if connection.file in self._connections.waiting:
-                # What it said before waits for its turn; what it owned must not.
+                # Its pending packets wait for their turn; its lease and motion end now.
                 self.on_close(connection.peer)
         else:
             self._hear_all(connection, handle)
@@ -170,18 +164,18 @@ class ControlSocket:
         waiting = self._connections.waiting
         if not waiting:
             return
-        deadline = time.monotonic() + turns_s
+        deadline = self.clock() + turns_s
         for _ in range(TURNS_PER_POLL):
             connection = self._connections.next_turn()
-            packet, after = connection.said.popleft()
-            reply = self._answer(connection, packet, after, handle)
-            if not _has_hung_up(connection.socket):
+            packet, after = connection.pending.popleft()
+            reply = self.answers.answer(connection, packet, after, handle)
+            if not has_hung_up(connection.socket):
                 self._send(connection, reply)
             elif not connection.gone:
                 self._hear_out(connection, handle)
-            if connection.gone and not connection.said:
+            if connection.gone and not connection.pending:
                 self._drop(connection)
-            if not waiting or time.monotonic() >= deadline:
+            if not waiting or self.clock() >= deadline:
                 return
 
     def publish(self, state: State) -> None:
@@ -195,17 +189,18 @@ class ControlSocket:
             try:
                 connection.socket.send(self._packet)
             except OSError as error:
-                # Too slow, or with too little room: it misses this one, and sees so by its tick.
+                # Too slow, or with too little room: it misses this State, as `tick` shows.
                 if error.errno not in (errno.EAGAIN, errno.EMSGSIZE):
                     dead = [*(dead or []), connection]
         for connection in dead or ():
             self._drop(connection)
 
     def drop_all(self) -> None:
-        """Close every connection: who comes meanwhile waits outside until the next `poll`."""
+        """Close every connection: new clients wait outside until the next `poll`."""
         for connection in list(self._connections.all.values()):
             self._drop(connection)
         self.spare, self.on_close = 0, lambda _: None
+        self.answers.on_mishap = lambda *_: None
 
     def close(self) -> None:
         """Close every connection, and the entrance."""
@@ -215,40 +210,56 @@ class ControlSocket:
             entrance.close()
 
     def _let_in(self, entrance: Entrance, handle: Handler, until_s: float) -> None:
-        """Let in those who wait outside, and hear at once what each has to say."""
+        """Admit the clients that wait outside, and read the packets of each at once."""
         if entrance.looked < self._poll - 1:
             entrance.silent_at = self._began_before
         entrance.looked = self._poll
         for _ in range(MOST_OUTSIDE):
-            connection = entrance.next()
-            if connection is None:
-                entrance.silent_at = self._next_moment()
+            try:
+                connection = entrance.next()
+            except NoDescriptorError:
+                # The next client gets the descriptor of a connection that is closed for it.
+                if self._free_one(handle, uid=-1):
+                    continue
                 return
-            connection.silent_at, connection.looked = entrance.silent_at, self._poll
-            if self._connections.full(entrance.door):
-                self._make_room(handle, entrance.door)
+            if connection is None:
+                entrance.silent_at = self.answers.next_moment()
+                return
+            connection.silent_at = entrance.silent_at
+            connection.entered = connection.looked = self._poll
+            self._make_room(handle, entrance.door, connection.peer.uid)
+            try:
+                self._epoll.register(connection.file, select.EPOLLIN)
+            except OSError:  # the machine lacks resources for it
+                connection.socket.close()
+                continue
             self._connections.add(connection)
-            self._epoll.register(connection.file, select.EPOLLIN)
             self._hear_all(connection, handle)
-            if time.monotonic() >= until_s:
+            if self.clock() >= until_s:
                 return
 
-    def _make_room(self, handle: Handler, door: Door) -> None:
-        while self._connections.full(door):
-            connection = self._connections.makes_room(self.spare)
-            if not connection.said and self._hear(connection, handle):
+    def _make_room(self, handle: Handler, door: Door, uid: int) -> None:
+        while self._connections.full(door) and self._free_one(handle, uid):
+            pass
+
+    def _free_one(self, handle: Handler, uid: int) -> bool:
+        """Close one connection, for a newcomer of user `uid`, once all its packets are read; False
+        if none can be closed."""
+        while connection := self._connections.makes_room(self.spare, uid, self._poll):
+            if connection.pending:
+                self._hear_out(connection, handle)  # its last packet may be a stop
+            elif self._hear(connection, handle):
                 continue
-            self._hear_out(connection, handle)  # its last word may be a stop
-            break
-        else:
-            return
-        with contextlib.suppress(OSError):
-            connection.socket.send(_MADE_ROOM)
-        self._drop(connection)
+            if not connection.gone:
+                with contextlib.suppress(OSError):
+                    connection.socket.send(_MADE_ROOM)
+            self._drop(connection)
+            return True
+        return False
 
     def _drop(self, connection: Connection) -> None:
         if connection.socket.fileno() < 0:
-            return  # it is closed
+            return  # closed already
         self._connections.drop(connection)
         # Closing would do, but not while a process that is being started holds a copy.
         self._epoll.unregister(connection.file)
@@ -257,12 +268,12 @@ class ControlSocket:
         self.on_close(connection.peer)
 
     def _hear_all(self, connection: Connection, handle: Handler) -> None:
-        """Take what a connection has said, as far as it may be kept."""
+        """Read the packets of a connection, as far as they may be kept."""
         while not connection.full and self._hear(connection, handle):
             pass
 
     def _hear_out(self, connection: Connection, handle: Handler) -> None:
-        """Take the last words of a connection, in several polls if there are many; a stop among
+        """Read the last packets of a connection, in several polls if there are many; a stop among
         them counts, however many there are."""
         while self._last_words:
             self._last_words -= 1
@@ -270,104 +281,51 @@ class ControlSocket:
                 return
 
     def _hear(self, connection: Connection, handle: Handler) -> bool:
-        """Take the next packet of a connection: serve a stop at once, keep anything else for its
-        turn if there is room. A client that says no more is gone, and dropped if it waits for no
-        turn. False if there was no packet."""
+        """Read the next packet of a connection: serve a stop at once, keep anything else for its
+        turn if there is room. A client that has hung up is marked as gone, and dropped if it waits
+        for no turn. False if there was no packet."""
         try:
             size = self._receive(connection.socket)
         except BlockingIOError:
-            connection.silent_at = self._next_moment()
+            connection.silent_at = self.answers.next_moment()
             return False
         except OSError:
             size = 0
-        if not size:  # an empty packet, which nobody sends, is an end, too
+        if not size:  # the end, or an empty packet, which no client sends
             connection.gone = True
-            if not connection.said:
+            if not connection.pending:
                 self._drop(connection)
             return False
-        self._next_moment()
+        self.answers.next_moment()
         packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
-        if packet is not None and self._is_urgent(packet):
-            if not connection.said:
+        if packet is not None and self.answers.is_urgent(packet):
+            if not connection.pending:
                 self._connections.served(connection)
-            reply = self._answer(connection, packet, self._moment, handle)
-            if not _has_hung_up(connection.socket):
+            reply = self.answers.answer(connection, packet, self.answers.moment, handle)
+            if not has_hung_up(connection.socket):
                 self._send(connection, reply)
-            connection.silent_at = self._moment  # what it says now comes after its own stop
+            connection.silent_at = self.answers.moment  # its next packets come after its own stop
         elif not connection.full:
-            connection.said.append((packet, connection.silent_at))
+            connection.pending.append((packet, connection.silent_at))
             self._connections.wait(connection)
         return not connection.gone
 
     def _receive(self, connected: socket.socket) -> int:
-        """Size of the next packet, which may be more than there is room for; 0 at the end."""
-        for _ in range(2):
+        """Size of the next packet, which may exceed the buffer; 0 at the end."""
+        try:
+            return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
+        except ConnectionResetError:
+            # A client that hung up with answers unread is reported so once, before its last
+            # packets.
             with contextlib.suppress(ConnectionResetError):
                 return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
-            # Who hung up with answers unread is reported so once, ahead of its last words.
         return 0
 
-    def _is_urgent(self, packet: bytes) -> bool:
-        """True for a short, bare `stop` or `disarm`, the first of its kind in this poll: the arm
-        stops by that one, and a flood of them must not keep others waiting."""
-        if len(packet) > SHORT_BYTES:
-            return False
-        try:
-            request = self._decoder.decode(packet)
-        except msgspec.DecodeError:
-            return False
-        return (
-            request.command in OUTDATED_BY
-            and request == Request(request.command, on_behalf_of=request.on_behalf_of)
-            and self._served_in[request.command] != self._poll
-        )
-
-    def _answer(
-        self, connection: Connection, packet: bytes | None, after: int, handle: Handler
-    ) -> Reply:
-        """Carry out a packet that was sent after this moment."""
-        if packet is None:
-            return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
-        try:
-            request = self._decoder.decode(packet)
-        except msgspec.DecodeError as error:
-            return Reply(
-                ok=False,
-                message=f'not a request: {error}; expected {{"command": ...}} with one of '
-                + ", ".join(COMMANDS),
-            )
-        refusal = refusal_at(connection.door, request.command)
-        refusal = refusal or self._outdated(request, after, connection)
-        if request.command == "subscribe":
-            refusal = refusal or self._connections.refuse_reader(connection)
-        if refusal:
-            return Reply(ok=False, message=f"{request.command}: {refusal}")
-        try:
-            reply = handle(request, connection.peer)
-        except ContactdError as error:
-            return Reply(ok=False, message=str(error))
-        if request.command in OUTDATED_BY and reply.ok:
-            self._served_in[request.command] = self._poll
-            self._stopped_at[request.command] = self._next_moment()
-        if request.command == "subscribe" and reply.ok:
-            with contextlib.suppress(OSError):
-                connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-            self._connections.set_reading(connection, True)
-        return reply
-
-    def _outdated(self, request: Request, after: int, connection: Connection) -> str:
-        """Reason why a request that lets the arm move is none any more; empty if it still is."""
-        if request.command not in AWAITED:
-            return ""
-        for stop, outdated in OUTDATED_BY.items():
-            if request.command in outdated and after < self._stopped_at[stop]:
-                return f"a {stop} overtook it; ask again"
-        if _has_hung_up(connection.socket):
-            return "nobody waits for the answer"
-        return ""
-
     def _send(self, connection: Connection, reply: Reply) -> None:
-        packet = self._encoder.encode(reply)
+        try:
+            packet = self._encoder.encode(reply)
+        except Exception as error:
+            packet = self._encoder.encode(self.answers.mishap(connection, b"", error))
         try:
             connection.socket.send(packet)
         except OSError as error:
@@ -377,10 +335,3 @@ class ControlSocket:
             self._connections.set_reading(connection, False)
             text = f"an answer of {len(packet)} bytes does not fit: raise net.core.wmem_max"
             self._send(connection, Reply(ok=False, message=text))
-
-
-def _has_hung_up(connected: socket.socket) -> bool:
-    """True if nobody is at the other end any more."""
-    looked = select.poll()
-    looked.register(connected, 0)
-    return bool(looked.poll(0))

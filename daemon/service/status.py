@@ -7,6 +7,7 @@ from importlib.metadata import version
 
 from msgspec.structs import replace
 
+from common.errors import ControlError
 from daemon.assembly import seen_motion
 from daemon.config.files import Files
 from daemon.config.load import Robot
@@ -26,29 +27,30 @@ from daemon.protocol.messages import (
 )
 from daemon.service.payloads import Payloads
 from daemon.service.poses import Poses
+from daemon.service.sensitivity import sensitivity_now
 from daemon.tick.controller import Controller
-from daemon.tick.felt import felt_now
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
 from drivers.boot.identity import DriveIdentity
 from drivers.can.bus_load import bus_load
-from errors import ControlError
+
+ASK_AGAIN = "request the motion again: it is forgotten when the program that began it ends"
 
 
 @dataclass(slots=True)
 class Process:
-    """Running daemon, as far as it does not change while it runs."""
+    """Properties of the daemon that do not change while it runs."""
 
     robot: Robot
     pid: int
     realtime: list[Grant]
-    serials: list[int | None] = field(default_factory=list)  # of the drives, where they tell
-    not_taken_up: str = ""  # why it does not run by files that are newer
-    read: Files | None = None  # as they were when the robot was loaded; None: as they are
+    serials: list[int | None] = field(default_factory=list)  # of the drives, if they report them
+    not_taken_up: str = ""  # reason why newer files are not in use
+    read: Files | None = None  # as they were when the robot was loaded; None: as they are now
     files: Files = field(init=False)
-    changed: list[str] = field(default_factory=list)  # of these, when they were last looked at
-    place: str = field(init=False)  # of config.yaml; the file system is asked only once
+    changed: list[str] = field(default_factory=list)  # of these, when they were last checked
+    place: str = field(init=False)  # of config.yaml; the file system is queried only once
     payloads: Payloads = field(init=False)
     poses: Poses = field(init=False)
     seen: SeenMotion = field(init=False)
@@ -61,13 +63,13 @@ class Process:
         self.place = str(self.robot.place())
 
     def newer(self) -> list[str]:
-        """Reason why the arm is not enabled by the files as they were read: they say something else
-        by now. Asks the file system."""
+        """Reason why the arm is not enabled with the files as they were read: they have changed
+        since. Queries the file system."""
         self.changed = self.files.changed()
         if not self.changed:
             return []
         if self.not_taken_up:
-            return [f"not taken up: {self.not_taken_up}; mend it, then `contactctl reload`"]
+            return [f"not taken up: {self.not_taken_up}; correct it, then `contactctl reload`"]
         return [f"changed since it was read: {', '.join(self.changed)}; `contactctl reload`"]
 
 
@@ -77,6 +79,8 @@ def status_of(
     identities: Sequence[DriveIdentity],
     permit: Permit | None,
     readers: int,
+    *,
+    attended: bool = False,
 ) -> Status:
     """Status of the daemon: its process, its last tick, and what arming needs now."""
     c, tick, last = process.robot.configuration, loop.tick, loop.tick.last
@@ -93,8 +97,8 @@ def status_of(
         permit=permit,
         cause=machine.cause,
         since_s=machine.entered_s,
-        advice=_advice(tick, unproved),
-        trajectory=_trajectory(tick.controller),
+        advice=_advice(tick, unproved, attended=attended),
+        trajectory=_trajectory(tick.controller, attended=attended),
         checks=list(tick.check_arming(loop.time_s).checks),
         ticks=tick.number + 1,
         missed=loop.missed,
@@ -114,7 +118,7 @@ def status_of(
         serials=process.serials,
         unproved=list(unproved),
         silenced=tick.drives.silenced,
-        felt=felt_now(tick) if machine.mode in SENSING else None,
+        sensitivity=sensitivity_now(tick) if machine.mode in SENSING else None,
         sensing=last.sensing.tolist() if last else None,
         sensing_since_s=last.sensing_since_s.tolist() if last else None,
         lost=tick.losses.share.tolist(),
@@ -129,9 +133,9 @@ def status_of(
     )
 
 
-def _advice(tick: Tick, unproved: Sequence[str]) -> str:
-    """What to do, a line for each: about a joint that is not seen to stand first, then about the
-    cause, what presses on the arm, the trajectory that waits, and what may be a load."""
+def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
+    """Advice, a line for each: first for a joint not confirmed at standstill, then for the cause, a
+    contact that is still present, the trajectory that waits, and a possible load."""
     machine, finding = tick.controller.machine, tick.controller.finding
     pressed = tick.controller.pressed
     advice = []
@@ -144,8 +148,8 @@ def _advice(tick: Tick, unproved: Sequence[str]) -> str:
         advice.append(f"free the arm ({pressed}), or `contactctl disable`")
     elif machine.paused and machine.mode is Mode.HOLDING:
         if load := tick.loads.advice:
-            advice.append(f"tell what the hand carries ({load}), or take it away")
-        advice.append("`contactctl start` goes on with the trajectory")
+            advice.append(f"announce the payload of the hand ({load}), or remove it")
+        advice.append(ASK_AGAIN if attended else "`contactctl start` goes on with the trajectory")
     if tick.loads.hint:
         advice.append(tick.loads.hint)
     return "\n".join(dict.fromkeys(advice))
@@ -164,7 +168,7 @@ def _recognised(tick: Tick) -> str:
     return f"{loads.words}: {loads.advice}" if loads.found else ""
 
 
-def _trajectory(controller: Controller) -> Trajectory:
+def _trajectory(controller: Controller, *, attended: bool) -> Trajectory:
     place, state = controller.next_place(), controller.machine.trajectory
     end = place.path.duration
     return Trajectory(
@@ -172,6 +176,7 @@ def _trajectory(controller: Controller) -> Trajectory:
         state=state,
         time_s=place.s,
         duration_s=end if math.isfinite(end) else None,
+        attended=attended and state != "ready",
     )
 
 
@@ -184,7 +189,7 @@ def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
 
 
 def context_of(robot: Robot) -> Snapshot:
-    """Snapshot of the arm before its first tick, which knows no memory of the estimator."""
+    """Snapshot of the arm before its first tick, without memory of the estimator."""
     c = robot.configuration
     return Snapshot(
         format=STATE_FORMAT,

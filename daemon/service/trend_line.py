@@ -1,7 +1,7 @@
-"""Line to the process that gathers trends: a row for each tick, and what it has to say.
+"""Connection to the process that gathers trends: a row for each tick, and its warnings.
 
-The daemon only writes to a pipe and reads from one, and waits for neither: what does not fit is
-left out, and the gatherer begins a new stretch.
+The daemon only writes to a pipe and reads from one, and waits for neither: rows that do not fit are
+left out, and the process begins a new interval.
 """
 
 import contextlib
@@ -30,12 +30,12 @@ from daemon.protocol.trend_row import (
     Q,
     row_length,
 )
-from daemon.tick.record import TickRecord
+from daemon.tick.telemetry import TickRecord
 from estimator.estimator import Estimator
 
 #: Room for some seconds of rows.
 PIPE_BYTES: Final = 1 << 20
-#: Ticks between two looks at what the process has to say.
+#: Ticks between two reads of the warnings.
 LISTENS_EVERY: Final = 100
 _ANSWER_BYTES: Final = 65536
 _PATIENCE_S: Final = 5.0
@@ -43,11 +43,11 @@ _log = logging.getLogger("contactd")
 
 
 class TrendLine:
-    """Daemon's end. `warnings` is what there is to say of the gears, a line each."""
+    """Daemon's end. `warnings` are the present warnings about the gears, a line each."""
 
     def __init__(self, robot: Robot, folder: Path | None) -> None:
-        """Start the process for records in `folder`; without a folder nothing is gathered. Where it
-        cannot be started the log says why, and the arm runs all the same."""
+        """Start the process for records in `folder`; without a folder nothing is gathered. If it
+        cannot be started the reason is logged, and the arm runs nevertheless."""
         self.warnings: list[str] = []
         self._heard = b""
         self._ticks = 0
@@ -63,7 +63,7 @@ class TrendLine:
             _log.warning("no trends: %s", error)
 
     def put(self, record: TickRecord, estimator: Estimator) -> None:
-        """Send the row of a tick in which contact is sensed, and listen now and then."""
+        """Send the row of a tick in which contact is sensed, and read warnings periodically."""
         self._ticks += 1
         if self._process is None:
             return
@@ -89,7 +89,7 @@ class TrendLine:
         except BlockingIOError:
             return  # a busy machine: this tick is left out
         except OSError as error:
-            _log.warning("trends are gathered no more: %s", error)
+            _log.warning("trends are no longer gathered: %s", error)
             self._process = None
 
     def _listen(self, process: "subprocess.Popen[bytes]") -> None:
@@ -109,7 +109,7 @@ class TrendLine:
                 _log.warning("%s", text)
 
     def close(self) -> None:
-        """Let the process write what it has, and end."""
+        """End the process, once it has written its records."""
         if self._process is None or self._process.stdin is None:
             return
         self._process.stdin.close()
@@ -143,8 +143,8 @@ def _start(robot: Robot, folder: Path) -> "subprocess.Popen[bytes]":
         "period_s": c.period_s,
         "identified": identified_dates(robot),
     }
-    # -P: the working directory is nobody's module path. A session of its own: Ctrl-C is not for it.
-    command = [sys.executable, "-P", "-m", "daemon.trends.writer", json.dumps(job)]
+    # -P: no modules from the working directory. A session of its own: Ctrl-C does not reach it.
+    command = [sys.executable, "-P", "-m", "programs.trends.writer", json.dumps(job)]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True, bufsize=0
     )

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
+from common.errors import ControlError
 from daemon.motion.limits import Limits
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.protocol.messages import Header
-from errors import ControlError
 
 
 class TrajectoryUpload:
-    """Room for one trajectory, which belongs to the connection that began it. A connection that
-    begins another takes its place: an upload that was left half-way blocks nobody."""
+    """Buffer for one trajectory, which belongs to the connection that began it. A connection that
+    begins another replaces it: an unfinished upload does not block other clients."""
 
     def __init__(self, joints: Sequence[str], limits: Limits, ramp_s: float) -> None:
         self._joints, self._limits, self._ramp_s = tuple(joints), limits, ramp_s
@@ -20,8 +20,7 @@ class TrajectoryUpload:
 
     def begin(self, header: Header, owner: int) -> None:
         """Make room for a trajectory of the connection `owner`. Raises TrajectoryError."""
-        self.release(self._owner)
-        self._builder = PathBuilder(
+        builder = PathBuilder(
             header.name,
             self._joints,
             header.joints,
@@ -30,11 +29,12 @@ class TrajectoryUpload:
             from_here=header.from_here,
             motors_only=header.motors_only,
         )
-        self._owner = owner
+        self.release(self._owner)
+        self._owner, self._builder = owner, builder
 
     def append(self, rows: Sequence[Sequence[float]], owner: int) -> int:
-        """Add rows; returns how many there are now. Raises TrajectoryError for what breaks a limit,
-        and forgets the whole trajectory; ControlError where there is none to add to."""
+        """Add rows; returns their number so far. Raises TrajectoryError for a row beyond a limit,
+        and forgets the whole trajectory; ControlError if there is none to add to."""
         builder = self._of(owner)
         if self._path is not None:
             raise ControlError("this trajectory is complete: begin another with a header")
@@ -46,15 +46,15 @@ class TrajectoryUpload:
         return builder.rows
 
     def take(self, owner: int) -> SampledPath:
-        """Complete trajectory. Raises TrajectoryError if it is too short, ControlError where
-        this connection has loaded none."""
+        """Complete trajectory. Raises TrajectoryError if it is too short, ControlError if this
+        connection has loaded none."""
         builder = self._of(owner)
         if self._path is None:
             self._path = builder.finish()
         return self._path
 
     def release(self, owner: int) -> None:
-        """Forget what this connection loaded; what runs already goes on."""
+        """Forget the trajectory of this connection; one that runs already continues."""
         if owner == self._owner:
             self._owner, self._builder, self._path = 0, None, None
 

@@ -1,7 +1,7 @@
-"""Arming checks: what must be right before the arm may yield to hands, each passed or failed.
+"""Arming checks: conditions for the arm to yield to hands, each passed or failed.
 
-`run` judges the record of the last tick, between two ticks. A tick itself only takes note of what
-its record will not show later (`watch`). No I/O; time is an argument.
+`run` judges the record of the last tick, between two ticks. A tick itself only notes what its
+record will not show later (`watch`). No I/O; time is an argument.
 """
 
 from collections import deque
@@ -10,19 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.lease import SENSES_S
 from daemon.protocol.messages import Check
-from daemon.tick.record import TickRecord
 from daemon.tick.sensing import HARMLESS
-from daemon.tick.telemetry import FLAG_NAMES
+from daemon.tick.telemetry import FLAG_NAMES, TickRecord
 from drivers.answers import Samples
 from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import Emergency, Rebooted, described
+from drivers.events import MASTER_SILENT, Emergency, Rebooted, described
 from estimator.estimate import Estimate
 
 #: In the order in which they are shown, after the mode.
@@ -42,23 +41,21 @@ NAMES = (
     "faults",
 )
 
-# Those whose evidence is in the samples of a tick, or is only as good as they are.
+# Checks whose evidence is in the samples of a tick, or depends on them.
 SAMPLED = frozenset(
     {"drives", "heartbeats", "set-up", "estimator", "thresholds", "residual", "limits"}
 )
 
-# A busy machine is late now and then, and one tick is made up for; a loop that is not on time is
-# late more than so often in so many seconds.
+# A busy machine is late now and then, and one late tick is harmless; a loop that is not on time has
+# more than this many late ticks in this many seconds.
 LATE_TICKS, LATE_WITHIN_S = 2, 1.0
-# Times its configured contact level that a joint may have in force. A joint at rest hides what its
-# friction holds: with a level of a hundredth of its motor's torque, the least that is identified,
-# that comes to 4.7 on the arms shipped. Beyond, it is friction that decides what is felt, and
-# nobody who reads the configuration would expect it.
+# Largest level in force of a joint, over its configured contact level. A joint at rest hides the
+# torque that its friction holds: with a level of a hundredth of its motor's torque, the least that
+# is identified, that comes to 4.7 on the arms shipped. Beyond, friction decides what is detected,
+# which a reader of the configuration would not expect.
 RAISED = 5.0
 # Between two ticks the last one is at most a period old; a thousandth of it is rounding.
 OLDEST = 1.001  # periods
-# EMCY: the drive misses the master's heartbeat (CiA 301).
-MASTER_SILENT = 0x8130
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +63,12 @@ class ArmingResult:
     """Result of all arming checks at one moment."""
 
     checks: tuple[Check, ...]  # the mode, then NAMES; only the mode before the first samples
-    reasons: tuple[str, ...]  # every one against arming, in the order of finding; empty: arm
+    reasons: tuple[str, ...]  # all reasons against arming, in the order of finding; empty: arm
 
 
 class ArmingChecks:
-    """All checks of one arm, and the memory of what a single tick does not show: emergencies that
-    are not over, late ticks."""
+    """All checks of one arm, with memory of conditions that a single tick does not show:
+    emergencies that are not over, and late ticks."""
 
     def __init__(
         self,
@@ -82,9 +79,9 @@ class ArmingChecks:
         settled: Sequence[Check],
         contact: Vector,
     ) -> None:
-        """joints, nodes: names and node-IDs in the order of the arm. settled: the checks that hold
-        for the whole run: `identification`, of the identified values against the drives that
-        answered, and `parameters`. contact: configured levels (n,) [Nm]."""
+        """joints, nodes: names and node-IDs in the order of the arm. settled: checks whose result
+        is fixed for the whole run: `identification`, of the identified values against the drives
+        that answered, and `parameters`. contact: configured levels (n,) [Nm]."""
         self._joints, self._limits = tuple(joints), limits
         self._period_s = period_s
         self._settled, self._contact = tuple(settled), contact
@@ -95,17 +92,17 @@ class ArmingChecks:
         self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
 
     def unsettled(self) -> list[str]:
-        """Reasons why what was identified cannot be trusted for this run; empty if it can."""
+        """Reasons why the identified values cannot be trusted in this run; empty if they can."""
         return [check.text for check in self._settled if not check.passed]
 
     def watch(self, samples: Samples, findings: Sequence[Finding], time_s: float) -> None:
-        """Take note of one tick."""
+        """Note the emergencies and the lateness of one tick."""
         for event in samples.events:
             if isinstance(event, Rebooted) or (isinstance(event, Emergency) and event.code == 0):
                 self._over(event.node)
             elif isinstance(event, Emergency):
                 self._emergencies[event.node] = event
-        # A drive that leaves its fault has no emergency any more, whether it says so or not.
+        # A drive that leaves its fault has no emergency any more, whether it reports this or not.
         for node in tuple(self._emergencies):
             faulted = node in self._index and samples.states[self._index[node]] in FAULT_STATES
             if faulted:
@@ -116,15 +113,15 @@ class ArmingChecks:
             self._late_s.append(time_s)
 
     def renewed(self, joints: Sequence[int]) -> None:
-        """Forget the emergencies of drives that were set up again: without ticks, the end of none
-        was received."""
+        """Forget the emergencies of drives that were set up again: as no tick ran meanwhile, the
+        end of an emergency was not received."""
         for node, joint in self._index.items():
             if joint in joints:
                 self._over(node)
 
     def forget(self) -> None:
-        """Forget the emergencies of drives that are not in fault: a person has looked at it, and
-        some drives never say that one is over."""
+        """Forget the emergencies of drives that are not in fault, after a reset by a person: some
+        drives never report that an emergency is over."""
         for node in tuple(self._emergencies):
             if node not in self._in_fault:
                 self._over(node)
@@ -140,13 +137,16 @@ class ArmingChecks:
         silent: Sequence[str],
         unset: Sequence[str],
         time_s: float,
+        doubted: Sequence[str] = (),
+        no_sdo: Sequence[str] = (),
     ) -> ArmingResult:
         """Judge arming in `mode` at `time_s`, on the record of the last tick.
 
         `silent` names the joints whose drives send no heartbeat, `unset` those whose drives
-        are not set up. A record that is older than a period fails `loop`: the arm is never armed
-        on what may be over. Where a joint's samples are not of that tick, no check of `SAMPLED`
-        passes.
+        are not set up, `doubted` those whose samples may be a period old, `no_sdo` those whose
+        drives answer no SDO. A record that is older
+        than a period fails `loop`: the arm is never armed on a state that may be over. If a joint's
+        samples are not of that tick, no check of `SAMPLED` passes.
         """
         if record is None or record.estimate is None:
             text = "no samples of the drives yet"
@@ -154,7 +154,7 @@ class ArmingChecks:
         failures = [
             *([] if mode in ARMABLE else [_failed("mode", refusal(mode, "arm"))]),
             *self._of_findings(record.findings),
-            *self._of_drives(silent, unset),
+            *self._of_drives(silent, unset, doubted, no_sdo),
             *(check for check in self._settled if not check.passed),
             *self._of_estimate(record.estimate, record.samples),
             *self._of_sensing(record),
@@ -175,19 +175,35 @@ class ArmingChecks:
         return ArmingResult(checks, tuple(dict.fromkeys(f.text for f in failures)))
 
     def _unknown(self, samples: Samples, failed: set[str]) -> list[Check]:
-        """Checks that would pass on what was true before this tick."""
+        """Checks that would pass only on samples from before this tick."""
         old = ", ".join(self._joints[i] for i in np.flatnonzero(~samples.fresh).tolist())
         text = f"not known, without samples of {old} in this tick"
         return [_failed(n, text) for n in NAMES if n in SAMPLED - failed] if old else []
 
     def _of_findings(self, findings: Sequence[Finding]) -> Iterator[Check]:
         for finding in findings:
-            if finding.condition is not Condition.LATE:  # which is counted
+            if finding.condition is not Condition.LATE:  # late ticks are counted instead
                 yield _failed(finding.check, str(finding))
 
-    def _of_drives(self, silent: Sequence[str], unset: Sequence[str]) -> Iterator[Check]:
+    def _of_drives(
+        self,
+        silent: Sequence[str],
+        unset: Sequence[str],
+        doubted: Sequence[str],
+        no_sdo: Sequence[str],
+    ) -> Iterator[Check]:
+        if no_sdo:
+            names = ", ".join(no_sdo)
+            text = (
+                f"no answer by SDO from {names}: a stop by SDO would not reach the drive; switch "
+                "it off and on, close tools that use its SDO"
+            )
+            yield _failed("drives", text)
+        if doubted:
+            names = ", ".join(doubted)
+            yield _failed("samples", f"still checking whether {names} answers late: ask again")
         if silent:
-            yield _failed("heartbeats", f"not heard from {', '.join(silent)}")
+            yield _failed("heartbeats", f"no heartbeat received from {', '.join(silent)}")
         for emergency in self._emergencies.values():
             name = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
             words = described(emergency, self._joint_of)
@@ -202,20 +218,20 @@ class ArmingChecks:
         for i in np.flatnonzero(estimate.threshold > RAISED * self._contact).tolist():
             yield _failed(
                 "thresholds",
-                f"{self._joints[i]} feels nothing below {estimate.threshold[i]:.2f} Nm now, more "
+                f"{self._joints[i]} detects nothing below {estimate.threshold[i]:.2f} Nm now, more "
                 f"than {RAISED:g} times its contact level of {self._contact[i]:.2f} Nm: friction "
                 "at rest or its speed may hide that much (`contactd identify friction`, then "
-                "thresholds; where it only rests, `contactctl start` first; if that stays so, no "
-                "less is felt there: give its `thresholds.contact` at least "
+                "thresholds; if it only rests, `contactctl start` first; if this remains, set its "
+                "`thresholds.contact` to at least "
                 f"{estimate.threshold[i] / RAISED:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded).tolist():
             on = samples.states[i] is DriveState.OPERATION_ENABLED
-            whose = "is somebody touching it?" if on else "a brake that carries it, or a touch"
+            cause = "a touch, or a payload?" if on else "a brake that carries it, or a touch?"
             yield _failed(
                 "residual",
-                f"{self._joints[i]} feels {estimate.residual[i]:+.2f} Nm, beyond its threshold of "
-                f"{estimate.threshold[i]:.2f} Nm: {whose}",
+                f"residual of {self._joints[i]} is {estimate.residual[i]:+.2f} Nm, above its "
+                f"threshold of {estimate.threshold[i]:.2f} Nm: {cause}",
             )
 
     def _of_sensing(self, record: TickRecord) -> Iterator[Check]:
@@ -232,8 +248,8 @@ class ArmingChecks:
         if lately:
             yield _failed(
                 "estimator",
-                f"able to sense contact for only {shortest_s:.2f} s, which must be {SENSES_S:g} s: "
-                f"{', '.join(lately)}; ask again (does it come and go? `contactctl status` says "
+                f"sensing contact for only {shortest_s:.2f} s, at least {SENSES_S:g} s required: "
+                f"{', '.join(lately)}; ask again (if it comes and goes, `contactctl status` shows "
                 "which samples are lost)",
             )
 
@@ -262,7 +278,7 @@ class ArmingChecks:
         return {
             "drives": f"{on} of {n} in operation, none in fault",
             "samples": "all fresh in this tick",
-            "heartbeats": f"heard from {n} drives, none misses ours",
+            "heartbeats": f"received from {n} drives, none misses ours",
             "emergencies": "none",
             "set-up": "written to the drives and read back",
             **{check.name: check.text for check in self._settled},

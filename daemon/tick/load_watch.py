@@ -1,18 +1,19 @@
-"""Watch on loads that nobody told: recognition in each tick, its news, and what it explains.
+"""Detection of unannounced payloads: recognition, reports, and contacts attributed to them.
 
-What is recognised is said, learning stands still as long as it lasts, and once it is confirmed the
-controller holds instead of being led by it. The model and the levels stay as they are. When a load
-is told, what the residual still shows of it for some 0.1 s is no contact.
+A recognised payload is reported, learning is suspended as long as it lasts, and once it is
+confirmed the controller holds instead of yielding to it. The model and the levels stay as they are.
+When a payload is announced, the residual that still shows it for some 0.1 s is not a contact.
 
-An arm that yields hardly moves, and recognises nothing. What pulls at it like a load, and what
-keeps it from its trajectory again and again, is said within seconds (`hint`), and changes nothing.
+An arm that yields hardly moves, and recognises nothing. A steady pull like that of a payload, and
+contacts that keep the arm from its trajectory again and again, are reported within seconds
+(`hint`), and change nothing.
 """
 
 from typing import Final
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.modes.table import GUIDED, SENSING, YIELDING, Mode
 from daemon.protocol.messages import Notice
 from daemon.tick.sensing import Sensing
@@ -23,20 +24,20 @@ from estimator.payload import Payload
 from estimator.recognition import Recognition
 from estimator.steady_pull import SteadyPull
 
-#: What is found again is news if its mass is another by this share, or so many kg.
+#: A payload found again is reported if its mass differs by this share, or by this many kg.
 NEWS_SHARE, NEWS_KG = 0.15, 0.05
-#: A place further than this from the tool point, along an axis, is part of the advice [m].
+#: Distance from the tool point, along an axis, from which on a place is part of the advice [m].
 AWAY_M: Final = 0.01
-#: A trajectory that contacts interrupt so often within so long [s] does not get on.
+#: Number of interruptions within a time [s] from which on a trajectory is considered stuck.
 OFTEN, OFTEN_S = 3, 12.0
 _LED: Final = GUIDED | YIELDING
 _UNDER_WAY: Final = frozenset({Mode.TRACKING, Mode.RETURNING})
-# Of a change of the payload, what the residual shows counts until less than this is left.
+# Share of a change of the payload below which its remainder in the residual is neglected.
 _FADED: Final = 0.01
 
 
 class LoadWatch:
-    """Loads of one arm, tick by tick."""
+    """Payload detection of one arm, tick by tick."""
 
     def __init__(self, estimator: Estimator) -> None:
         self._estimator = estimator
@@ -46,19 +47,20 @@ class LoadWatch:
         self._hinted_kg = 0.0
         self._mode = Mode.OFF
         self._payload: Payload | None = None  # that the model counts
-        self._said_kg = 0.0
-        # Mass and mass times place (4,) by which the model was changed, and what of it r still is.
+        self._reported_kg = 0.0
+        # Mass and mass times place (4,) by which the model was changed, and the share of this
+        # change that r still shows.
         self._change, self._left = np.zeros(4), 0.0
         self._fades = float(np.exp(-estimator.settings.gain * estimator.period_s))
 
     @property
     def found(self) -> Payload | None:
-        """Load that is recognised, None without one."""
+        """Recognised load, None without one."""
         return self._recognition.found
 
     def explains(self, estimate: Estimate) -> str:
-        """The load that was recognised and confirmed, in words, if it explains all that is felt;
-        else empty: in doubt it is a person."""
+        """Description of the load that was recognised and confirmed, if it explains the whole
+        residual; otherwise empty: in doubt it is a person."""
         recognition = self._recognition
         if not recognition.confirmed:
             return ""
@@ -66,7 +68,7 @@ class LoadWatch:
         return "" if left.any() else self.words
 
     def settles(self, estimate: Estimate) -> bool:
-        """True if all that is felt is what the residual still shows of a load told just now."""
+        """True if the residual is explained by the rest of a payload that was just announced."""
         if self._left <= _FADED:
             return False
         model = self._estimator.model
@@ -85,7 +87,7 @@ class LoadWatch:
         if estimate is None or mode not in SENSING:
             recognition.forget()
             self._pull.forget()
-            self._said_kg = 0.0
+            self._reported_kg = 0.0
         elif not sensing.sure:
             recognition.pause()
             self._pull.pause()
@@ -100,14 +102,14 @@ class LoadWatch:
         return self._news(before, often=often)
 
     def _news(self, before: Payload | None, *, often: bool) -> tuple[Notice, ...]:
-        """What this tick found that the one before it had not, and that was not said."""
+        """Notices about findings that are new in this tick and not yet reported."""
         found, pulls = self.found, self._pull.mass
         if not self._pull.lasts:
             self._hinted_kg = 0.0
         if found is not None:
-            if found == before or not _is_other(found.mass, self._said_kg):
+            if found == before or not _is_other(found.mass, self._reported_kg):
                 return ()
-            self._said_kg = found.mass
+            self._reported_kg = found.mass
             return (Notice(kind="mode", text=f"{self.words}: {self.advice}"),)
         if pulls and _is_other(pulls, self._hinted_kg):
             self._hinted_kg = pulls
@@ -117,16 +119,16 @@ class LoadWatch:
 
     @property
     def words(self) -> str:
-        """The load that was recognised; empty without one."""
+        """Description of the recognised load; empty without one."""
         if (found := self._recognition.found) is None:
             return ""
         if self._payload is None:
             return f"looks like a load of {found.mass:.2g} kg at the hand"
-        return f"looks like {found.mass:.2g} kg more at the hand than {self._told}"
+        return f"looks like {found.mass:.2g} kg more at the hand than {self._announced}"
 
     @property
     def advice(self) -> str:
-        """What to do about it; empty without one."""
+        """Command that announces the recognised load; empty without one."""
         if (found := self._recognition.found) is None:
             return ""
         load = found if self._payload is None else together(self._payload, found)
@@ -137,44 +139,44 @@ class LoadWatch:
 
     @property
     def hint(self) -> str:
-        """What may be a load and is not recognised, in words, with what to do; empty without it."""
+        """Report of a possible load that is not recognised, with advice; empty without one."""
         pulls = self._pull.mass
         if self.found is not None or not (pulls or self._interruptions.often):
             return ""
         if not pulls:
             return (
                 f"contacts interrupted the trajectory {OFTEN} times in {OFTEN_S:g} s: if the hand "
-                f"carries something, {self._stop}`contactctl payload MASS` with what it weighs"
+                f"carries a load, {self._stop}`contactctl payload MASS` with its mass"
             )
-        more = f" more than {self._told}" if self._payload else ""
+        more = f" more than {self._announced}" if self._payload else ""
         return (
             f"something pulls straight down at the hand, like some {pulls:.2g} kg{more}: if it is "
-            f"a load, {self._stop}`contactctl payload MASS` with what it weighs"
+            f"a load, {self._stop}`contactctl payload MASS` with its mass"
         )
 
     @property
     def _stop(self) -> str:
-        """What comes before `payload`, which is refused while the arm is led."""
+        """Command needed before `payload`, which is refused while the arm is led."""
         return "`contactctl stop`, then " if self._mode in _LED else ""
 
     @property
-    def _told(self) -> str:
-        return f"the {self._payload.mass:.3g} kg told" if self._payload else ""
+    def _announced(self) -> str:
+        return f"the {self._payload.mass:.3g} kg announced" if self._payload else ""
 
-    def told(self, payload: Payload | None) -> None:
-        """Begin anew with another payload, or none."""
+    def announce(self, payload: Payload | None) -> None:
+        """Restart the detection with another payload in the model, or none."""
+        self._change = self._left * self._change + _moments(payload) - _moments(self._payload)
         self._recognition.begin()
         self._pull.forget()
         self._interruptions.forget()
         self._estimator.freeze_learning(False)
-        self._change = self._left * self._change + _moments(payload) - _moments(self._payload)
-        self._left = self._fades  # by the tick that comes
+        self._left = self._fades  # by the next tick
         self._payload, self._said_kg = payload, 0.0
 
 
 class Interruptions:
     """Interruptions of the trajectory by contacts; `often` while the last OFTEN came within
-    OFTEN_S, and the last of them is no longer ago."""
+    OFTEN_S, and the latest is no longer ago than that."""
 
     def __init__(self, period_s: float) -> None:
         self.often = False
@@ -182,7 +184,7 @@ class Interruptions:
         self._ago = [self._within] * OFTEN  # ticks since each, the latest last
 
     def forget(self) -> None:
-        """Forget those that were."""
+        """Forget all interruptions."""
         self.often = False
         self._ago[:] = [self._within] * OFTEN
 
@@ -192,7 +194,7 @@ class Interruptions:
         for k in range(OFTEN):
             ago[k] += 1
         if before in _UNDER_WAY and mode in YIELDING:
-            self.often = ago[1] <= self._within  # it is the first of OFTEN now
+            self.often = ago[1] <= self._within  # the first of the latest OFTEN
             ago[:-1] = ago[1:]
             ago[-1] = 0
         elif self.often and ago[-1] >= self._within:
@@ -200,15 +202,15 @@ class Interruptions:
 
 
 def together(one: Payload, other: Payload) -> Payload:
-    """Both as one point mass."""
+    """Both payloads as one point mass."""
     mass = one.mass + other.mass
     com = [(one.mass * x + other.mass * y) / mass for x, y in zip(one.com, other.com, strict=True)]
     return Payload(mass=mass, com=com)
 
 
-def _is_other(mass: float, said: float) -> bool:
-    """True if it is news beside a mass that was said; both in kg."""
-    return abs(mass - said) > max(NEWS_SHARE * mass, NEWS_KG)
+def _is_other(mass: float, reported: float) -> bool:
+    """True if a mass differs from the one reported last by enough for a new report; in kg."""
+    return abs(mass - reported) > max(NEWS_SHARE * mass, NEWS_KG)
 
 
 def _moments(payload: Payload | None) -> Vector:

@@ -1,15 +1,15 @@
 """Fixed loop: absolute deadlines, one tick each, then the doors, then sleep.
 
-All ticks stand on one grid, so that lateness never adds up. After a late wake-up every deadline
-that the drives' answers would still run into is counted and left out, never made up for: two ticks
-in a burst would tell the drives that time ran twice as fast.
+All ticks lie on one grid, so that lateness never adds up. After a late wake-up every deadline
+that the drives' answers would overlap is counted and skipped, never made up for: two ticks in a
+burst would make time appear to run twice as fast to the drives.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from daemon.tick.record import Wakeup
+from daemon.tick.telemetry import Wakeup
 from daemon.tick.tick import Tick
 
 # Share of the period in which the drives must have answered SYNC; no tick follows sooner.
@@ -26,13 +26,13 @@ class Clock:
 
 
 def deadlines_left_out(lateness: float) -> int:
-    """Deadlines that a wake-up costs which is so many periods late: the next of the grid must leave
-    its tick the time for the drives' answers."""
+    """Deadlines to skip after a wake-up that is this many periods late: the next one of the grid
+    must leave the current tick time for the drives' answers."""
     return max(math.ceil(lateness + ANSWER_SHARE) - 1, 0)
 
 
 class Loop:
-    """Loop over `tick`, every `period_s` until it is told to stop."""
+    """Loop over `tick`, every `period_s` until it is stopped."""
 
     def __init__(self, tick: Tick, clock: Clock, period_s: float) -> None:
         self.tick = tick
@@ -64,7 +64,7 @@ class Loop:
             self._doors_s = self._clock.now() - began
 
     def resume(self) -> None:
-        """Begin a new grid after a pause that was meant: nothing was missed in it."""
+        """Begin a new grid after an intended pause, in which no deadline counts as missed."""
         self._deadline_s = self._clock.now() + self._period_s
 
     def step(self) -> None:

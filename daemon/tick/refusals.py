@@ -1,57 +1,40 @@
-"""Refusals of `enable` and `start`, from where the arm stands: reasons in words. Pure."""
+"""Refusals of `enable` and `start` because of the arm's pose, with their reasons. Pure."""
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
-from arrays import Vector
-from daemon.faults.finding import Finding
+from common.arrays import Vector
 from daemon.faults.table import Response
 from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import JointPath, Place, stands
+from daemon.tick.decision import ControlInput
 
-# How far from its first sample a recorded trajectory may begin [rad].
+# Largest distance from its first sample at which a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
-# How far inside the range of a path the way to it is to end: it does not end to the bit [rad].
+# Distance inside the range of a path at which the way to it ends, as it is not exact [rad].
 INSIDE = 0.02
 
 
-# How a joint that nobody energises gets back inside its limits, by how it ends.
+# Advice for moving a joint without power back inside its limits, by its `end`.
 WAY_BACK = {
-    "hold": "take its drive's power away and move it back by hand",
+    "hold": "switch its drive off and move it back by hand",
     "brake": "release its brake and move it back by hand",
     "limp": "move it back by hand",
 }
 
 
-class Standing(Protocol):
-    """Part of the `ControlInput` that `enable` looks at."""
-
-    @property
-    def q(self) -> Vector:
-        """Link positions (n,) [rad]."""
-
-    @property
-    def operating(self) -> Sequence[bool]:
-        """True for each drive in operation enabled."""
-
-    @property
-    def findings(self) -> Sequence[Finding]:
-        """Findings of the last tick."""
-
-
 def not_energisable(
-    joints: Sequence[str], ends: Sequence[str], limits: Limits, arm: Standing
+    joints: Sequence[str], ends: Sequence[str], limits: Limits, observed: ControlInput
 ) -> list[str]:
-    """Reasons against `enable`: findings that ask for a quick stop, drives on their way off, and
-    joints that stand further outside their limits than the arm would lead them back by itself."""
-    reasons = [str(f) for f in arm.findings if f.response >= Response.QUICK_STOP]
-    if late := [name for name, on in zip(joints, arm.operating, strict=True) if on]:
+    """Reasons against `enable`: findings that require a quick stop, drives that are still switching
+    off, and joints further outside their limits than the arm would lead them back by itself."""
+    reasons = [str(f) for f in observed.findings if f.response >= Response.QUICK_STOP]
+    if late := [name for name, on in zip(joints, observed.operating, strict=True) if on]:
         # Taken for enabled drives in the next tick, and then for drives that have dropped out.
-        reasons.append(f"still on their way off: {', '.join(late)}")
-    q = arm.q
+        reasons.append(f"still switching off: {', '.join(late)}")
+    q = observed.q
     outside = limits.outside(q)
     return reasons + [
         f"{name} stands at {q[i]:.3f} rad, more than {limits.tolerance:g} outside its limits "
@@ -62,12 +45,12 @@ def not_energisable(
 
 
 def lacking(path: JointPath, *, blind: bool) -> list[str]:
-    """What `start` lacks wherever the arm stands: a trajectory, or links that are trusted."""
+    """Requirements of `start` that are missing in any pose: a trajectory, or trusted links."""
     if stands(path):
         return [
             "no trajectory is configured: `contactctl start FILE.csv` runs one, `contactctl go` "
-            "leads to a pose, and `trajectory` in config.yaml says what `start` alone runs; an "
-            "armed arm yields without one, too, while it holds"
+            "moves to a pose, and `trajectory` in config.yaml sets what `start` alone runs; an "
+            "armed arm also yields without one, while it holds"
         ]
     if blind and not path.motors_only:
         return [
@@ -77,9 +60,21 @@ def lacking(path: JointPath, *, blind: bool) -> list[str]:
     return []
 
 
+def touched(observed: ControlInput, path: JointPath, *, armed: bool, blind: bool) -> list[str]:
+    """Reason against `start`: a contact at which the arm would halt at once. Links that are not
+    trusted show no collision."""
+    if observed.hit and not blind:
+        return [f"{observed.hit}: free it first"]
+    if armed and observed.touched and observed.load:
+        announce = f"{observed.load}, announce it first (`contactctl payload`)"
+        return [f"{observed.touched}: {announce}"]
+    halts = observed.touched and path.halts_at_contact
+    return [f"{observed.touched}: free it first"] if halts else []
+
+
 def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
-    """Reasons against `start`: joints that stand elsewhere than the path begins, else those that it
-    would lead out of their limits; then the command that leads to where it can start."""
+    """Reasons against `start`: joints that are not where the path begins, otherwise those that it
+    would move out of their limits; then the command that moves the arm to where it can start."""
     astray, begin = _astray(joints, q, place), place.path.begin
     if astray and begin is not None:
         there = np.where(place.astray(q, START_TOLERANCE), begin, np.nan)
@@ -109,7 +104,7 @@ def _astray(joints: Sequence[str], q: Vector, place: Place) -> list[str]:
 
 
 def leaves_limits(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
-    """Reasons for each joint that the rest of the path would lead out of its limits, from q (n,)
+    """Reasons for each joint that the rest of the path would move out of its limits, from q (n,)
     [rad]."""
     beyond = place.leaves_limits(q, limits.lower, limits.upper)
     return [

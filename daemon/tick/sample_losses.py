@@ -1,7 +1,7 @@
-"""Share of each joint's samples that go missing, and the news of it.
+"""Share of missing samples of each joint, and notices when it is high.
 
-Single ones are bridged and change nothing; whoever owns the cable wants to know of them all the
-same. Pure.
+Single missing samples are bridged and have no effect, but point to a bad cable or a loaded bus.
+Pure.
 """
 
 from collections.abc import Sequence
@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.protocol.messages import Notice
 
 WITHIN_S: Final = 10.0
 """Time constant of the share [s]."""
-#: Shares from which on losses are news, and below which they are over.
+#: Share above which losses are reported, and share below which they are over.
 MANY, FEW = 0.1, 0.02
 _NONE = 1e-4
 
@@ -26,20 +26,21 @@ class SampleLosses:
     def __init__(self, names: Sequence[str], period_s: float) -> None:
         """names: of the joints, (n,)."""
         self.share: Vector = np.zeros(len(names))
-        """of the samples of late, (n,) [-]"""
+        """of recent samples that are missing, (n,) [-]"""
         self._names = tuple(names)
         self._weight = period_s / WITHIN_S
         self._any = False
-        self._told: set[int] = set()
+        self._reported: set[int] = set()
 
     def step(self, fresh: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
-        """Take one tick: which joints have a sample (n,), and whether all have. Returns news."""
+        """Process one tick: which joints have a sample (n,), and whether all have. Returns
+        notices."""
         if complete and not self._any:
             return ()
         self.share += (~fresh - self.share) * self._weight
         self._any = bool(self.share.max() > _NONE)
-        many = set(np.flatnonzero(self.share > MANY).tolist()) - self._told
-        self._told = {i for i in self._told if self.share[i] > FEW} | many
+        many = set(np.flatnonzero(self.share > MANY).tolist()) - self._reported
+        self._reported = {i for i in self._reported if self.share[i] > FEW} | many
         if not many:
             return ()
         text = f"samples go missing: {self.in_words(sorted(many))}: cable, terminator, bus load?"

@@ -1,4 +1,4 @@
-"""Watch on the sensing of contact: which joints sense now, since when, and whether to rely on it.
+"""State of contact sensing: which joints sense now, since when, and whether this is reliable.
 
 Pure; time is an argument.
 """
@@ -9,17 +9,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.protocol.messages import Notice
 from estimator.estimate import Estimate, Flag
 
-#: Time constants of the residual until one that began anew, at zero, says what it will.
+#: Time constants of the residual until one that restarted at zero has settled.
 SETTLED: Final = 4.0
-#: A joint that sensed for less at a stretch [s] does not sense again: it comes and goes.
+#: Uninterrupted time after which a joint counts as sensing again [s].
 AGAIN_S: Final = 0.5
-#: Flags of an estimate that is right all the same: true intervals were used, gaps were bridged.
+#: Flags of an estimate that is valid nevertheless: true intervals were used, gaps were bridged.
 HARMLESS: Final = Flag.LATE | Flag.BRIDGED
 _UNSETTLED: Final = ~(HARMLESS | Flag.RAISED)
 
@@ -34,12 +34,18 @@ class Sensing:
         self.since_s: Vector = np.zeros(n)
         """when that last changed, of each (n,) [s]"""
         self.settled = False
-        """no residual is still on its way up from zero."""
+        """no residual is still rising from a restart at zero."""
         self.sure = False
         """every joint senses, settled, at levels that are not raised for missing samples."""
         self._each = [False] * n  # `joints`
         self._settles_s = SETTLED / gain
         self._unsettled_s = self._raised_s = -np.inf
+
+    def begin_anew(self, time_s: float) -> None:
+        """Restart after the residuals were reset to zero: a contact has yet to show in them."""
+        self.since_s = np.full_like(self.since_s, time_s)
+        self._unsettled_s = time_s
+        self.settled = self.sure = False
 
     def step(self, time_s: float, estimate: Estimate | None) -> None:
         """Take the estimate of this tick; None while there is none."""
@@ -55,14 +61,14 @@ class Sensing:
             self.since_s = np.where(estimate.sensing != self.joints, time_s, self.since_s)
             self.joints, self._each = estimate.sensing, now
         self.settled = time_s - self._unsettled_s > self._settles_s
-        # They fade with half the residual's gain.
+        # They decay with half the residual's gain.
         raised = time_s - self._raised_s <= 2.0 * self._settles_s
         self.sure = self.settled and not raised and all(now)
 
 
 class SensingNews:
-    """News of joints that do not sense contact: each once when it is found, and once when it is
-    over. One that comes and goes with every burst of losses is no news each time."""
+    """Notices about joints that do not sense contact: one when it begins, and one when it is over.
+    Sensing that comes and goes with every burst of losses is not reported each time."""
 
     def __init__(self, names: Sequence[str]) -> None:
         """names: of the joints, (n,)."""
@@ -72,7 +78,7 @@ class SensingNews:
     def step(
         self, time_s: float, sensing: Sensing, findings: Sequence[Finding]
     ) -> tuple[Notice, ...]:
-        """News of one tick; findings: all that hold in it."""
+        """Notices of one tick; findings: all that hold in it."""
         notices: list[Notice] = []
         for finding in findings:
             if finding.condition is Condition.DEAF:
@@ -87,7 +93,7 @@ class SensingNews:
         ]
         if again:
             lost_s = {i: sensing.since_s[i] - self._deaf_s.pop(i) for i in again}
-            told = ", ".join(f"{self._names[i]} after {lost_s[i]:.2f} s" for i in again)
-            text = f"sensing contact again for {AGAIN_S:g} s: {told}"
+            joints = ", ".join(f"{self._names[i]} after {lost_s[i]:.2f} s" for i in again)
+            text = f"sensing contact again for {AGAIN_S:g} s: {joints}"
             notices.append(Notice(kind="mode", text=text))
         return tuple(notices)

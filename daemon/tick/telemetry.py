@@ -1,15 +1,23 @@
-"""Telemetry of a tick: its record as a State, with names and lists instead of enums and arrays."""
+"""Telemetry of a tick: its record, and the State made of it, with names and lists instead of enums
+and arrays."""
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from common.arrays import Vector
+from daemon.faults.finding import Finding
+from daemon.modes.table import Mode
 from daemon.protocol.messages import Contact, Notice, PerJoint, Permit, SideName, State, Timing
-from daemon.tick.record import TickRecord
+from daemon.tick.decision import Decision
+from drivers.answers import Samples
 from drivers.cia402 import DriveState
 from estimator import contact as estimator_contact
 from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side
+from estimator.payload import Payload
 
 SIDE_NAMES: dict[int, SideName] = {
     Side.LEFT: "left",
@@ -19,8 +27,8 @@ SIDE_NAMES: dict[int, SideName] = {
 }
 DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
 FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
-# Fields of a State that are a vector of the estimate, with its name there. What is in words
-# (`estimated`) comes beside them.
+# Fields of a State that are a vector of the estimate, with its name there. Fields in words are
+# added by `estimated`.
 ESTIMATED: Final = {
     "link_velocity": "q_dot",
     "motor_estimate": "theta",
@@ -34,9 +42,57 @@ ESTIMATED: Final = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Wakeup:
+    """Wake-up of the loop for a tick: its time, and its lateness."""
+
+    monotonic_s: float = 0.0
+    lateness_s: float = 0.0
+    work_s: float = 0.0  # of the tick before
+    missed: int = 0  # deadlines, since the start
+    left_out: int = 0  # deadlines skipped because this tick was late
+    doors_s: float = 0.0  # time for clients and the log, after the tick before
+    wall_s: float = 0.0  # Unix time
+
+
+ON_TIME = Wakeup()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TickRecord:
+    """Record of one tick: its measurements, estimates, findings and decisions, with their times;
+    arrays of shape (n,), SI at the link.
+
+    Created once at the end of each tick and never changed, so that all queries between two ticks
+    (status, arming, the published State) refer to one moment. Fields with a default are missing in
+    a log of frames; a tick of the daemon gives every field.
+    """
+
+    number: int
+    time_s: float  # since the loop started
+    wakeup: Wakeup
+    samples: Samples
+    interval_s: float  # since the tick before
+    estimate: Estimate | None  # None until every joint had sent a sample
+    sensing: NDArray[np.bool_]  # joints that sense contact
+    sensing_since_s: Vector  # when that changed last [s]
+    findings: tuple[Finding, ...] = ()
+    decision: Decision | None  # None as long as `estimate` is
+    mode: Mode  # after the decision, like all that follows
+    armed: bool = False
+    cause: str  # of the mode
+    moving: bool = False  # a trajectory runs, or goes on after this contact
+    quiet_s: float = 0.0  # since the last tick with a non-zero thresholded residual
+    unproved: tuple[str, ...] = ()  # joints commanded to stop and not confirmed at standstill
+    payload: Payload | None = None  # included in the model
+    recognised: Payload | None = None  # unannounced payload; learning is suspended meanwhile
+    silenced: bool = False  # last stage of a stop: nothing is sent to the drives
+    notices: tuple[Notice, ...]  # news of this tick, and of the requests before it
+
+
 def state_of(record: TickRecord, permit: Permit | None = None) -> State:
-    """State that is published of a tick, with the permit that was in force in it. Raises
-    RuntimeError before the first complete samples."""
+    """Published State of a tick, with the permit that was in force in it. Raises RuntimeError
+    before the first complete samples."""
     samples, decision, wakeup = record.samples, record.decision, record.wakeup
     if record.estimate is None or decision is None:
         raise RuntimeError("no complete samples yet")
@@ -79,7 +135,7 @@ def state_of(record: TickRecord, permit: Permit | None = None) -> State:
 
 
 def estimated(estimate: Estimate) -> dict[str, Any]:
-    """Fields of a State that come from an estimate, by name: what a replay must reproduce."""
+    """Fields of a State that come from an estimate, by name. A replay must reproduce them."""
     return {
         **{field: getattr(estimate, name).tolist() for field, name in ESTIMATED.items()},
         "side": [SIDE_NAMES[side] for side in estimate.side.tolist()],

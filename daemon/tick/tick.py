@@ -1,4 +1,4 @@
-"""One tick: read, estimate, judge, decide, command; and the record of it.
+"""One tick: read, estimate, judge, decide, command; and its record.
 
 `begin` and `finish` are apart so that a test in lockstep can let the simulated drives answer the
 SYNC in between. Times come from the caller.
@@ -8,20 +8,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition, Response
 from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Change, Mode, refusal
+from daemon.motion.hand_witness import IndependentResidual, agreed
 from daemon.motion.limits import all_finite
 from daemon.protocol.messages import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
-from daemon.tick.controller import ControlInput, Controller, Decision
+from daemon.tick.controller import Controller
+from daemon.tick.decision import ControlInput, Decision
+from daemon.tick.learning_news import LearningNews
 from daemon.tick.load_watch import LoadWatch
-from daemon.tick.record import ON_TIME, TickRecord, Wakeup
 from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing, SensingNews
-from daemon.tick.telemetry import contact_notice
+from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup, contact_notice
 from drivers.answers import Samples
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drives import Drives
@@ -29,16 +31,16 @@ from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.payload import Payload
 
-STOP_PROVED = "stop proved: every drive was seen to stand"
+STOP_PROVED = "stop proved: every drive is at standstill"
 _ON = DriveState.OPERATION_ENABLED
-# A sample as old as this still tells whether a joint stands.
+# Largest age of a sample that still shows whether a joint is at standstill.
 RECENT_TICKS = 2
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
 
 
 class Tick:
-    """Everything of one arm that a tick touches; `last` is the record of the last one."""
+    """All parts of one arm that a tick uses; `last` is the record of the last one."""
 
     def __init__(
         self,
@@ -55,7 +57,7 @@ class Tick:
         self.last: TickRecord | None = None
         """None before the first."""
         self.fatal: Finding | None = None
-        """What the program must end for, once the drives are told to stop."""
+        """Finding for which the program must end, once the drives are commanded to stop."""
         self._detector = detector
         self._period_s = period_s
         self._time_s = 0.0
@@ -68,8 +70,9 @@ class Tick:
         self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
         self.payload: Payload | None = None
-        """What the model counts at the hand, from the next tick on."""
+        """Payload at the hand in the model, from the next tick on."""
         self.loads = LoadWatch(estimator)
+        self._learning_news = LearningNews(estimator, drives.names)
 
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
@@ -78,7 +81,7 @@ class Tick:
         self.drives.sync(time_s)
 
     def finish(self, deadline: float, wakeup: Wakeup = ON_TIME) -> None:
-        """Take the samples that arrive until `deadline` (the drives' clock), decide, command."""
+        """Collect the samples that arrive until `deadline` (the drives' clock), decide, command."""
         before, time_s, machine = self.last, self._time_s, self.controller.machine
         recognised = self.loads.found
         samples, mode = self.drives.collect(deadline), machine.mode
@@ -105,8 +108,9 @@ class Tick:
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
-            # What friction held until now is not an external torque.
+            # The torque that friction held until now is not an external torque.
             self.estimator.reset()
+            self._sensing.begin_anew(time_s)
         news = estimate if mode in SENSING else None
         loads = self.loads.step(machine.mode, estimate, self._sensing)
         self.last = TickRecord(
@@ -133,7 +137,11 @@ class Tick:
                 findings,
                 news,
                 unproved,
-                (*self.losses.step(samples.fresh, complete=complete), *loads),
+                (
+                    *self.losses.step(samples.fresh, complete=complete),
+                    *loads,
+                    *self._learning_news.step(),
+                ),
             ),
         )
 
@@ -175,7 +183,7 @@ class Tick:
         *,
         complete: bool,
     ) -> Decision | None:
-        """Decide on what is known and command the drives; without an estimate only stop them."""
+        """Decide and command the drives; without an estimate only stop them."""
         if estimate is None:
             self.controller.doubt(self._time_s, findings)
             if self.controller.faulted:
@@ -183,7 +191,10 @@ class Tick:
             return None
         known = self._control_input(samples, estimate, findings, complete=complete)
         decision = self.controller.step(self._time_s, self._step_s(), known)
-        self.drives.command(decision.power, decision.velocity, decision.reset)
+        machine = self.controller.machine
+        # A maker's tool, or a stop, must not find an SDO server busy while anything moves.
+        stands = machine.mode is Mode.HOLDING and not machine.armed
+        self.drives.command(decision.power, decision.velocity, decision.reset, ask=stands)
         return decision
 
     def _step_s(self) -> float:
@@ -202,20 +213,20 @@ class Tick:
     ) -> ControlInput:
         touched = hit = load = ""
         # Both count as long as they last: a contact that began while the arm was stopping still
-        # makes it yield, and what was run into is not over because the arm stands.
+        # makes it yield, and a collision is not over because the arm stands.
         if any(estimate.thresholded.tolist()) and not self.loads.settles(estimate):
             detector, names = self.estimator.detector, self.drives.names
             residual = estimate.residual
             joints = detector.touched().tolist()
             if any(joints):
                 i = joints.index(True)
-                touched = f"{names[i]} feels {residual[i]:+.2f} Nm"
+                touched = f"contact of {residual[i]:+.2f} Nm at {names[i]}"
                 load = self.loads.explains(estimate)
             joints = detector.hit().tolist()
             if any(joints):
                 i = joints.index(True)
                 hit = (
-                    f"{names[i]} feels {residual[i]:+.2f} Nm, beyond its collision level of "
+                    f"contact of {residual[i]:+.2f} Nm at {names[i]}, above its collision level of "
                     f"{detector.levels.collision[i]:.2f} Nm"
                 )
         return ControlInput(
@@ -233,7 +244,17 @@ class Tick:
             findings=findings,
             recent=complete or bool((samples.age_ticks <= RECENT_TICKS).all()),
             age_s=None if complete else np.multiply(samples.age_ticks, self._period_s),
+            independent=self._independent(estimate),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
+        )
+
+    def _independent(self, estimate: Estimate) -> IndependentResidual:
+        """Residual that may move the arm, with the levels for it."""
+        lowered = (1.0 - estimate.level_share) * self.estimator.contact
+        return IndependentResidual(
+            agreed(estimate.residual, estimate.uncorrected),
+            estimate.threshold,
+            estimate.threshold + lowered,
         )
 
     def _notices(
@@ -243,9 +264,9 @@ class Tick:
         unproved: Sequence[str],
         others: Sequence[Notice],
     ) -> tuple[Notice, ...]:
-        """News of this tick, with `others`. A finding is reported once until the latch is
-        reset; contacts are those of `sensed`, None where a brake may carry the arm and nothing is
-        sensed."""
+        """Notices of this tick, with `others`. A finding is reported once until the latch is
+        reset. Contacts are those of `sensed`, which is None while a brake may carry the arm and
+        nothing is sensed."""
         notices = list(self._sensing_news.step(self._time_s, self._sensing, findings))
         notices += others
         if findings or self._reported:
@@ -254,7 +275,7 @@ class Tick:
                 for finding in findings
                 if finding.response > Response.CONTINUE
                 and finding not in self._reported
-                and finding.condition is not Condition.DEAF  # in the news of sensing
+                and finding.condition is not Condition.DEAF  # reported by SensingNews
             ]
             latched = self._reported if self.controller.faulted else frozenset()
             self._reported = latched.union(findings)
@@ -269,42 +290,46 @@ class Tick:
             notices += map(contact_notice, sensed.contacts)
         return tuple(notices)
 
-    # --- asked between two ticks ------------------------------------------------------------
+    # --- requests between two ticks ---------------------------------------------------------
 
     def carry(self, payload: Payload | None, who: str) -> list[str]:
-        """Let the model count what the hand carries, None for nothing, from the next tick on;
-        returns why not."""
+        """Set the payload of the model, None for none, from the next tick on; returns reasons of a
+        refusal."""
         machine = self.controller.machine
         if machine.mode in GUIDED or machine.mode in YIELDING:
             why = refusal(machine.mode, "payload")
-            return [f"{why}: let go of it first; if only the load leads it, `contactctl stop`"]
+            return [f"{why}: let go of it first; if only a load moves it, `contactctl stop`"]
+        text = f"payload {payload}" if payload else "payload none"
         self.estimator.carry(payload)
         self.payload = payload
-        self.loads.told(payload)
-        text = f"payload {payload}" if payload else "payload none"
+        self.loads.announce(payload)
         machine.changes.append(Change(text, f"by {who}"))
         return []
 
     def unproved(self) -> tuple[str, ...]:
-        """Joints that are to stand and were not seen to: all, until the next tick tells them."""
+        """Joints that must stand and are not confirmed at standstill: all of them, until the next
+        tick commands them to stop."""
         to_stand = self.controller.machine.mode not in ENERGISED
         if to_stand and self.last is not None and self.last.mode in ENERGISED:
             return self.drives.names
         return self.drives.unproved()
 
     def check_arming(self, time_s: float) -> ArmingResult:
-        """Run all arming checks at `time_s`, on the last tick and on what the drives are now."""
+        """Run all arming checks at `time_s`, on the last tick and the present state of the
+        drives."""
         return self.arming_checks.run(
             self.last,
             self.controller.machine.mode,
             self.drives.silent(),
             self.drives.restarted(),
             time_s,
+            self.drives.doubted(),
+            self.drives.no_sdo(),
         )
 
 
 def _finite(estimate: Estimate | None, decision: Decision | None) -> bool:
-    """True while estimate and reference are numbers, and while there are none."""
+    """True if estimate and reference are finite, or absent."""
     if estimate is not None and estimate.flags and Flag.INVALID in estimate.flags:
         return False
     return decision is None or all_finite(decision.reference)

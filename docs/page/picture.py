@@ -21,7 +21,7 @@ PUSHED = """() => document.querySelectorAll('.joint.beyond').length === 2
 
 def main() -> None:
     """Play the demo, and take the picture."""
-    command = [sys.executable, "-m", "daemon.commands.contactd", "demo", "--json"]
+    command = [sys.executable, "-m", "programs.contactd.contactd", "demo", "--json"]
     command += ["--web", "--web-port", "0"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL) as demo:
         assert demo.stderr is not None

@@ -13,6 +13,7 @@ from typing import Final
 
 import canopen
 
+from common.errors import BusError, DriveError, SilentDriveError
 from drivers.boot.heard_frames import HeardFrames
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.required_objects import DriveSetup, check_drive, lacks, wanted
@@ -24,7 +25,6 @@ from drivers.can.bus import BUS_FAILURES
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import REMOTE, Wire
 from drivers.ids import HEARTBEAT, OPERATIONAL, SYNC
-from errors import BusError, DriveError, SilentDriveError
 
 Progress = Callable[[str], None]
 Meanwhile = Callable[[], None]
@@ -34,7 +34,7 @@ TRIES: Final = 3
 #: A step that is answered, but for ever, ends after so many time-outs of one SDO; a drive whose
 #: communication was reset may take as long to boot.
 STEP_TIMEOUTS: Final = 6
-#: In a reset a person waits and nobody ticks: a drive that is gone is given up sooner.
+#: During a reset a person waits and no tick runs: a drive that is gone is given up sooner.
 AGAIN_SHARE: Final = 0.3
 #: Beats of the master in the time that the least patient drive waits for one.
 BEATS: Final = 6
@@ -59,11 +59,11 @@ class DriveBoot:
     identities: tuple[DriveIdentity, ...] = ()
     """of the drives that were set up at the start"""
     heard: HeardFrames = field(default_factory=HeardFrames)
-    """what came while drives were verified or set up again"""
+    """frames that came while drives were verified or set up again"""
 
     def boot_up(self, progress: Progress = lambda line: None) -> None:
-        """Set all drives up, read back, and leave them pre-operational; `progress` gets lines for
-        people.
+        """Set all drives up, read back, and leave them pre-operational; `progress` gets lines of
+        text.
 
         Raises ConfigurationError (the EDS does not have what is configured; the bus is not
         touched), BusError (the bus fails, another master is there) or DriveError (a drive does not
@@ -78,11 +78,11 @@ class DriveBoot:
     def verify(
         self, joints: Sequence[int], meanwhile: Meanwhile = lambda: None
     ) -> dict[int, list[str]]:
-        """Read what the drives of some joints must hold, and write nothing; for each that does not
-        hold it, what that is, in words.
+        """Read the objects that the drives of some joints must hold, and write nothing; returns the
+        deviations of each drive that has any, in words.
 
-        While the arm stands and nobody ticks, as for `renew`. A drive that does not answer does not
-        hold it. Raises BusError.
+        While the arm stands and no tick runs, as for `renew`. A drive that does not answer counts
+        as deviating. Raises BusError.
         """
         found: dict[int, list[str]] = {}
         with sdo_network(self.wire, self.ring, self.heard) as network:
@@ -103,13 +103,13 @@ class DriveBoot:
         meanwhile: Meanwhile = lambda: None,
         progress: Progress = lambda line: None,
     ) -> None:
-        """Set the drives of some joints up again, while the arm stands, nobody ticks, and the
+        """Set the drives of some joints up again, while the arm stands, no tick runs, and the
         others go on hearing their master.
 
         The sequence itself sends the heartbeat, and calls `meanwhile`, while it waits for answers,
         so that one that hangs falls silent. A drive that does not answer ends it within two of its
         time-outs. Raises BusError or DriveError, the latter also when another drive answers than at
-        the start: what was judged of the arm then was not of it.
+        the start, as the checks made then do not hold for it.
         """
         begun = time.monotonic()
         chosen = [self.setups[i] for i in joints]
@@ -132,11 +132,10 @@ class DriveBoot:
         return _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
 
     def let_go(self) -> None:
-        """After the last tick: tell the drives to mind no master's heartbeat any more
-        (0x1016:1 = 0).
+        """End the drives' watch on the master's heartbeat (0x1016:1 = 0), after the last tick.
 
         For drives that are off or hold in quick stop, so that our leaving is no fault to them.
-        Every drive is told; then the first DriveError is raised, if there was one.
+        Every drive is written; then the first DriveError is raised, if there was one.
         """
         errors = []
         with sdo_network(self.wire, self.ring) as network:
@@ -195,7 +194,7 @@ class DriveBoot:
 
 
 def refuse_other_master(wire: Wire, master_node: int, listen_s: float) -> None:
-    """Listen for what only a master sends; raises BusError if somebody does."""
+    """Listen for frames that only a master sends; raises BusError if there are any."""
     deadline = time.monotonic() + listen_s
     while (remaining := deadline - time.monotonic()) > 0.0:
         try:
@@ -208,7 +207,7 @@ def refuse_other_master(wire: Wire, master_node: int, listen_s: float) -> None:
         if can_id == HEARTBEAT + master_node:
             raise BusError(f"another master (node {master_node}) is on this bus")
         if can_id == SYNC:
-            raise BusError("another master is on this bus: somebody sends SYNC")
+            raise BusError("another master is on this bus: SYNC is being sent")
 
 
 # --- the sequence -----------------------------------------------------------------------------
@@ -234,7 +233,7 @@ def _run(step: Step, drive: BootingDrive) -> None:
         try:
             if tries > 1:
                 drive.access.settle()
-                # A drive that somebody has stopped answers no SDO.
+                # A drive that another node has stopped answers no SDO.
                 WAKE.run(drive)
             step.run(drive)
         except SilentDriveError as error:
@@ -250,7 +249,7 @@ def _run(step: Step, drive: BootingDrive) -> None:
 
 
 class _Beat:
-    """The master's heartbeat while somebody waits, and whatever else must not fall silent."""
+    """Heartbeat of the master during a wait, and whatever else must not fall silent."""
 
     def __init__(
         self, network: canopen.Network, master_node: int, every_s: float, meanwhile: Meanwhile

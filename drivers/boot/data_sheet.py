@@ -1,4 +1,4 @@
-"""A drive's EDS: reading it, and what it says of an object (CiA 306)."""
+"""EDS of a drive: reading it, and looking up its objects (CiA 306)."""
 
 from pathlib import Path
 from typing import Final
@@ -6,9 +6,9 @@ from typing import Final
 import canopen
 from canopen.objectdictionary import ODArray, ODVariable
 
+from common.errors import ConfigurationError
+from common.regular_file import open_text
 from drivers.codec import STRUCT_CODES, type_limits
-from errors import ConfigurationError
-from regular_file import open_text
 
 # Data types of CiA 301 by their code in an EDS.
 _TYPES: Final = {
@@ -46,7 +46,7 @@ def find_object(
     # canopen gives a variable whatever subindex it is asked for.
     if isinstance(entry, ODVariable) and subindex:
         return None
-    # canopen makes up every member of an array from its first; the EDS says how many there are.
+    # canopen makes up every member of an array from its first; the EDS gives their number.
     if isinstance(entry, ODArray) and subindex and 0 in entry.subindices:
         highest = entry[0].default
         if highest is not None and subindex > highest:
@@ -55,7 +55,7 @@ def find_object(
 
 
 def makers_numbers(sheet: canopen.ObjectDictionary) -> dict[str, int]:
-    """VendorNumber and ProductNumber of an EDS, as far as it says them: 0 says nothing."""
+    """VendorNumber and ProductNumber of an EDS, as far as it gives them: 0 counts as absent."""
     about = sheet.device_information
     numbers = {"VendorNumber": about.vendor_number, "ProductNumber": about.product_number}
     return {name: number for name, number in numbers.items() if number}

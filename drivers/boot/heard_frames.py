@@ -1,7 +1,7 @@
 """Frames that come while drives are set up by SDO, kept for the tick after it.
 
-An emergency, a boot-up message or another master's SYNC that comes while nobody ticks is as true as
-any other. Answers to SDO are not kept, nor TPDOs: they are old by then.
+An emergency, a boot-up message or another master's SYNC that comes while no tick runs is as valid
+as any other. Answers to SDO are not kept, nor TPDOs: they are old by then.
 """
 
 from typing import Final
@@ -15,8 +15,9 @@ _NOT_KEPT: Final = frozenset({SDO_ANSWER, *(TPDO + number * NEXT_PDO for number 
 
 
 class HeardFrames:
-    """Keeps each frame once, in the order in which they came last: who follows them ends up knowing
-    what is true now. Filled by the reader's thread; to be taken when that has ended."""
+    """Buffer that keeps each frame once, in the order in which they came last, so that replaying
+    them leads to the present state. Filled by the reader's thread; to be taken when that has ended.
+    """
 
     def __init__(self) -> None:
         self.dropped = 0
@@ -38,7 +39,7 @@ class HeardFrames:
         self._frames[key] = None
 
     def take(self) -> list[Frame]:
-        """What was heard, which is forgotten here."""
+        """Frames heard so far, which are then forgotten here."""
         frames: list[Frame] = list(self._frames)
         self._frames.clear()
         self.dropped = 0

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Final
 
+from common.errors import DriveError
 from drivers.boot.data_sheet import makers_numbers
 from drivers.boot.required_objects import CYCLIC_SYNCHRONOUS_VELOCITY, DriveSetup, rated_object
 from drivers.boot.sdo import ObjectAccess
-from errors import DriveError
 
 _CIA_402: Final = 402
 # What is rated in the drive scales every current or torque that it reports.
@@ -15,7 +15,7 @@ _RATED_TOLERANCE: Final = 0.005
 
 @dataclass(frozen=True, slots=True)
 class DriveIdentity:
-    """Identity of one drive: objects 0x1018 and 0x1008; None where the drive does not say."""
+    """Identity of one drive: objects 0x1018 and 0x1008; None where the drive has none."""
 
     name: str
     node: int
@@ -39,7 +39,7 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
     device_profile = access.read(0x1000) & 0xFFFF
     if device_profile != _CIA_402:
         raise DriveError(
-            f"{setup} is not a CiA 402 drive: object 0x1000:00 says device profile "
+            f"{setup} is not a CiA 402 drive: object 0x1000:00 reads device profile "
             f"{device_profile}, expected {_CIA_402}"
         )
     vendor = access.read(0x1018, 1)
@@ -50,7 +50,7 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
     _refuse_other_product(setup, vendor, product)
     if drive.wiring.serial is not None and serial != drive.wiring.serial:
         raise DriveError(
-            f"{setup} is another drive: object 0x1018:04 says serial number {serial}, configured "
+            f"{setup} is another drive: object 0x1018:04 reads serial number {serial}, configured "
             f"{drive.wiring.serial}"
         )
     device = access.read_text(0x1008) if access.has(0x1008) else None
@@ -65,7 +65,7 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
 
 
 def _refuse_other_product(setup: DriveSetup, vendor: int, product: int | None) -> None:
-    """What an EDS says of its own product may not hold for another, and nothing would show it."""
+    """Refuse a drive of another product than the EDS's: the EDS may not hold for it, unnoticed."""
     profile = setup.drive.profile
     if profile.any_product:
         return
@@ -75,7 +75,7 @@ def _refuse_other_product(setup: DriveSetup, vendor: int, product: int | None) -
         if expected is not None and found is not None and found != expected:
             raise DriveError(
                 f"{setup} is another product than that of {profile.eds}: object 0x1018:"
-                f"{subindex:02X} says 0x{found:X}, {name} there is 0x{expected:X}; give "
+                f"{subindex:02X} reads 0x{found:X}, {name} there is 0x{expected:X}; give "
                 f"drives.{setup.drive.wiring.profile}.eds the EDS of this drive, or set "
                 f"drives.{setup.drive.wiring.profile}.any_product to true"
             )
@@ -92,6 +92,6 @@ def _refuse_other_rating(setup: DriveSetup, access: ObjectAccess) -> None:
     rated = access.read(index) / 1000.0
     if abs(rated - configured) > _RATED_TOLERANCE * configured:
         raise DriveError(
-            f"{setup}: object 0x{index:04X}:00 says a rated {what} of {rated:g} {unit}, configured "
-            f"{configured:g} {unit}"
+            f"{setup}: object 0x{index:04X}:00 reads a rated {what} of {rated:g} {unit}, "
+            f"configured {configured:g} {unit}"
         )

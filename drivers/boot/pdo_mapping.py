@@ -1,17 +1,16 @@
-"""PDOs of one drive by SDO: everything that it has off, then ours mapped and on (CiA 301).
+"""PDO mapping of one drive by SDO: all of its PDOs off, then ours mapped and on (CiA 301).
 
-What the objects of the PDOs shall hold is data, so that what is written at a set-up and what is
-read to prove one cannot differ.
+The required values are data, so that a set-up and its verification use the same ones.
 """
 
 from dataclasses import dataclass
 from typing import Final
 
+from common.errors import DriveError
 from drivers.boot.data_sheet import find_object
 from drivers.boot.required_objects import DriveSetup, Wanted
 from drivers.boot.sdo import ObjectAccess
 from drivers.codec import Pdo, receive_pdos, transmit_pdos
-from errors import DriveError
 
 _PDO_DISABLED: Final = 1 << 31
 # Whether remote requests are answered is the drive's own choice.
@@ -21,8 +20,7 @@ _EVERY_SYNC: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class WantedPdo:
-    """What the objects of one PDO of ours shall hold. `flags` go with its COB-ID when it is
-    written."""
+    """Required objects of one PDO of ours. `flags` go with its COB-ID when it is written."""
 
     cob_id: Wanted
     transmission: Wanted
@@ -80,8 +78,8 @@ def _row(index: int, subindex: int, value: int, meaning: str, mask: int = -1) ->
 def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
     """Disable every PDO that the drive has, then map and enable ours (CiA 301, 7.5.2.36).
 
-    What the EDS calls read-only is compared: a drive with fixed PDOs comes up if they are ours.
-    Raises DriveError if it does not hold what it was told.
+    Objects that the EDS declares read-only are compared: a drive with fixed PDOs comes up if they
+    are ours. Raises DriveError if it does not hold what was written.
     """
     ours, others = wanted_pdos(setup)
     changed = [_off(pdo.cob_id.index) for pdo in ours if _writable(access, pdo.cob_id)]

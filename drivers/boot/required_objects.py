@@ -8,12 +8,12 @@ from typing import Final, Literal
 import canopen
 from canopen.objectdictionary import ODArray
 
+from common.errors import ConfigurationError
 from drivers.boot.data_sheet import find_object, makers_numbers, type_name, value_range
 from drivers.codec import WORDS, Pdo, receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.ids import EMERGENCY, SYNC
 from drivers.settings import DriveProfile, ObjectValue, Quantity
-from errors import ConfigurationError
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
 #: Some drives show a mode only when they are in operation: 0 until then.
@@ -26,7 +26,7 @@ RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop ac
 #: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
 SPEED_MARGIN: Final = 1.1
 BRAKING: Final = "deceleration of the quick stop"
-#: Read at boot-up, and there is no telling a drive without them.
+#: Read at boot-up: a drive cannot be identified without them.
 MUST_BE_READ: Final = ((0x1000, 0), (0x1018, 1))
 
 #: Parameters and mappings of PDOs (CiA 301).
@@ -58,11 +58,11 @@ class DriveSetup:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A value that an object shall hold. What the EDS calls read-only is only compared.
+    """Value that an object shall hold. An object that the EDS declares read-only is only compared.
 
-    without: what a drive does that has no such object; empty, and the drive is refused.
+    without: behaviour of a drive that has no such object; if empty, the drive is refused.
     mask: the bits that count; the others are the drive's own.
-    setting: place in the profile of what decides about it.
+    setting: place in the profile of the setting that decides about it.
     """
 
     group: Group
@@ -76,20 +76,20 @@ class Wanted:
 
     @property
     def where(self) -> str:
-        """For people: `object 0x6007:00 (stop when the master falls silent)`."""
+        """Object in words: `object 0x6007:00 (stop when the master falls silent)`."""
         return f"object 0x{self.index:04X}:{self.subindex:02X} ({self.meaning})"
 
     def holds(self, held: int) -> bool:
-        """True if a drive that holds this holds what is wanted."""
+        """True if a drive that holds this value meets the requirement."""
         return held & self.mask == self.value
 
     def shown(self, held: int) -> str:
-        """A value of it for people: of a PDO's parameters in hexadecimal."""
+        """Text of a value of it: of a PDO's parameters in hexadecimal."""
         return f"0x{held:08X}" if self.group == "PDO mapping" else str(held)
 
 
 def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
-    """Everything but the PDOs, in order; `period_ms` is that of SYNC."""
+    """Required objects but the PDOs, in order; `period_ms` is that of SYNC."""
     profile, wiring = setup.drive.profile, setup.drive.wiring
     braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
     deceleration = round(setup.quick_stop * wiring.gear / braking.scale)
@@ -135,7 +135,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
 
 
 def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
-    """Objects that the drive lacks, as its EDS says, and what follows; in words."""
+    """Objects that the drive lacks by its EDS, and the consequences, in words."""
     sheet = setup.data_sheet
     rows = {row.without: row for row in reversed(wanted(setup, period_ms, master_node))}
     found = [
@@ -150,15 +150,15 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     ):
         if find_object(sheet, index, subindex) is None:
             found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
-    told = makers_numbers(sheet)
+    given = makers_numbers(sheet)
     if find_object(sheet, 0x1018, 2) is None:
-        told["ProductNumber"] = 0
+        given["ProductNumber"] = 0
         found.append("without object 0x1018:02: which product it is is not compared")
     found += [
         f"its EDS has no {name}: {what} is not compared"
         for name, what in (("VendorNumber", "whose drive it is"),
                            ("ProductNumber", "which product it is"))
-        if name not in told
+        if name not in given
     ]  # fmt: skip
     return found
 
@@ -170,22 +170,22 @@ def rated_object(profile: DriveProfile) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Something that the configuration counts on and an EDS does not have; `at` is the place in the
-    profile that asks for it."""
+    """Something that the configuration needs and an EDS lacks; `at` is the place in the profile
+    that asks for it."""
 
     at: Place
     what: str
 
 
 def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
-    """Raise ConfigurationError if the EDS does not have what the configuration counts on."""
+    """Raise ConfigurationError if the EDS lacks something that the configuration needs."""
     for problem in problems(setup, period_ms, master_node):
         raise ConfigurationError(f"{setup}, {setup.drive.profile.eds}: {problem.what}")
 
 
 def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Contradiction]:
-    """Everything that the configuration counts on and the EDS does not have. Raises LayoutError
-    where the PDOs cannot be laid out."""
+    """Contradictions between configuration and EDS. Raises LayoutError where the PDOs cannot be
+    laid out."""
     sheet, profile = setup.data_sheet, setup.drive.profile
     for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
@@ -231,7 +231,7 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
 
 
 def _meddling(own: ObjectValue, profile: DriveProfile, rows: Sequence[Wanted]) -> Iterator[str]:
-    """What the configuration may not write: it would undo what makes the drive stop by itself."""
+    """Objects that the configuration may not write, as that would disable the drive's own stops."""
     where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
     for row in rows:
         theirs = row.group in ("limits", "own objects")
@@ -250,7 +250,7 @@ def _pdo_problems(
     name = f"{kind.upper()} {pdo.number}"
     if communication not in sheet or mapping not in sheet:
         yield Contradiction(at, f"{name}: has no PDO with parameters at 0x{communication:04X}")
-    # Sub 0 of a mapping says how many objects are mapped, not how many can be.
+    # Sub 0 of a mapping is the number of objects that are mapped, not of those that can be.
     elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
         yield Contradiction(
             at,

@@ -1,8 +1,8 @@
-"""Scan of a bus: who is there, by reading alone.
+"""Scan of a bus: its nodes, by reading alone.
 
 One SDO upload after the other, expedited, to every node id, and nothing else: no NMT, no SYNC, no
 heartbeat, no write. It is refused where a master is heard, whose own SDO an answer to ours would
-confuse, and ends where one begins meanwhile; neither can be told of a master that says nothing.
+confuse, and ends where one begins meanwhile; a master that sends nothing is not detected.
 """
 
 import struct
@@ -11,18 +11,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
+from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Frame, Wire
 from drivers.ids import HEARTBEAT, NMT, NODE, SDO_ANSWER, SDO_REQUEST, SYNC
-from errors import BusError
 
 NODES: Final = range(1, 128)
 LISTEN_S: Final = 1.0
 """Long enough for any master's heartbeat or SYNC."""
 ANSWER_S: Final = 0.5
-"""That a drive may take to answer."""
+"""Longest time until a drive answers."""
+TWICE: Final = 2
+"""Number of repeated answers from which on a node counts as two drives."""
 AT_ONCE: Final = 8
-"""Requests on their way: no adapter's queue is so short."""
+"""Pending requests: every adapter's queue holds more."""
 
 DEVICE_TYPE: Final = (0x1000, 0)
 VENDOR, PRODUCT, REVISION, SERIAL = ((0x1018, sub) for sub in (1, 2, 3, 4))
@@ -58,6 +60,8 @@ class FoundNode:
     revision: int | None
     serial: int | None
     modes: int | None
+    twice: bool = False
+    """Two nodes answer by this number."""
 
     @property
     def is_drive(self) -> bool:
@@ -75,20 +79,28 @@ def scan(
     wire: Wire, *, nodes: Iterable[int] = NODES, listen_s: float = LISTEN_S,
     answer_s: float = ANSWER_S,
 ) -> list[FoundNode]:  # fmt: skip
-    """Everybody who answers, by node id. Raises BusError where a master is heard, or the bus
-    fails."""
+    """Nodes that answer, by node id. Raises BusError where a master is heard, or the bus fails."""
     try:
         _refuse_master(wire, listen_s)
-        here = _ask(wire, [(node, DEVICE_TYPE) for node in nodes], answer_s)
+        again: list[int] = []
+        here = _ask(wire, [(node, DEVICE_TYPE) for node in nodes], answer_s, again)
         answered = sorted({node for node, _ in here})
-        more = _ask(wire, [(node, what) for node in answered for what in ASKED], answer_s)
+        asked = [(node, what) for node in answered for what in ASKED]
+        more = _ask(wire, asked, answer_s, again)
     except BUS_FAILURES as error:
         raise BusError(f"the bus cannot be scanned: {error}") from error
     values = here | more
     return [
-        FoundNode(node, *(values.get((node, what)) for what in (DEVICE_TYPE, *ASKED)))
-        for node in answered
+        FoundNode(node, *_identity(values, node), again.count(node) >= TWICE) for node in answered
     ]
+
+
+def _identity(
+    values: dict[tuple[int, Object], int | None], node: int
+) -> tuple[int | None, int | None, int | None, int | None, int | None, int | None]:
+    device_type, vendor, product = (values.get((node, at)) for at in (DEVICE_TYPE, VENDOR, PRODUCT))
+    revision, serial, modes = (values.get((node, at)) for at in (REVISION, SERIAL, MODES))
+    return device_type, vendor, product, revision, serial, modes
 
 
 def _refuse_master(wire: Wire, listen_s: float) -> None:
@@ -100,30 +112,31 @@ def _refuse_master(wire: Wire, listen_s: float) -> None:
             continue
         can_id, _ = frame
         for what, heard in (
-            ("sends SYNC", can_id == SYNC),
-            ("sends NMT commands", can_id == NMT),
-            (f"asks node {can_id & NODE} by SDO", can_id & ~NODE == SDO_REQUEST),
+            ("SYNC", can_id == SYNC),
+            ("NMT commands", can_id == NMT),
+            (f"SDO requests to node {can_id & NODE}", can_id & ~NODE == SDO_REQUEST),
         ):
             if heard:
                 raise BusError(
-                    f"a master is on this bus: somebody {what}. End it first (`contactd run` is "
+                    f"a master is on this bus: it sends {what}. End it first (`contactd run` is "
                     "one): two masters confuse each other's drives"
                 )
         if can_id & ~NODE == HEARTBEAT:
             drives.add(can_id & NODE)
-    # Drives send no heartbeat before a master has told them to, and a master is none.
+    # Drives send no heartbeat before a master has set it, and a master answers no SDO.
     for node in sorted(drives):
-        if not _ask(wire, [(node, DEVICE_TYPE)], ANSWER_S):
+        if not _ask(wire, [(node, DEVICE_TYPE)], ANSWER_S, []):
             raise BusError(
                 f"a master is on this bus: node {node} sends heartbeats and answers no SDO"
             )
 
 
 def _ask(
-    wire: Wire, requests: list[tuple[int, Object]], answer_s: float
+    wire: Wire, requests: list[tuple[int, Object]], answer_s: float, again: list[int]
 ) -> dict[tuple[int, Object], int | None]:
-    """Answers by (node, object); None to what was refused, nothing where nobody answered. One
-    request to a node at a time, as SDO wants it."""
+    """Answers by (node, object); None where refused, no entry where no node answered. One request
+    to a node at a time, as SDO requires. A node that answers one again goes into `again`, each
+    time."""
     left, found = list(requests), dict[tuple[int, Object], int | None]()
     waiting: dict[int, tuple[Object, float]] = {}
     while left or waiting:
@@ -138,7 +151,7 @@ def _ask(
         if frame is not None:
             if frame[0] in (SYNC, NMT):
                 raise BusError("a master began while the bus was asked: end it first")
-            _hear(frame, waiting, found)
+            _hear(frame, waiting, found, again)
         now = time.monotonic()
         waiting = {node: one for node, one in waiting.items() if one[1] > now}
     return found
@@ -148,16 +161,20 @@ def _hear(
     frame: Frame,
     waiting: dict[int, tuple[Object, float]],
     found: dict[tuple[int, Object], int | None],
+    again: list[int],
 ) -> None:
     can_id, data = frame
     node = can_id & NODE
-    if can_id & ~NODE != SDO_ANSWER or node not in waiting or len(data) != 8:
+    if can_id & ~NODE != SDO_ANSWER or len(data) != 8:
         return
     command, index, subindex, value = struct.unpack("<BHBI", data)
-    what, _ = waiting[node]
-    if (index, subindex) != what:
+    what = index, subindex
+    if (node, what) in found:
+        again.append(node)
         return
-    # The sizes that are not said are four bytes; an abort and a longer answer have no value.
+    if node not in waiting or waiting[node][0] != what:
+        return
+    # An unstated size is four bytes; an abort and a longer answer have no value.
     unused = command >> 2 & 3 if command & 1 else 0
     expedited = command & 0xE2 == _EXPEDITED
     found[node, what] = value & 0xFFFFFFFF >> 8 * unused if expedited else None

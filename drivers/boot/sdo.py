@@ -3,6 +3,7 @@
 import queue
 import struct
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
@@ -12,15 +13,21 @@ from canopen.objectdictionary import ODVariable
 from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
+from common.errors import BusError, DriveError, SilentDriveError
 from drivers.boot.data_sheet import find_object
 from drivers.boot.required_objects import DriveSetup
 from drivers.can.bus import BUS_FAILURES
 from drivers.ids import NMT, SDO_ANSWER, SDO_REQUEST
-from errors import BusError, DriveError, SilentDriveError
 
 _SLICE_S: Final = 0.005
 _ABORT: Final = b"\x80"
-#: A segmented answer that is longer than this is none of what is read here.
+#: So many requests that are answered twice are of two drives. Only those for objects of
+#: communication count: another tool on this node's SDO may be polling the statusword.
+TWICE: Final = 3
+_OF_COMMUNICATION: Final = range(0x1000, 0x2000)
+#: First bytes (without their low bits) of requests that name an object.
+_BEGIN: Final = (0x40, 0x20)
+#: No object that is read here has a longer segmented answer.
 LONGEST_ANSWER: Final = 256
 
 
@@ -34,30 +41,55 @@ class _Client(SdoClient):  # type: ignore[misc]
         super().__init__(SDO_REQUEST + node, SDO_ANSWER + node, setup.data_sheet)
         self.MAX_RETRIES = 1
         self.network, self._meanwhile = network, meanwhile
+        self.twice = 0
+        """Requests that were answered twice, as long as every one was answered in time."""
+        self._in_time = True
+        # Places of the last requests that named one, and how often each was answered.
+        self._places: deque[tuple[bytes, list[None]]] = deque(maxlen=2)
         network.subscribe(SDO_ANSWER + node, self.on_response)
+
+    def send_request(self, request: bytes) -> None:
+        """Send, and remember the requested object."""
+        index = request[1] | request[2] << 8
+        if request[0] & 0xE0 in _BEGIN and index in _OF_COMMUNICATION:
+            self._places.append((bytes(request[1:4]), []))
+        super().send_request(request)
+
+    def on_response(self, can_id: int, data: bytes, timestamp: float) -> None:
+        """Take an answer, and count those that repeat one."""
+        for place, answers in reversed(self._places):
+            if bytes(data[1:4]) == place:
+                self.twice += bool(answers) and self._in_time
+                answers.append(None)
+                break
+        super().on_response(can_id, data, timestamp)
 
     def read_response(self) -> bytes:
         """The next answer; raises SdoAbortedError, SdoCommunicationError when none comes, or
         BusError when none can come."""
         give_up = time.monotonic() + self.RESPONSE_TIMEOUT
-        while (left := give_up - time.monotonic()) > 0.0:
+        in_time = True
+        while in_time:
             self._meanwhile()
+            left = give_up - time.monotonic()
+            in_time = left > 0.0  # an answer counts if it arrived by then, however late it is read
             try:
-                answer: bytes = self.responses.get(timeout=min(left, _SLICE_S))
+                answer: bytes = self.responses.get(timeout=min(max(left, 0.0), _SLICE_S))
             except queue.Empty:
                 self.network.check()
                 continue
             if answer[:1] == _ABORT:
                 raise SdoAbortedError(struct.unpack_from("<L", answer, 4)[0])
             return answer
+        self._in_time = False  # a late answer may look like a second one
         raise SdoCommunicationError("no answer")
 
 
 class ObjectAccess:
-    """Reads and writes objects of one drive, expedited or in segments.
+    """Access to the objects of one drive, expedited or in segments.
 
-    No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: what has
-    to be done again is for the caller to say. `meanwhile` is called while an answer is awaited.
+    No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: the
+    caller decides what to repeat. `meanwhile` is called while an answer is awaited.
     """
 
     def __init__(
@@ -105,7 +137,7 @@ class ObjectAccess:
         self.compare(index, subindex, value, name, "was written")
 
     def hold(self, index: int, subindex: int, value: int, name: str = "") -> None:
-        """Write and read back what the EDS lets be written, and only compare the rest."""
+        """Write and read back an object that the EDS declares writable; only compare others."""
         if self.writable(index, subindex):
             self.write(index, subindex, value, name)
         else:
@@ -158,6 +190,11 @@ class ObjectAccess:
     def _words(self, doing: str) -> Iterator[None]:
         if time.monotonic() > self.deadline:
             raise SilentDriveError(f"{self._setup}: out of time before {doing}")
+        if self._client.twice >= TWICE:
+            raise DriveError(
+                f"two drives answer as {self._setup}: its SDO requests get two answers; switch one "
+                "off, and give it a node number of its own"
+            )
         try:
             yield
         except SdoAbortedError as error:

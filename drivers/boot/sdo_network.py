@@ -1,8 +1,8 @@
-"""canopen's network over the wire of the tick, for as long as somebody talks SDO.
+"""canopen's network over the wire of the tick, for the duration of SDO transfers.
 
-Tick and SDO take turns on one bus. Both read it through the same wire, which alone keeps what it
-has read and not handed out: a frame that came half in one's turn is whole in the other's, and one
-that nobody has read yet is the next reader's, at once.
+Tick and SDO take turns on one bus. Both read it through the same wire, which alone keeps the bytes
+that it has read and not handed out: a frame that came half in one's turn is whole in the other's,
+and an unread one goes to the next reader, at once.
 """
 
 import logging
@@ -13,12 +13,12 @@ from typing import Final
 
 import canopen
 
+from common.errors import BusError
 from drivers.boot.heard_frames import HeardFrames
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import Frame, Wire
-from errors import BusError
 
-# What fails is raised, and told by whoever catches it; canopen would log it once more.
+# Failures are raised, and reported where they are caught; canopen would log them once more.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 _READER_CYCLE_S: Final = 0.02
@@ -50,8 +50,8 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
         self._reader.join()
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame; raises one of BUS_FAILURES, or BusError where nobody reads any more. What
-        the bus refuses is not kept."""
+        """Send a frame; raises one of BUS_FAILURES, or BusError once the reader has failed. A frame
+        that the bus refuses is not kept."""
         assert not remote, "a wire sends no remote frames"
         frame = can_id, bytes(data)
         self._wire.send([frame])
@@ -59,7 +59,7 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
         self.check()
 
     def check(self) -> None:
-        """Raise BusError once the reader has failed: then no drive is heard, whatever it says."""
+        """Raise BusError once the reader has failed: from then on no drive is heard."""
         if self._failure is not None:
             raise BusError(f"the bus can no longer be read: {self._failure}") from self._failure
 
@@ -73,7 +73,7 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
             self._failure = error
 
     def _hear(self, frame: Frame) -> None:
-        # Kept first: once it is told, whoever waits for it may send the next.
+        # Kept first: once it is delivered, its receiver may send the next.
         self._keep(frame, sent=False)
         if self._heard is not None:
             self._heard.put(frame)

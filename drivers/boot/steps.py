@@ -1,4 +1,4 @@
-"""The steps of one drive's boot-up. Each may be done again without harm."""
+"""Steps of one drive's boot-up. Each may be done again without harm."""
 
 import math
 import threading
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from common.errors import DriveError
 from drivers.boot.identity import DriveIdentity, identify
 from drivers.boot.pdo_mapping import map_pdos
 from drivers.boot.required_objects import (
@@ -19,7 +20,6 @@ from drivers.boot.sdo import ObjectAccess
 from drivers.cia402 import QUICK_STOP, DriveState, drive_state, in_words
 from drivers.codec import link_side
 from drivers.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
-from errors import DriveError
 
 _LOOK_S: Final = 0.01
 #: A drive may go on showing the mode it had until its own cycle has taken the new one over.
@@ -58,7 +58,8 @@ class BootingDrive:
         self.sleep(seconds)
 
     def write(self, group: Group) -> None:
-        """Write and read back what is wanted; what the EDS lacks is left out, and told."""
+        """Write and read back the wanted objects of a group; those that the EDS lacks and that the
+        drive can do without are left out."""
         for row in self.wanted:
             if row.group != group or (row.without and not self.access.has(*_place(row))):
                 continue
@@ -78,17 +79,17 @@ def _identify(drive: BootingDrive) -> None:
 
 
 def _quick_stop(drive: BootingDrive) -> None:
-    """A drive that is found in operation (its master died, or it never heard that it should stop)
-    is told to stop in the one way that needs no SYNC and no mapping."""
+    """Quick stop, by SDO, of a drive that is found in operation: its master died, or it never
+    received a stop. SDO alone needs no SYNC and no mapping."""
     statusword = drive.access.read(0x6041)
     if drive_state(statusword) is DriveState.OPERATION_ENABLED:
         drive.access.write_only(0x6040, 0, QUICK_STOP)
-        drive.remarks.append(f"was found in {in_words(statusword)}: told to quick-stop")
+        drive.remarks.append(f"was found in {in_words(statusword)}: quick stop commanded")
 
 
 def _await_standstill(drive: BootingDrive) -> None:
-    """Nothing is written to a drive that moves: with another ramp, mode or limit it may do
-    anything. One without torque is no business of this."""
+    """Wait until a drive with torque stands. Nothing is written to one that moves: with another
+    ramp, mode or limit it may do anything."""
     statusword = drive.access.read(0x6041)
     if drive_state(statusword) not in _MOVES:
         return
@@ -124,7 +125,7 @@ def _ramp_s(drive: BootingDrive, velocity: float) -> float:
 
 
 def _recover(drive: BootingDrive) -> None:
-    """A drive in fault has no torque, so that a reset of its communication lets nothing fall."""
+    """Reset the communication of a drive in fault: it has no torque, so that nothing falls."""
     state = drive_state(drive.access.read(0x6041))
     if state is not DriveState.FAULT:
         return
@@ -181,8 +182,8 @@ def _writes(group: Group) -> Callable[[Any], None]:
 
 WAKE: Final = Step("pre-operational", _leave_operational)
 
-#: Of all drives, one step after the other: nothing is written before all have shown who they are
-#: and stand, and those that have to brake or to boot do it side by side.
+#: Of all drives, one step after the other: nothing is written before all are identified and stand,
+#: and those that have to brake or to boot do it side by side.
 TOGETHER: Final = (
     Step("identity", _identify),
     Step("quick stop", _quick_stop),

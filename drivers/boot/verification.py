@@ -1,12 +1,13 @@
-"""Verification: what a drive must hold, read by SDO without writing anything.
+"""Verification of a drive's set-up, read by SDO without writing anything.
 
 A set-up that was written once may not be there any more: another tool has written to the drive, or
-it has restarted and nobody heard it. No heartbeat and no statusword shows that.
+it has restarted unheard. No heartbeat and no statusword shows that.
 """
 
 from collections.abc import Iterator
 from typing import Final
 
+from common.errors import DriveError, SilentDriveError
 from drivers.boot.identity import DriveIdentity
 from drivers.boot.pdo_mapping import wanted_pdos
 from drivers.boot.required_objects import (
@@ -18,15 +19,14 @@ from drivers.boot.required_objects import (
 )
 from drivers.boot.sdo import ObjectAccess
 from drivers.cia402 import DriveState, drive_state
-from drivers.events import COMMUNICATION_ERROR, PROTOCOL_ERROR, emergency_words
-from errors import DriveError, SilentDriveError
+from drivers.events import OF_COMMUNICATION, emergency_words
 
 _NUMBERS: Final = ((1, "vendor"), (2, "product"), (4, "serial"))
 
 
 def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
-    """Everything that a drive of this EDS shall hold, its PDOs included, each object once: what
-    the configuration writes has the last word on a limit."""
+    """All objects that a drive of this EDS shall hold, its PDOs included, each once: a value that
+    the configuration writes takes precedence over a limit."""
     ours, others = wanted_pdos(setup)
     rows = [
         *wanted(setup, period_ms, master_node),
@@ -39,10 +39,10 @@ def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Want
 def deviations(
     setup: DriveSetup, access: ObjectAccess, rows: list[Wanted], identity: DriveIdentity | None
 ) -> list[str]:
-    """What a drive does not hold, in words; empty if it holds all. Raises BusError.
+    """Deviations of a drive from its set-up, in words; empty if there are none. Raises BusError.
 
-    Each object is read once. One that the EDS calls read-only cannot have changed since the start,
-    where it was compared; `identity` is that of the start, None if there was none.
+    Each object is read once. One that the EDS declares read-only cannot have changed since the
+    start, where it was compared; `identity` is that of the start, None if there was none.
     """
     found: list[str] = []
     try:
@@ -58,24 +58,25 @@ def deviations(
         found += _of_mode(access)
     except SilentDriveError as error:
         found.append(str(error).removeprefix(f"{setup} "))
-    except DriveError as error:  # it refuses to say
+    except DriveError as error:  # it refuses the reading
         found.append(str(error).removeprefix(f"{setup}: "))
     return found
 
 
 def _locked(access: ObjectAccess) -> Iterator[str]:
-    """A fault of communication, or of no known cause: some drives take no fault reset before they
-    are set up again, whatever they say is over. A reset of communication harms none in fault."""
+    """Fault of communication, or of unknown cause: some drives take no fault reset before they are
+    set up again, even if they report the cause as over. A reset of communication harms none in
+    fault."""
     statusword = access.read(0x6041)
     if drive_state(statusword) is not DriveState.FAULT:
         return
     if not access.has(0x603F):
-        yield "in fault, and it has no object 0x603F that says why"
+        yield "in fault of unknown cause: it has no object 0x603F"
         return
     code = access.read(0x603F)
     if code == 0:
-        yield "in fault, and object 0x603F does not say why"
-    elif code & 0xFF00 in (COMMUNICATION_ERROR, PROTOCOL_ERROR):
+        yield "in fault of unknown cause: object 0x603F reads 0"
+    elif code & 0xFF00 in OF_COMMUNICATION:
         yield f"in fault for {emergency_words(code)} (0x{code:04X})"
 
 

@@ -5,15 +5,15 @@ from typing import Final
 
 import can
 
+from common.errors import BusError
 from drivers.can.slcan import open_slcan
 from drivers.can.socketcan import open_socketcan
 from drivers.can.socketcand import open_socketcand
 from drivers.can.virtual import open_virtual
 from drivers.can.wire import OpenBus
 from drivers.settings import BusSettings, Interface
-from errors import BusError
 
-#: What python-can's interfaces raise when a bus is closed, down or full: not only its own errors.
+#: Errors of python-can's interfaces for a bus that is closed, down or full: not only its own.
 BUS_FAILURES: Final = (can.CanError, OSError, ValueError)
 
 # Keyed so that mypy names an interface of the settings that is forgotten here.
@@ -26,7 +26,7 @@ INTERFACES: Final[Mapping[Interface, Callable[[BusSettings], OpenBus]]] = {
 
 
 def open_bus(settings: BusSettings) -> OpenBus:
-    """Open the bus; raises BusError with what to do about it."""
+    """Open the bus; raises BusError with advice."""
     try:
         return INTERFACES[settings.interface](settings)
     except (*BUS_FAILURES, ImportError) as error:

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from common.errors import ConfigurationError
 from drivers.codec import receive_pdos, transmit_pdos
 from drivers.drive import Drive
 from drivers.ids import HEARTBEAT, SYNC
-from errors import ConfigurationError
 
 #: SDO, emergencies and repetitions need room, too.
 HIGHEST_LOAD: Final = 0.8

@@ -1,9 +1,9 @@
-"""The last minute of raw frames, both directions, in a file that is memory: it survives the daemon.
+"""Ring buffer of the last minute of raw frames, both directions, in a memory-mapped file.
 
-A record has a fixed size, and writing one is one `pack_into`: no system call, nothing that grows,
-nothing to flush. The file belongs on a tmpfs (/run): the kernel writes no page of it back, so that
-no tick ever waits for a disk. What was written is there for other processes at once, and still is
-when the writer was killed.
+It survives the daemon. A record has a fixed size, and writing one is one `pack_into`: no system
+call, nothing that grows, nothing to flush. The file belongs on a tmpfs (/run): the kernel writes no
+page of it back, so that no tick ever waits for a disk. A record is visible to other processes at
+once, also after the writer was killed.
 """
 
 import mmap
@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from common.errors import LogError
+from common.regular_file import open_regular
 from drivers.can.wire import Frame, Wire
-from errors import LogError
-from regular_file import open_regular
 
 KEPT_S: Final = 60.0
 _MAGIC: Final = b"contactd"
-# Magic, version, records, and what to add to their times to get the time of day [s].
+# Magic, version, records, and the offset from their times to the time of day [s].
 _HEADER: Final = struct.Struct("<8sIId")
 _HEADER_SIZE: Final = 64
 # Time (monotonic) [s], number counting from 1, identifier with Linux' flags, size, sent, data.
@@ -29,7 +29,7 @@ _RECORD: Final = struct.Struct("<dQIB?2x8s")
 _RECORD_SIZE: Final = _RECORD.size
 _PACK_INTO: Final = _RECORD.pack_into
 _VERSION: Final = 1
-_LARGEST_BYTES: Final = 64 << 20  # of a file that says it is a ring: 40000 frames a second
+_LARGEST_BYTES: Final = 64 << 20  # of a file with a ring's header: 40000 frames a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class FrameRing:
 
 
 class RecordedWire:
-    """A wire whose frames go into a ring."""
+    """Wire whose frames go into a ring."""
 
     def __init__(self, wire: Wire, ring: FrameRing) -> None:
         self._receive, self._send = wire.receive, wire.send
@@ -89,7 +89,7 @@ class RecordedWire:
         return frame
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send by the wire, and keep what it does not refuse."""
+        """Send by the wire, and keep the frames that it does not refuse."""
         self._send(frames)
         now = self._clock()
         for can_id, data in frames:

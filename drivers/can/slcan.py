@@ -59,7 +59,7 @@ class SlcanWire:
             if frame is not None:
                 self._queue.append(frame)
             end = match.end()
-        # A line may be cut in two; what is none at all must not pile up.
+        # A line may be cut in two; garbage must not pile up.
         self._rest = text[end:][-64:]
 
 

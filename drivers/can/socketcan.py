@@ -9,9 +9,9 @@ from typing import Final
 
 import can
 
+from common.errors import BusError
 from drivers.can.wire import Frame, OpenBus
 from drivers.settings import BusSettings
-from errors import BusError
 
 _IFF_UP: Final = 0x1
 

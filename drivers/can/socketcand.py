@@ -8,9 +8,9 @@ from typing import Final
 
 import can
 
+from common.errors import BusError
 from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, Frame, OpenBus, first_of
 from drivers.settings import BusSettings
-from errors import BusError
 
 _CONNECT_TIMEOUT_S: Final = 2.0
 
@@ -95,7 +95,7 @@ class StreamWire:
             if frame is not None:
                 self._queue.append(frame)
             end = match.end()
-        # A frame may be cut in two; what is no frame at all must not pile up.
+        # A frame may be cut in two; garbage must not pile up.
         self._rest = text[end:][-64:]
 
 

@@ -1,7 +1,7 @@
 """Frames, and the wire that takes them in and out of an open bus at the cost of the tick.
 
-A frame is (can_id, data), can_id with Linux' flags above the identifier, so that one look-up tells
-a TPDO from everything else. python-can builds an object and asks the kernel several times for every
+A frame is (can_id, data), can_id with Linux' flags above the identifier, so that one look-up finds
+the TPDOs among all frames. python-can builds an object and asks the kernel several times for every
 frame; where the bus is a socket, a serial line or a queue, its wire reads and writes that itself. A
 wire never blocks on sending, and raises one of `drivers.can.bus.BUS_FAILURES` when the bus fails.
 """
@@ -19,13 +19,13 @@ import can
 EXTENDED: Final = 0x8000_0000
 REMOTE: Final = 0x4000_0000
 ERROR: Final = 0x2000_0000
-IDENTIFIER: Final = 0x1FFF_FFFF  # what is left below them: 29 bits, of which 11 are usual
+IDENTIFIER: Final = 0x1FFF_FFFF  # the bits below them: 29, of which 11 are usual
 
 Frame = tuple[int, bytes | bytearray]
 
 
 class Wire(Protocol):
-    """Wire to a bus, with what a tick needs of it."""
+    """Wire to a bus, as a tick needs it."""
 
     def receive(self, timeout: float) -> Frame | None:
         """The next frame, waiting at most `timeout` s (0: not at all); None if none came."""
@@ -36,12 +36,12 @@ class Wire(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OpenBus:
-    """An open bus: python-can's own object, which has opened it and shuts it down, and the wire,
+    """Open bus: python-can's own object, which has opened it and shuts it down, and the wire,
     by which alone frames come and go, those of SDO and those of the tick.
 
-    A wire keeps what it has read and not handed out, half a frame too, so there must be no other
-    reader: python-can's `recv` would take such pieces and keep them for itself. Nor may two threads
-    receive by a wire at once; one may send meanwhile.
+    A wire keeps the bytes that it has read and not handed out, half a frame too, so there must be
+    no other reader: python-can's `recv` would take such pieces and keep them for itself. Nor may
+    two threads receive by a wire at once; one may send meanwhile.
     """
 
     python_can: can.BusABC
@@ -63,11 +63,11 @@ def frame_of(message: can.Message) -> Frame:
 def first_of(
     frames: deque[Frame], port: socket.socket | int, read: Callable[[], None], timeout: float
 ) -> Frame | None:
-    """The first of `frames`, which `read` fills from `port`. What comes may be a piece of a frame,
-    or an adapter's word on what it was sent: the whole timeout is waited for a frame."""
+    """First of `frames`, which `read` fills from `port`. A read may return a piece of a frame, or
+    an adapter's acknowledgement: the whole timeout is waited for a frame."""
     left, deadline = timeout, time.monotonic() + timeout
     while not frames:
-        # Not only to wait: a line that has nothing to say reads like one that has ended.
+        # Not only to wait: an idle line reads like one that has ended.
         if not select.select([port], [], [], max(left, 0.0))[0]:
             return None
         read()

@@ -1,4 +1,4 @@
-// Binary frames of ticks, as daemon/web/frames.py packs them.
+// Binary frames of ticks, as programs/web/frames.py packs them.
 
 export const VERSION = 1;
 export const SIDES = ["left", "gap", "right", "unknown"];

@@ -19,7 +19,7 @@ export class Joints {
     });
   }
 
-  /** Make cards for these joints, unless they are there. */
+  /** Make cards for these joints. */
   begin(hello) {
     for (const card of this.#cards) card.curve.destroy();
     this.#modes = hello.modes;

@@ -72,9 +72,10 @@ function lost() {
 
 const isOld = () => gone || stream.age_ms > STALE_MS;
 
+/** Begin with an arm, or go on with it: what was last drawn stays where the same arm is connected anew. */
 function begin(message) {
+  const same = JSON.stringify(message) === JSON.stringify(hello);
   hello = message;
-  newest = drawn = null;
   why = "";
   gone = hello.joints.length === 0;
   say(at("name"), hello.arms[arm] ?? "no such arm");
@@ -83,8 +84,10 @@ function begin(message) {
   recordings.allow(hello.may_record);
   elsewhere.allow(hello.may_command);
   if (hello.joints.length === 0) return;
-  header.begin(hello.joints);
   loop.begin(hello);
+  if (same) return;
+  newest = drawn = null;
+  header.begin(hello.joints);
   joints.begin(hello);
   scene?.begin(hello.joints);
 }

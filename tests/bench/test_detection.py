@@ -32,6 +32,11 @@ def moving() -> Result:
     return run(Job(ROMEO, "moving", "smooth", 21, 6.0, "measured", worked_s=30.0))
 
 
+@pytest.fixture(scope="module")
+def free() -> Result:
+    return run(Job(ROMEO, "free", "smooth", 21, 3.0, "measured", worked_s=30.0))
+
+
 def test_every_motion_stays_inside_limits_and_velocities(configuration: Configuration) -> None:
     joints = configuration.joints
     for seed in range(50):
@@ -125,8 +130,9 @@ def test_steps_in_motion_are_felt_when_they_act(moving: Result) -> None:
         assert shown == pytest.approx(trial.size, rel=0.2)
 
 
-def test_scores_and_targets_of_few_runs(configuration: Configuration, moving: Result) -> None:
-    free = run(Job(ROMEO, "free", "smooth", 21, 3.0, "measured", worked_s=30.0))
+def test_scores_and_targets_of_few_runs(
+    configuration: Configuration, moving: Result, free: Result
+) -> None:
     by_name = {name: score([free, moving], name, configuration) for name in free.names}
     best, classical = by_name["backlash"], by_name["classical"]
     assert best.alarms == 0
@@ -150,9 +156,8 @@ def test_scores_and_targets_of_few_runs(configuration: Configuration, moving: Re
 
 
 def test_a_joint_of_which_nothing_is_known_meets_no_target(
-    configuration: Configuration, moving: Result
+    configuration: Configuration, moving: Result, free: Result
 ) -> None:
-    free = run(Job(ROMEO, "free", "smooth", 21, 3.0, "measured", worked_s=30.0))
     best = replace(score([free, moving], "backlash", configuration), smallest_moving_nm=[0.1] * 7)
     classical = replace(best, smallest_moving_nm=[0.5, 0.6, 0.7, 0.1, 0.1, 0.1, 0.8])
     gaps = [0, 1, 2, 6]

@@ -1,4 +1,4 @@
-"""Bench of loads, hands and wear: what counts as found, and what the targets say."""
+"""Bench of loads and hands: what counts as found, and what the targets say."""
 
 import json
 
@@ -7,14 +7,12 @@ import pytest
 from click.testing import CliRunner
 
 from bench import load as bench
-from bench.load import armed_targets, load_targets, steady_targets, wear_targets
+from bench.load import armed_targets, load_targets
 from bench.rigs.lockstep import ROMEO
-from bench.study import armed_loads, steady_hands
+from bench.study import armed_loads
 from bench.study import loads as study
 from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
-from bench.study.loads import TOUCHES, HandJob, LoadJob, LoadResult, hand_torque, load
-from bench.study.steady_hands import CHANGES, SteadyResult, steady_hand
-from bench.study.wear import WearJob, WearResult, wear
+from bench.study.loads import TOUCHES, LoadJob, LoadResult, hand_torque, load
 from daemon.config.load import load_robot
 
 
@@ -61,35 +59,6 @@ def test_targets_of_armed_arms() -> None:
         assert [t.met for t in armed_targets([of(0.2, 14.0), wrong])].count(False) == 1
 
 
-def test_targets_of_steady_hands() -> None:
-    def of(changes: float, found_s: float | None, confirmed_s: float | None) -> SteadyResult:
-        return SteadyResult(
-            seed=1, changes=changes, newtons=5.0, found_s=found_s, confirmed_s=confirmed_s
-        )
-
-    none = [of(changes, None, None) for changes in CHANGES]
-    assert all(t.met for t in steady_targets(none))
-    found = steady_targets([*none, of(0.02, 8.0, None), of(0.15, 9.0, 12.0)])
-    assert [t.name for t in found if not t.met] == [
-        "pulls that change by 2 %, of 2: taken for a load",
-        "pulls that change by 15 %, of 2: taken for a load",
-        "pulls that change by 15 %: confirmed",
-    ]
-
-
-def test_an_arm_is_pulled_at_with_every_steadiness(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Almost nothing changes in the steadiest pull: it is a load to the residual."""
-    monkeypatch.setattr(steady_hands, "FREE_S", 25.0)
-    monkeypatch.setattr(steady_hands, "CHANGES", (0.9, 0.001))
-    monkeypatch.setattr(steady_hands, "EACH_S", 30.0)
-    found = {r.changes: r for r in steady_hand(HandJob(ROMEO, "smooth", 7, "pull", 0.0))}
-    assert found[0.9].found_s is None
-    assert found[0.001].found_s is not None
-    assert found[0.001].confirmed_s is not None
-    assert found[0.001].confirmed_s > found[0.001].found_s
-    assert 3.0 <= found[0.001].newtons <= 12.0
-
-
 def test_an_armed_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(armed_loads, "WATCHED_S", 12.0)
     found = armed_load(ArmedJob(ROMEO, "dahl", 3010, 0.5, 12.0))
@@ -101,16 +70,6 @@ def test_an_armed_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.hinted_s < 4.0
     if found.found_s is not None:
         assert found.mass == pytest.approx(0.5, rel=0.3)
-
-
-def test_targets_of_wear() -> None:
-    def of(joint: int, **named: int) -> WearResult:
-        return WearResult(job=WearJob(ROMEO, "dahl", 1, joint, 10, 60.0), named=named, words=[])
-
-    joints = ["a", "b"]
-    assert all(t.met for t in wear_targets([of(1, b=10), of(-1)], joints))
-    for wrong in ([of(1, b=11), of(-1)], [of(1, a=5, b=5), of(-1)], [of(1, b=5), of(-1, a=30)]):
-        assert not all(t.met for t in wear_targets(wrong, joints))
 
 
 @pytest.mark.parametrize("touch", TOUCHES)
@@ -135,11 +94,6 @@ def test_an_arm_takes_a_load(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.mass == pytest.approx(0.5, rel=0.2)
     assert found.ratio < 1.3
     assert found.told_before == 0
-
-
-def test_a_day_of_a_gear() -> None:
-    found = wear(WearJob(ROMEO, "smooth", 3, 6, 1, 45.0))
-    assert (found.named, found.words) == ({}, [])
 
 
 def test_a_small_run_prints_its_targets(monkeypatch: pytest.MonkeyPatch) -> None:

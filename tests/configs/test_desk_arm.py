@@ -124,6 +124,7 @@ def test_a_reset_sets_locked_drives_up_again(served):
     rig.run(1.0)
     served.silence(0.5)
     assert rig.mode is Mode.FAULTED
+    rig.run(0.3)  # until all were seen to stand
     stood = rig.arm.plant.q.copy()
     reply = served.ask("reset")
     assert (reply.ok, reply.mode, reply.armed) == (True, "off", False)
@@ -162,7 +163,9 @@ def test_a_drive_that_is_gone_keeps_the_fault(served):
     rig.enable()
     drive = rig.arm.drives[0]
     drive.tick = drive.transmit = drive.on_sdo = lambda *_: None
-    rig.run(0.5)
+    rig.run(0.3)
+    assert "not seen to stand yet" in served.ask("reset").reasons[0]
+    rig.run(1.0)  # all were left alone for long enough
     assert rig.mode is Mode.FAULTED
     reply = served.ask("reset")
     assert not reply.ok

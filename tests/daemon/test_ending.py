@@ -10,13 +10,13 @@ import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from bench.rigs.served_daemon import ServedDaemon
-from daemon.clients.client import Client
 from daemon.config.schema import Configuration
 from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import COMMANDS, Command
 from daemon.service.service import AT_THE_END
 from daemon.tick.loop import Clock, Loop
+from programs.clients.client import Client
 from simulator.state_machine import State
 
 End = Literal["hold", "brake", "limp"]

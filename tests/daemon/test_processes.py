@@ -21,10 +21,10 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import ROMEO
-from daemon.clients.client import Client
-from daemon.clients.reload import reload
+from common.errors import ControlError, UnreachableError
 from daemon.protocol.messages import Status
-from errors import ControlError, UnreachableError
+from programs.clients.client import Client
+from programs.clients.reload import reload
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 120.0
@@ -90,7 +90,7 @@ class Daemon:
 
 
 def contactd(*arguments: object, **options: object) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "daemon.commands.contactd", *map(str, arguments)]
+    command = [sys.executable, "-m", "programs.contactd.contactd", *map(str, arguments)]
     return subprocess.Popen(command, cwd=ROOT, text=True, **options)  # type: ignore[call-overload]
 
 

@@ -19,15 +19,16 @@ import yaml
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import ROMEO
+from bench.rigs.recorded_arm import made
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from bench.workers.replay import made
-from daemon.commands import contactctl, contactd
-from daemon.commands.contactd_web import main as contactd_web
-from daemon.commands.contactd_zenoh import main as contactd_zenoh
-from daemon.commands.foxglove_door import main as contactd_foxglove
-from daemon.commands.options import Options
 from daemon.modes.table import Mode
 from docs.commands import OURS, ROOT, Named, commands_of, pages
+from programs.command_line.options import Options
+from programs.contactctl import contactctl
+from programs.contactd import contactd
+from programs.foxglove.foxglove_door import main as contactd_foxglove
+from programs.web.contactd_web import main as contactd_web
+from programs.zenoh.contactd_zenoh import main as contactd_zenoh
 
 PROGRAMS: Final[dict[str, click.Command]] = {
     "contactctl": contactctl.main,
@@ -42,16 +43,15 @@ NOT_RUN: Final = (
     (r"^docs/first_arm\.md ", "is run to its end, on an arm of its own, by the test of that page"),
     (r" contactd (run|simulate) ", f"{SERVES}; the rig of this test is both"),
     (r" contactd check /etc/contactd", "is of an installed arm: tests/system"),
-    (r" contactd demo", "takes real time: tests/daemon/commands/test_demo_story.py"),
-    (r" contactd check /etc/contactd", "is about an installed arm: tests/system"),
-    (r" contactd identify ", "takes minutes, some of them a hand's: tests/daemon/identify"),
-    (r" contactd fleet", "asks a router: tests/daemon/ros"),
+    (r" contactd demo", "takes real time: tests/programs/demo/test_demo_story.py"),
+    (r" contactd identify ", "takes minutes, some of them a hand's: tests/programs/identify"),
+    (r" contactd fleet", "asks a router: tests/programs/zenoh"),
     (r" contactd-(web|zenoh|foxglove)", SERVES),
-    (r" contactctl watch", "needs a terminal: tests/daemon/commands/test_live_states.py"),
-    (r" contactctl health", "reads records of days: tests/daemon/trends"),
+    (r" contactctl watch", "needs a terminal: tests/programs/contactctl/test_live_states.py"),
+    (r" contactctl health", "reads records of days: tests/programs/trends"),
     (r" contactctl hand ", "asks a live simulation: tests/simulator/test_hand_door.py"),
-    (r" contactd plot --last-fault", "needs a fault: tests/daemon/recordings/test_recomputed.py"),
-    (r" contactd whatif recordings/", "needs workers: tests/daemon/recordings/test_whatif.py"),
+    (r" contactd plot --last-fault", "needs a fault: tests/programs/recordings/test_recomputed.py"),
+    (r" contactd whatif recordings/", "needs workers: tests/programs/recordings/test_whatif.py"),
     (r" make ", "builds, tests or installs"),
     (r" (sudo|export|pip) ", "changes the machine"),
     (r" (ros2|dask) ", "is another program's"),
@@ -138,7 +138,7 @@ def _options(command: click.Command, words: list[str]) -> None:
         (("contactd", "identify", "gab"), click.UsageError),
         (("sudo", "make", "instal"), AssertionError),
         (("python", "-m", "bench.hands"), ModuleNotFoundError),
-        (("python", "-m", "bench.hand", "--fast"), AssertionError),
+        (("python", "-m", "bench.loop", "--fast"), AssertionError),
         (("python", "docs/program.py"), AssertionError),
     ],
 )

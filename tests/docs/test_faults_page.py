@@ -10,7 +10,7 @@ from daemon.config.schema import FaultSettings
 from daemon.faults import following, plausibility
 from daemon.faults.detector import STARVED_FACTOR
 from daemon.faults.table import TABLE, Condition, Response
-from drivers import stop_stages
+from drivers import witness
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 WORDS = {
@@ -68,7 +68,7 @@ def test_every_bound_and_its_default(page: str) -> None:
     [
         (following.TICKS, 20, "for 20 ticks a motor's velocity"),
         (following.PRESSING_SHARE, 0.5, "with half of what it may"),
-        (stop_stages.BRAKE_S, 1.0, "it may take 1 s, for its brake"),
+        (witness.STILL_S, 0.2, "have rested for 0.2 s"),
         (plausibility.STUCK_TRAVEL, 0.1, "while the motor turns by 0.1 rad"),
         (plausibility.STUCK_TICKS, 20, "one value for 20 ticks"),
         (plausibility.SATURATED_SHARE, 0.95, "(95 %)"),

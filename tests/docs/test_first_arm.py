@@ -11,11 +11,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from daemon.commands.contactctl import main as contactctl
-from daemon.commands.contactd import main as contactd
-from daemon.commands.simulated_robot import true_arm
 from daemon.modes.table import Mode
 from daemon.protocol.socket_path import default_hand_path
+from programs.contactctl.contactctl import main as contactctl
+from programs.contactd.contactd import main as contactd
+from programs.simulate.simulated_robot import true_arm
 from simulator.hand_door import HandDoor
 
 ROOT = Path(__file__).parents[2]

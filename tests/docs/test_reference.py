@@ -7,8 +7,8 @@ from types import ModuleType
 
 import pytest
 
-from daemon.commands import contactctl
 from daemon.config.schema import Configuration, JointLimits
+from programs.contactctl import contactctl
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

@@ -23,7 +23,7 @@ SOURCES = "\n".join(
 )
 
 
-HELP = (ROOT / "daemon/web/built/troubleshooting.html").read_text(encoding="utf-8")
+HELP = (ROOT / "programs/web/built/troubleshooting.html").read_text(encoding="utf-8")
 
 
 def said_as(text: str) -> list[str]:

@@ -9,10 +9,10 @@ import pytest
 
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
-from daemon.recordings.skeleton import skeleton_of
+from programs.recordings.skeleton import skeleton_of
 
 pytest.importorskip("foxglove")
-from daemon.recordings.foxglove import ArmValues, JointValues
+from programs.recordings.foxglove import ArmValues, JointValues
 
 VIEWERS = Path(__file__).parents[2] / "docs" / "viewers"
 ROBOT = load_robot(ROMEO)

@@ -12,7 +12,6 @@ import msgspec
 import pytest
 import yaml
 
-from bench.rigs.scripted_wire import ScriptedWire
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.identity import DriveIdentity
@@ -26,6 +25,7 @@ from drivers.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
 from simulator.lockstep import Lockstep
+from tests.drivers.scripted_wire import ScriptedWire
 
 ROBOT = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 CONFIG: dict[str, Any] = yaml.safe_load((ROBOT / "config.yaml").read_text())

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 
 from hypothesis import strategies as st
 
-from drivers.cia402 import DriveState, PowerTarget
+from drivers.cia402 import DriveState
 from drivers.stop_stages import Seen, Stage, StopBounds, StopWatch
 
 T = 0.01
 ON, STOPS = DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE
 LIMP = DriveState.SWITCH_ON_DISABLED
-STOP, OFF = PowerTarget.QUICK_STOP, PowerTarget.OFF
 BOUNDS = StopBounds(
     deceleration=10.0, current=2.0, travel=0.24, patience_s=0.1, ticks=3, period_s=T
 )
@@ -25,8 +24,10 @@ def told(
     position: float = 0.0,
     bounds: StopBounds = BOUNDS,
 ) -> StopWatch:
+    """Told to stop at `speed`; one that stands has stood there for a second."""
     watch = StopWatch(bounds)
-    watch.begin(0.0, stage, speed, position)
+    watch.witness.take(0.0 if speed else -1.0, speed, math.nan, position)
+    watch.begin(0.0, stage, speed)
     return watch
 
 
@@ -64,7 +65,7 @@ class Course:
             velocity = self.velocity_at(k * T)
             position += velocity * T
             seen = Seen(self.state, velocity, self.current, position)
-            if stage := self.watch.step(k * T, STOP, seen):
+            if stage := self.watch.step(k * T, seen):
                 self.begun.append(stage)
             self.runs_on += [k] if self.watch.runs_on else []
             self.cut += [k] if self.watch.cut else []

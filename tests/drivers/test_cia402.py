@@ -55,22 +55,34 @@ def test_no_statusword_yet_is_unknown():
 OFF, ON, STOP = PowerTarget.OFF, PowerTarget.ON, PowerTarget.QUICK_STOP
 ROWS = [
     ("UNKNOWN", 0x00, 0x02, 0x02),
-    ("NOT_READY_TO_SWITCH_ON", 0x00, 0x00, 0x00),
-    ("SWITCH_ON_DISABLED", 0x00, 0x06, 0x00),
-    ("READY_TO_SWITCH_ON", 0x00, 0x07, 0x00),
-    ("SWITCHED_ON", 0x00, 0x0F, 0x00),
+    ("NOT_READY_TO_SWITCH_ON", 0x00, 0x02, 0x02),
+    ("SWITCH_ON_DISABLED", 0x00, 0x06, 0x02),
+    ("READY_TO_SWITCH_ON", 0x00, 0x07, 0x02),
+    ("SWITCHED_ON", 0x00, 0x0F, 0x02),
     ("OPERATION_ENABLED", 0x00, 0x0F, 0x02),
     ("QUICK_STOP_ACTIVE", 0x00, 0x0F, 0x02),
-    ("FAULT_REACTION_ACTIVE", 0x00, 0x00, 0x00),
-    ("FAULT", 0x00, 0x00, 0x00),
+    ("FAULT_REACTION_ACTIVE", 0x00, 0x02, 0x02),
+    ("FAULT", 0x00, 0x02, 0x02),
 ]
 
 
 @pytest.mark.parametrize(("state", "off", "on", "stop"), ROWS)
 def test_row(state, off, on, stop):
     for target, wanted in ((OFF, off), (ON, on), (STOP, stop)):
-        for previous in (0x00, 0x0F, 0x80):
+        for previous in (0x00, 0x02, 0x80):
             assert controlword(DriveState[state], target, previous) == wanted
+
+
+@pytest.mark.parametrize("claimed", list(DriveState))
+@pytest.mark.parametrize("target", [ON, STOP])
+def test_no_single_statusword_takes_the_power_of_a_drive_in_operation(claimed, target):
+    """Whatever one frame says, the drive keeps its torque, and gets back to its target."""
+    runs = State.OPERATION_ENABLED
+    told = controlword(DriveState.OPERATION_ENABLED, ON)
+    word = controlword(claimed, target, told)
+    after = on_controlword(runs, told, word, 6)
+    assert after in (runs, State.QUICK_STOP_ACTIVE)
+    assert reached(drive_state(drive(after, target, ticks=3)[-1].value), target)
 
 
 def test_the_table_has_every_state_and_target():

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from common.errors import ConfigurationError
 from drivers.codec import (
     SampleDecoder,
     SetpointEncoder,
@@ -18,7 +19,6 @@ from drivers.codec import (
 )
 from drivers.drive import Drive
 from drivers.settings import DriveProfile, Harmonic, JointWiring, Quantity
-from errors import ConfigurationError
 
 INT16 = st.integers(-(2**15), 2**15 - 1)
 INT32 = st.integers(-(2**31), 2**31 - 1)

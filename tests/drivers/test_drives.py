@@ -11,14 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bench.rigs.scripted_wire import (
-    PERIOD_S,
-    N,
-    ScriptedWire,
-    everything,
-    frame,
-    tick,
-)
 from drivers.can.virtual import QueueWire
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.drives import EVENTS_PER_TICK, FRAMES_PER_PASS, Drives
@@ -32,6 +24,14 @@ from drivers.events import (
     HeartbeatLost,
     NotOperational,
     Rebooted,
+)
+from tests.drivers.scripted_wire import (
+    PERIOD_S,
+    N,
+    ScriptedWire,
+    everything,
+    frame,
+    tick,
 )
 from tests.examples import scaled
 
@@ -416,8 +416,8 @@ def test_what_was_heard_while_drives_were_set_up_is_told_with_the_next_samples(s
         (0x702, b"\x7f"),  # of another: it has left operational
         (0x080, b""),
     ]
-    drives.start(0.05, [2], heard)
-    samples = tick(drives, scripted, everything(), 0.06)
+    drives.start(1.05, [2], heard)
+    samples = tick(drives, scripted, everything(), 1.06)
     assert samples.events == (
         Emergency(3, 0x2310, 1),
         *(Emergency(2, code, 1) for code in EMERGENCIES),
@@ -425,6 +425,32 @@ def test_what_was_heard_while_drives_were_set_up_is_told_with_the_next_samples(s
         ForeignMaster(0x80),
     )
     assert drives.restarted() == (drives.names[1],)
+
+
+@pytest.mark.parametrize(
+    ("code", "queued", "soon", "later"),
+    [(0x8220, False, False, True), (0x8210, False, False, True), (0x8130, False, True, True),
+     (0x2310, True, True, True)],
+)  # fmt: skip
+def test_emergencies_of_a_restart_end_with_the_set_up(scripted, drives, code, queued, soon, later):
+    """Of the wire's queue, of the first half second after the set-up, and of later."""
+    said = frame(0x83, struct.pack("<HB5x", code, 1))
+
+    def told(frames, now):
+        return Emergency(3, code, 1) in tick(drives, scripted, [*frames, *everything()], now).events
+
+    scripted.incoming.append(said)
+    drives.start(1.0, [2])
+    assert told([], 1.01) is queued
+    assert told([said], 1.4) is soon
+    assert told([said], 1.51) is later
+
+
+def test_a_boot_up_that_waits_in_the_queue_after_a_set_up_is_news(scripted, drives):
+    scripted.incoming.append(frame(0x703, b"\0"))
+    drives.start(1.0, [2])
+    assert tick(drives, scripted, everything(), 1.01).events == (Rebooted(3),)
+    assert drives.unfit() == [2]
 
 
 def test_what_is_known_of_a_drive_outlasts_the_set_up_of_another(scripted, drives):

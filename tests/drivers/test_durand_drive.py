@@ -12,6 +12,7 @@ from can.interfaces.virtual import VirtualBus
 from bench.rigs.durand_arm import load_of, stiff_robot
 from bench.rigs.durand_drive import SERIAL, DurandDrive
 from bench.rigs.lockstep import TRUSTED
+from common.errors import DriveError
 from daemon.assembly import build_setups, build_tick
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import Tick
@@ -19,7 +20,6 @@ from drivers.boot.boot_up import DriveBoot
 from drivers.boot.data_sheet import load_data_sheet
 from drivers.boot.required_objects import problems
 from drivers.can.virtual import QueueWire
-from errors import DriveError
 
 T = 0.01
 _channels = itertools.count()

@@ -2,7 +2,9 @@
 
 import math
 import struct
+from dataclasses import replace
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 from drivers.cia402 import DriveState, PowerTarget
 from drivers.codec import link_side
 from drivers.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
+from drivers.settings import Harmonic
 from drivers.stop_stages import Seen
 from tests.examples import scaled
 
@@ -19,6 +22,7 @@ TELL_OFF = bytes.fromhex("2b40600000000000")
 TOLD = bytes.fromhex("6040600000000000")
 ASK_STATUSWORD = bytes.fromhex("4041600000000000")
 ASK_VELOCITY = bytes.fromhex("406c600000000000")
+ASK_LINK = bytes.fromhex("40e4600100000000")
 
 
 def statusword(value: int) -> bytes:
@@ -53,7 +57,38 @@ def test_it_tells_and_then_asks_for_statusword_and_velocity(stop, joint_drives) 
     assert math.isnan(seen.current)
     assert math.isnan(seen.position)
     assert stop.take() is None, "once"
-    assert stop.request(STOP) == (0x603, ASK_STATUSWORD), "it obeys: it need not be told again"
+    assert stop.request(STOP) == (0x603, ASK_LINK), "it obeys: it need not be told again"
+
+
+def test_positions_are_read_in_turn_and_are_those_of_the_samples(joint_drives) -> None:
+    """With what the link encoder errs taken off."""
+    wiring = msgspec.structs.replace(
+        joint_drives[2].wiring, link_offset=0.1, link_correction=[Harmonic(order=1, cosine=0.01)]
+    )
+    stop = ExpeditedStop(replace(joint_drives[2], wiring=wiring))
+    stop.begin()
+    answers = {0x6041: statusword(0x0207), 0x606C: velocity(0)}
+    answers |= {0x60E4: struct.pack("<BHBi", 0x43, 0x60E4, 1, 1000)}
+    answers |= {0x6064: struct.pack("<BHBi", 0x43, 0x6064, 0, -700), 0x6040: TOLD}
+    seen, asked = [], []
+    for _ in range(9):
+        asked.append(int.from_bytes(stop.request(STOP)[1][1:3], "little"))
+        stop.hear(answers[asked[-1]])
+        seen += [reading] if (reading := stop.take()) else []
+    ask = [0x6041, 0x606C]
+    assert asked == [0x6040, *ask, 0x60E4, *ask, 0x6064, *ask]
+    assert [math.isnan(s.position) for s in seen] == [True, False, False]
+    assert [math.isnan(s.motor) for s in seen] == [True, True, False]
+    gain, bias = link_side(replace(joint_drives[2], wiring=wiring), "link_position")
+    angle = 1000 * gain + bias
+    assert seen[-1].position == pytest.approx(angle - 0.01 * math.cos(angle - 0.1))
+    gain, bias = link_side(joint_drives[2], "motor_position")
+    assert seen[-1].motor == -700 * gain + bias
+    assert seen[-1].asked
+    stop.begin()
+    for _ in range(3):
+        stop.hear(answers[int.from_bytes(stop.request(STOP)[1][1:3], "little")])
+    assert math.isnan(stop.take().position), "nothing of before"
 
 
 def test_a_drive_that_runs_on_is_told_again(stop) -> None:

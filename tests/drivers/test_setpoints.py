@@ -5,9 +5,9 @@ import struct
 import numpy as np
 import pytest
 
-from bench.rigs.scripted_wire import OPERATION_ENABLED, PERIOD_S, N, everything, tick
 from drivers.cia402 import PowerTarget
 from drivers.events import BadSetpoint
+from tests.drivers.scripted_wire import OPERATION_ENABLED, PERIOD_S, N, everything, tick
 
 STILL = np.zeros(N)
 

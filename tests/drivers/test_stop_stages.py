@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.cia402 import DriveState, PowerTarget
+from drivers.cia402 import DriveState
 from drivers.drive import Drive
 from drivers.stop_stages import (
     Seen,
@@ -17,15 +17,13 @@ from drivers.stop_stages import (
     stage_ticks,
     worst_travel,
 )
-from tests.drivers.one_watch import OFF, ON, RUNS, STOP, STOPS, T, readings, told
+from tests.drivers.one_watch import ON, RUNS, STOPS, T, readings, told
 from tests.examples import scaled
 
 
-def stages(
-    watch: StopWatch, seen: Seen | None, ticks: int, target: PowerTarget = STOP
-) -> dict[int, Stage]:
+def stages(watch: StopWatch, seen: Seen | None, ticks: int) -> dict[int, Stage]:
     """Tick -> stage that began in it; every tick shows the same. The first tick tells it."""
-    found = {k: watch.step(k * T, target, seen) for k in range(ticks + 1)}
+    found = {k: watch.step(k * T, seen) for k in range(ticks + 1)}
     return {k: stage for k, stage in found.items() if stage is not None}
 
 
@@ -36,13 +34,6 @@ def test_without_a_proof_it_is_told_more_strongly_each_time(seen: Seen | None) -
     assert stages(told(0.1), slow, 30) == {3: Stage.SDO, 9: Stage.NMT, 18: Stage.SILENCE}
 
 
-@pytest.mark.parametrize(
-    ("stage", "next_stage"), [(Stage.SETPOINT, Stage.SDO), (Stage.SDO, Stage.NMT)]
-)
-def test_a_drive_that_waits_for_its_brake_has_a_second(stage: Stage, next_stage: Stage) -> None:
-    assert stages(told(stage=stage), Seen(ON, 0.0), 105, OFF) == {100: next_stage}
-
-
 @pytest.mark.parametrize("start", [None, 0.0, 0.7, -0.7])
 def test_at_full_speed_silence_comes_while_the_travel_still_suffices(start: float | None) -> None:
     """0.24 rad, less 0.1 for the drives' patience and 0.05 of braking, at 1 rad/s."""
@@ -50,7 +41,7 @@ def test_at_full_speed_silence_comes_while_the_travel_still_suffices(start: floa
     found = {}
     for k in range(30):
         here = None if start is None else Seen(ON, 1.0, 0.0, position=start + k * T)
-        if stage := watch.step(k * T, STOP, here):
+        if stage := watch.step(k * T, here):
             found[k] = stage
     assert found == {3: Stage.SDO, 6: Stage.NMT, 9: Stage.SILENCE}
 
@@ -86,25 +77,25 @@ def test_unheard_it_brakes_with_half_its_ramp_for_as_long_as_it_was_seen_to(
     speed: float, begun: dict[int, Stage]
 ) -> None:
     watch = told(speed, Stage.SDO)
-    watch.step(T, STOP, Seen(STOPS, speed))
-    found = {k: watch.step(k * T, STOP, None) for k in range(2, 30)}
+    watch.step(T, Seen(STOPS, speed))
+    found = {k: watch.step(k * T, None) for k in range(2, 30)}
     assert {k: stage for k, stage in found.items() if stage} == begun
 
 
 def test_samples_lost_in_a_burst_are_no_doubt_of_a_drive_that_was_seen_to_brake() -> None:
     for burst in (5, 8, 10):
         watch = told(1.0)
-        watch.step(T, STOP, RUNS)
+        watch.step(T, RUNS)
         for k in range(2, 5):
-            watch.step(k * T, STOP, Seen(STOPS, 1.0 - 10.0 * (k - 1) * T, 0.0, k * T))
+            watch.step(k * T, Seen(STOPS, 1.0 - 10.0 * (k - 1) * T, 0.0, k * T))
         for k in range(5, 5 + burst):
-            assert watch.step(k * T, STOP, None) is None
+            assert watch.step(k * T, None) is None
 
 
 def test_a_reading_holds_for_ten_ticks() -> None:
     watch = told(0.05)
-    assert watch.step(T, STOP, Seen(STOPS, 0.05)) is None
-    silent = {k: stage for k in range(2, 20) if (stage := watch.step(k * T, STOP, None))}
+    assert watch.step(T, Seen(STOPS, 0.05)) is None
+    silent = {k: stage for k in range(2, 20) if (stage := watch.step(k * T, None))}
     assert min(silent) == 1 + 10 + 3
 
 
@@ -119,15 +110,15 @@ def test_one_good_tick_takes_one_bad_tick_away_and_no_more(
     begun = [
         k
         for k in range(1, 60)
-        if watch.step(k * T, STOP, wrong if (pattern * 60)[k - 1] == "w" else right)
+        if watch.step(k * T, wrong if (pattern * 60)[k - 1] == "w" else right)
     ]
     assert (begun[0] if begun else None) == begins
 
 
 def test_a_late_tick_is_no_more_than_two_bad_ones() -> None:
     watch = told()
-    assert watch.step(0.5, STOP, None) is None
-    assert watch.step(0.51, STOP, None) is Stage.SDO
+    assert watch.step(0.5, None) is None
+    assert watch.step(0.51, None) is Stage.SDO
 
 
 @settings(max_examples=scaled(100))

@@ -6,10 +6,10 @@ import struct
 import numpy as np
 import pytest
 
-from bench.rigs.scripted_wire import PERIOD_S, N, ScriptedWire, everything, frame, tick
 from drivers.cia402 import PowerTarget
 from drivers.drives import Drives
-from drivers.events import Absent, BusOff, BusTrouble, NotSeenToStop, Rebooted, Unproved
+from drivers.events import Absent, BusOff, BusTrouble, NotSeenToStop, Rebooted, Repeats, Unproved
+from tests.drivers.scripted_wire import PERIOD_S, N, ScriptedWire, everything, frame, tick
 
 STILL = np.zeros(N)
 STOPS, RUNS = 0x07, 0x27
@@ -62,34 +62,60 @@ def arm(drives: Drives, scripted: ScriptedWire) -> Arm:
     return made
 
 
-def test_a_drive_that_says_that_it_stands_is_told_by_its_setpoint_alone(arm: Arm) -> None:
-    sent, _ = arm.tick(everything())
+@pytest.fixture
+def rested(arm: Arm) -> Arm:
+    """It has stood in operation for a while."""
+    for _ in range(25):
+        arm.tick(standing(statusword=RUNS), ON)
+    return arm
+
+
+def test_a_drive_that_says_that_it_stands_is_told_by_its_setpoint_alone(rested: Arm) -> None:
+    arm = rested
+    sent, _ = arm.tick(standing(statusword=RUNS))
     assert arm.drives.unproved() == arm.drives.names
     assert arm.sdo(sent) == []
-    arm.tick(everything())
     for _ in range(2):
+        assert arm.drives.unproved() == arm.drives.names
         sent, events = arm.tick(standing())
         assert (arm.sdo(sent), events) == ([], ())
     assert arm.drives.unproved() == ()
 
 
-def test_a_drive_without_a_sample_is_told_by_sdo_in_the_same_tick(arm: Arm) -> None:
+def test_a_velocity_that_was_never_seen_to_move_needs_positions_that_rest(arm: Arm) -> None:
+    arm.tick(everything())
+    for k in range(22):
+        assert arm.drives.unproved() == arm.drives.names, k
+        arm.tick(standing())
+    assert arm.drives.unproved() == (), "0.2 s, and once more"
+
+
+def test_a_drive_without_a_sample_is_told_by_sdo_in_the_same_tick(rested: Arm) -> None:
+    """It is asked for its statusword, velocity, and positions in turn; all must say that it
+    stands."""
+    arm = rested
     sent, _ = arm.tick(standing(3))
     assert arm.sdo(sent) == [(3, TELL)]
-    told, stands = [], b"\x4b\x41\x60\0\x07\x02\0\0"
-    for answer in (TOLD, stands, b"\x43\x6c\x60\0\0\0\0\0", stands):
+    asked: list[bytes] = []
+    answer = TOLD
+    while arm.drives.unproved():
         sent, _ = arm.tick(standing(3) + answers(answer, 3))
-        told += arm.sdo(sent)
-    assert arm.drives.unproved() == ("LElbowRoll",)
-    arm.tick(standing(3) + answers(b"\x43\x6c\x60\0\0\0\0\0", 3))
+        told = arm.sdo(sent)
+        assert [node for node, _ in told] == [3] * len(told)
+        asked += [data[1:4] for _, data in told]
+        values = {0x41: b"\x4b\x41\x60\0\x07\x02\0\0"}
+        answer = values.get(asked[-1][0], b"\x43" + asked[-1] + bytes(4))
     word, velocity = b"\x41\x60\0", b"\x6c\x60\0"
-    assert [data[1:4] for _, data in told] == [word, velocity, word, velocity]
-    assert arm.drives.unproved() == ()
+    link, motor = b"\xe4\x60\x01", b"\x64\x60\0"
+    cycle = [word, velocity, link, word, velocity, motor]
+    assert asked == [*cycle, *cycle, word][: len(asked)]
+    assert asked.count(velocity) == 4, "twice after both positions were read"
     assert not arm.drives.silenced
 
 
-def test_the_stages_of_a_drive_that_stays_in_operation(arm: Arm) -> None:
+def test_the_stages_of_a_drive_that_stays_in_operation(rested: Arm) -> None:
     """It stands still in operation, so that its travel lasts: three, six and nine ticks."""
+    arm = rested
     on = [frame(0x183, struct.pack("<Hhi", RUNS, 0, 0)), frame(0x283, bytes(8))]
     by_tick, events = {}, {}
     for k in range(25):
@@ -186,7 +212,7 @@ def test_a_start_begins_anew(arm: Arm) -> None:
     assert arm.drives.silenced
     arm.drives.start(arm.ticks * PERIOD_S)
     assert not arm.drives.silenced
-    for _ in range(2):
+    for _ in range(23):
         sent, _ = arm.tick(standing(), OFF)
         assert (SYNC, b"") in sent
     assert arm.drives.unproved() == ()
@@ -196,3 +222,33 @@ def test_tpdos_without_a_sync_are_no_answers(arm: Arm) -> None:
     arm.tick([], ON, after=30)
     arm.tick(everything(), ON)
     assert not arm.drives.samples.fresh.any()
+
+
+def moving(k: int, counts: int = 3000, statusword: int = RUNS) -> list:
+    """Answers to SYNC in tick k: joint 3 moves, or says so, as its velocity (0.1 rpm) says."""
+    word = struct.pack("<Hhi", statusword, 100, counts)
+    return [*standing(3), frame(0x183, word), frame(0x283, struct.pack("<ii", 90 * k, 90 * k))]
+
+
+def test_samples_that_repeat_while_the_motor_moves_are_reported_and_it_is_asked(arm: Arm) -> None:
+    for k in range(5):
+        assert arm.tick(moving(k), ON)[1] == ()
+    found = {k: events for k in range(20) if (events := arm.tick(moving(4), ON)[1])}
+    assert found == {10: (Repeats((3,)),)}, "0.1 s after the last that did not, and once"
+    told = []
+    for k in range(40):
+        told += arm.sdo(arm.tick(moving(4, statusword=STOPS))[0])
+        assert "LElbowRoll" in arm.drives.unproved(), k
+    assert told[0] == (3, TELL), "its samples are no witness"
+    assert not arm.drives.silenced, "its statusword says that it obeys"
+
+
+def test_a_drive_that_moves_gets_a_ramp_before_its_power_is_taken(arm: Arm) -> None:
+    """Only what was seen to stand is without power."""
+    words = []
+    for k in range(30):
+        sent, _ = arm.tick(moving(min(k, 9), max(3000 - 360 * k, 0), STOPS if k else RUNS), OFF)
+        words += [data[0] for cob_id, data in sent if cob_id == 0x203]
+    assert words[:10] == [2] * 10
+    assert words[-1] == 0
+    assert words == sorted(words, reverse=True), "and not again"

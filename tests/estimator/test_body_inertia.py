@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 from bench.rigs.lockstep import ROMEO
+from common.errors import ModelError
 from daemon.config.load import load_robot
-from errors import ModelError
 from estimator.body_inertia import (
     BodyInertia,
     parameters_of,

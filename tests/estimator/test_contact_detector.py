@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.contact import Contact
 from estimator.contact_detector import ContactDetector
 from estimator.levels import Levels

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.motor_position import Side

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from estimator.learning import Learning
+from estimator.thresholds import Thresholds
 
 DT, LEVEL = 0.01, 0.8
+LEVELS = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]))
 
 
 def shown(
@@ -19,13 +21,16 @@ def shown(
     friction: float = 0.0,
     raised: float = 0.0,
     moving: bool = True,
+    flips: bool = False,
 ) -> Any:
-    """Learning that was shown a residual; it, the level in force, and what that has of friction and
-    of what fades are shares of the configured level. Nothing is corrected."""
-    learning = learning or Learning(np.array([LEVEL]), DT)
-    for _ in range(round(seconds / DT)):
+    """Learning that was shown a residual, which leans on the joint unless it flips; it, the level
+    in force, and what that has of friction and of what fades are shares of the configured level.
+    Nothing is corrected."""
+    learning = learning or Learning(LEVELS, DT)
+    for tick in range(round(seconds / DT)):
+        size = -size if flips and tick else size
         torques = (share * LEVEL for share in (size, level, 1.0, friction, raised))
-        learning.learn(0, *torques, moving, DT)
+        learning.learn(0, *torques, 0.0, False, moving, DT)
     return learning
 
 
@@ -38,7 +43,7 @@ def needed(seconds: float, size: float) -> float:
 
 @pytest.mark.parametrize("size", [0.05, 0.15, 0.3, -0.3])
 def test_the_level_sinks_as_quiet_motion_goes_on(size: float) -> None:
-    learning, before = Learning(np.array([LEVEL]), DT), 1.0
+    learning, before = Learning(LEVELS, DT), 1.0
     assert learning.level(0) == pytest.approx(1.0)
     for minute in range(1, 12):
         shown(60.0, size, learning)
@@ -50,7 +55,7 @@ def test_the_level_sinks_as_quiet_motion_goes_on(size: float) -> None:
 def test_it_is_never_less_than_a_fifth_nor_more_than_all_of_it() -> None:
     learning = shown(3600.0, 0.0)
     assert learning.level(0) == 0.2
-    shown(1200.0, 0.9, learning, level=2.0, friction=1.0)
+    shown(1200.0, 0.9, learning, level=2.0, friction=1.0, flips=True)
     assert 2.9 * np.sqrt(learning.squares_s[0] / learning.moved_s[0]) > 1.5
     assert learning.level(0) == 1.0
     assert shown(1.0, 1.9, level=2.0).level(0) == 1.0
@@ -73,7 +78,7 @@ def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> No
         shown(0.5, 0.0, shown(DT, 0.6, learning))
         assert learning.level(0) <= 1.1 * level + 1e-9
         level = learning.level(0)
-    assert level == pytest.approx(1.5 * 0.6, rel=2e-3)
+    assert level == pytest.approx(1.5 * 0.6, rel=2e-2)
     for minutes in (5, 10):
         shown(300.0, 0.0, learning)
         assert learning.level(0) == pytest.approx(level * np.exp(-minutes / 10), rel=2e-3)
@@ -99,7 +104,7 @@ def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
 def test_of_a_peak_counts_what_friction_near_rest_does_not_explain() -> None:
     learning = shown(DT, 0.7, level=2.0, friction=0.4)
     assert learning.peak_seen[0] == pytest.approx(0.3)
-    learning = Learning(np.array([LEVEL]), DT)
+    learning = Learning(LEVELS, DT)
     learning.unknown[0] = 0.5 * LEVEL  # which raises by as much, times the share that is needed
     shown(DT, 0.6, learning)
     assert learning.peak_seen[0] == pytest.approx(0.4)
@@ -108,21 +113,24 @@ def test_of_a_peak_counts_what_friction_near_rest_does_not_explain() -> None:
 def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
     """A push just below the level; it counts again once it was quiet."""
     names = ("squares_s", "moved_s", "peak", "crossing_peak")
-    first, lasting = (shown(seconds, 0.9, shown(1800.0, 0.1)) for seconds in (1.0, 60.0))
+    first, lasting = (
+        shown(seconds, 0.9, shown(1800.0, 0.1, flips=True)) for seconds in (1.0, 60.0)
+    )
     for name in names:
         np.testing.assert_array_equal(getattr(lasting, name), getattr(first, name), name)
-    brief = shown(0.5, 0.9, shown(1800.0, 0.1))
-    assert (brief.peak_seen[0], lasting.peak_seen[0]) == (pytest.approx(0.9), 0.0)
+    brief = shown(0.5, 0.9, shown(1800.0, 0.1, flips=True))
+    assert (brief.peak_seen[0], lasting.peak_seen[0]) == (pytest.approx(0.9, rel=1e-2), 0.0)
     shown(0.35, 0.1, brief)
     shown(0.35, 0.1, lasting)
     assert brief.peak[0] > 0.19
     assert lasting.peak[0] < 0.11
-    before = {name: float(getattr(lasting, name)[0]) for name in names}
+    moved_s = float(lasting.moved_s[0])
     shown(DT, 0.4, lasting)
-    assert lasting.squares_s[0] < before["squares_s"] + DT * 0.16
-    assert lasting.moved_s[0] > before["moved_s"]
+    assert lasting.moved_s[0] == moved_s, "as long as it may lean"
+    shown(15.0, 0.1, lasting, flips=True)
+    assert lasting.moved_s[0] > moved_s
     shown(DT, 0.95, lasting)
-    assert lasting.peak_seen[0] == pytest.approx(0.95)
+    assert 0.7 < lasting.peak_seen[0] <= 0.95  # less what leaned
 
 
 @pytest.mark.parametrize(
@@ -209,3 +217,40 @@ def test_a_sample_that_is_none_does_not_last(size: float) -> None:
     learning.reset(0)
     shown(1800.0, 0.1, learning)
     assert learning.level(0) == pytest.approx(before, rel=0.05)
+
+
+@pytest.mark.parametrize("minutes", [5.0, 15.0])
+def test_a_hand_that_leans_raises_no_level(minutes: float) -> None:
+    """With 0.8 of the level in force; noise and turns make it loud and quiet by turns."""
+    learning, rng = shown(1800.0, 0.12, flips=True), np.random.default_rng(3)
+    before = learning.level(0)
+    for _ in range(round(60.0 * minutes / 0.2)):
+        shown(0.2, before * (0.8 + 0.25 * rng.normal()), learning, level=before)
+    assert learning.level(0) <= 1.25 * before
+    leaned = float(learning.squares_s[0]), float(learning.moved_s[0])
+    shown(600.0, 0.8 * before, learning, level=before)
+    assert (learning.squares_s[0], learning.moved_s[0]) == leaned, "nor does it sink by what leans"
+    shown(120.0, 0.12, learning, level=before, flips=True)
+    assert learning.level(0) <= 1.2 * before
+
+
+def test_what_leaned_from_the_beginning_keeps_its_level() -> None:
+    """Masses that are off: the level sinks no further than they need."""
+    learning = shown(1800.0, 0.2)
+    assert learning.level(0) == pytest.approx(2.9 * 0.2, rel=0.02)
+
+
+def test_in_doubt_nothing_is_measured() -> None:
+    learning = shown(600.0, 0.1, flips=True)
+    before = (learning.squares_s[0], learning.moved_s[0], learning.peak[0])
+    for _ in range(1000):
+        learning.learn(0, 0.6 * LEVEL, LEVEL, LEVEL, 0.0, 0.0, 1.0, False, True, DT)
+    assert (learning.squares_s[0], learning.moved_s[0], learning.peak[0]) == before
+    assert learning.peak_seen[0] == 0.0
+
+
+def test_a_level_that_a_person_states_is_a_floor() -> None:
+    stated = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]), least_share=np.array([0.6]))
+    learning = shown(3600.0, 0.0, Learning(stated, DT))
+    assert learning.level(0) == 0.6
+    assert learning.crossing_level(0) >= 0.6

@@ -13,10 +13,12 @@ from daemon.config.load import load_robot
 from estimator.estimator import Estimator
 from estimator.learning import Learning
 from estimator.motor_position import Side
+from estimator.thresholds import Thresholds
 from simulator.description import Mismatch, SimulationSettings
 from tests.plain import built, plain
 
 DT, LEVEL = 0.01, 0.8
+LEVELS = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]))
 RIGHT = dict.fromkeys(Mismatch.__struct_fields__, 0.0)
 POLE, SHARE = 0.78, 22.0  # of (13) at 25 /s and 10 ms
 
@@ -25,13 +27,13 @@ class Joint:
     """One joint that swings; its friction is `coulomb` and `viscous` times the model's."""
 
     def __init__(self, learning: Any = None) -> None:
-        self.learning = learning or Learning(np.array([LEVEL]), DT)
+        self.learning = learning or Learning(LEVELS, DT)
         self.k, self.raw = 0, 0.0
         self.beyond = 0  # ticks beyond the level in force
 
     def rest(self, seconds: float) -> None:
         for _ in range(round(seconds)):
-            self.learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, False, 1.0)
+            self.learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, False, 1.0)
 
     def swing(
         self,
@@ -58,7 +60,7 @@ class Joint:
             moving = touched and abs(theta_dot) > 0.05
             level = self.learning.level(0) * (LEVEL + self.learning.unknown[0])
             self.beyond += abs(corrected) > level
-            self.learning.learn(0, self.raw, LEVEL, LEVEL, doubt, 0.0, moving, DT)
+            self.learning.learn(0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, DT)
         return float(corrected)
 
 
@@ -181,7 +183,7 @@ def test_shares_are_bounded() -> None:
     joint = Joint()
     for step in range(1, 40):  # so slowly that it is never beyond half of the level
         joint.swing(60.0, coulomb=1.0 + 0.05 * step)
-    assert np.abs(joint.learning.shares)[0, 1:].max() == pytest.approx(0.7)
+    assert np.abs(joint.learning.shares)[0, 1:].max() == pytest.approx(1.2)
 
 
 def test_what_is_unknown_shrinks_and_is_nothing_at_rest() -> None:
@@ -199,7 +201,7 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
     joint.swing(30.0, coulomb=1.2)
     learning = joint.learning
     learning.step(0, bad, bad, DT, POLE, SHARE)
-    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, True, DT)
+    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, DT)
     learning.reset(0)
     joint.raw = 0.0
     joint.swing(60.0, coulomb=1.2)
@@ -211,7 +213,7 @@ def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
     learning = joint.learning
     learning.step(0, 1e200, 1e200, DT, POLE, SHARE)
     learning.quiet_s[0] = 1.0
-    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, True, DT)
+    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, DT)
     learning.reset(0)
     assert learning.error(0) == pytest.approx(0.65)
     joint.swing(60.0, coulomb=1.2)
@@ -221,14 +223,14 @@ def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_known_stays_a_covariance(seed: int) -> None:
     """Symmetric to the last bit and positive, whatever it was shown."""
-    rng, learning = np.random.default_rng(seed), Learning(np.array([LEVEL]), DT)
+    rng, learning = np.random.default_rng(seed), Learning(LEVELS, DT)
     size = 10.0 ** rng.uniform(-3.0, 2.0)
     for k in range(30_000):
         if k % 500 == 0:
             rubs, drags, e = DT * size * rng.normal(size=3)
             level, moving = rng.choice([0.01, 1e9]), rng.random() < 0.8
         learning.step(0, rubs, drags, DT, POLE, SHARE)
-        learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, moving, DT)
+        learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, 0.0, False, moving, DT)
     P = np.array(learning.covariance[0])
     np.testing.assert_array_equal(P, P.T)
     assert (np.linalg.eigvalsh(P) > 0.0).all()
@@ -238,7 +240,7 @@ def test_what_is_known_stays_a_covariance(seed: int) -> None:
 
 def test_what_is_unknown_counts_as_friction_does() -> None:
     """Half of all of it before anything was learned, of either sign."""
-    learning = Learning(np.array([LEVEL]), DT)
+    learning = Learning(LEVELS, DT)
     assert learning.unknown_at(0, -1.0, 0.6) == pytest.approx(0.8)
     Joint(learning).swing(60.0)
     assert learning.unknown_at(0, 1.0, 0.0) == pytest.approx(0.5 * learning.coulomb_left[0])
@@ -249,8 +251,8 @@ def test_what_is_unknown_counts_as_friction_does() -> None:
 def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
     ends = []
     for modules in (built("estimator"), plain("estimator")):
-        joint = Joint(modules["learning"].Learning(np.array([LEVEL]), DT))
-        joint.swing(5.0, coulomb=1.3, viscous=0.7, noise=0.1)
+        joint = Joint(modules["learning"].Learning(LEVELS, DT))
+        joint.swing(30.0, coulomb=1.3, viscous=0.7, noise=0.1)
         names = (
             *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
             *("unknown", "squares_s", "moved_s", "peak", "crossing_peak", "quiet_s", "loud_s"),

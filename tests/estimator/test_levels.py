@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.interval import ROW, Interval
 from estimator.levels import Levels
 from estimator.residual import Residual

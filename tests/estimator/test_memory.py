@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.estimate import Flag
 from estimator.estimator import Estimator
 from estimator.motor_position import Side

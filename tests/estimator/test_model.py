@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.model import Model
 
 STEP = 1e-5
@@ -60,15 +60,31 @@ def test_momentum_is_mass_times_velocity(romeo: Model) -> None:
     assert np.linalg.eigvalsh(M).min() > 0
 
 
-def test_results_are_copies(romeo: Model) -> None:
-    q, q_dot, _ = motion(0.4)
-    momentum, beta = romeo.dynamics(q, q_dot)
-    gravity = romeo.gravity(q)
-    kept = [x.copy() for x in (momentum, beta, gravity)]
-    romeo.dynamics(-q, 2 * q_dot)
-    romeo.gravity(-q)
-    for now, then in zip((momentum, beta, gravity), kept, strict=True):
-        np.testing.assert_array_equal(now, then)
+ANSWERS = (
+    lambda model, q, q_dot, _: model.dynamics(q, q_dot),
+    lambda model, q, *_: model.payload_torques(q, model.down),
+    lambda model, q, *_: (model.gravity(q), model.inertia(q), model.tool_jacobian(q)),
+    lambda model, *motion: (model.regressor(*motion),),
+)
+
+
+def answers(model: Model, t: float, order: tuple[int, ...] = (0, 1, 2, 3)) -> list[np.ndarray]:
+    """All that a model computes of one moment of a motion, asked in this order."""
+    found = {k: ANSWERS[k](model, *motion(t)) for k in order}
+    return [x for k in sorted(found) for x in found[k]]
+
+
+def test_users_of_one_model_do_not_disturb_each_other(romeo: Model, romeo_urdf) -> None:
+    for names in (romeo.names, romeo.names[::-1]):
+        shared, alone = Model(romeo_urdf, names), Model(romeo_urdf, names)
+        kept = answers(shared, 0.4)
+        then = [x.copy() for x in kept]
+        for of_one, of_other in zip(
+            answers(shared, 1.1), answers(alone, 1.1, (3, 2, 1, 0)), strict=True
+        ):
+            np.testing.assert_array_equal(of_one, of_other)
+        for before, after in zip(then, kept, strict=True):
+            np.testing.assert_array_equal(before, after)
 
 
 def test_joints_in_any_order(romeo: Model, romeo_urdf) -> None:

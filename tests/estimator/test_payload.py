@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.model import Model
 from estimator.payload import Payload
 from tests.estimator.plain import built, plain

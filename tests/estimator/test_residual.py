@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.interval import ROW
 from estimator.residual import Residual, forms
 from estimator.settings import Kind, Variant

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.estimate import SampleRows
 from estimator.estimator import Estimator
 from tests.estimator.test_kernel import BESIDE, T, masks

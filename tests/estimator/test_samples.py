@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.estimate import Flag
 from estimator.settings import Variant
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.thresholds import Thresholds
 
 CONTACT = np.array([0.6, 0.3])

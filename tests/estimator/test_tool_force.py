@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
 from daemon.config.load import load_robot
 from estimator.model import Model
-from estimator.tool_force import UNFELT_N, tool_sense
+from estimator.tool_force import UNDETECTED_N, tool_sense
 
 DIRECTIONS = np.random.default_rng(0).normal(size=(20_000, 3))
 DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
@@ -25,7 +25,7 @@ def test_no_direction_feels_better_or_worse(seed: int, n: int) -> None:
     jacobian, level = rng.normal(size=(3, n)), rng.uniform(0.1, 3.0, n)
     jacobian *= rng.uniform(size=n) < 0.9  # some joints have no lever
     sense = tool_sense(jacobian, level)
-    if len(sense.unfelt):
+    if len(sense.undetected):
         return
     forces = tried(jacobian, level)
     assert sense.least <= forces.min() * (1 + 1e-9)
@@ -44,7 +44,7 @@ def test_two_levers_in_a_plane() -> None:
     assert sense.least == pytest.approx(2.0)
     assert np.abs(sense.least_along) == pytest.approx([1.0, 0.0, 0.0])
     assert sense.most == pytest.approx(np.hypot(2.0, 4.0))
-    assert np.abs(sense.unfelt) == pytest.approx(np.array([[0.0, 0.0, 1.0]]))
+    assert np.abs(sense.undetected) == pytest.approx(np.array([[0.0, 0.0, 1.0]]))
 
 
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 8), deaf=st.integers(1, 8))
@@ -54,20 +54,20 @@ def test_a_joint_that_feels_nothing_is_as_good_as_none(seed: int, n: int, deaf: 
     level[n:] = np.inf
     sense, without = tool_sense(jacobian, level), tool_sense(jacobian[:, :n], level[:n])
     assert (sense.least, sense.most) == pytest.approx((without.least, without.most))
-    assert len(sense.unfelt) == len(without.unfelt) == max(3 - n, 0)
+    assert len(sense.undetected) == len(without.undetected) == max(3 - n, 0)
 
 
 def test_joints_that_feel_nothing_feel_no_force() -> None:
     sense = tool_sense(np.eye(3), np.full(3, np.inf))
-    assert len(sense.unfelt) == 3
-    assert sense.least == sense.most == UNFELT_N
+    assert len(sense.undetected) == 3
+    assert sense.least == sense.most == UNDETECTED_N
 
 
 @pytest.mark.parametrize("lever", [0.0, 0.0009])
 def test_no_lever_feels_nothing(lever: float) -> None:
     sense = tool_sense(np.array([[lever], [0.0], [0.0]]), np.ones(1))
-    assert len(sense.unfelt) == 3
-    assert sense.least == sense.most == UNFELT_N
+    assert len(sense.undetected) == 3
+    assert sense.least == sense.most == UNDETECTED_N
 
 
 @given(

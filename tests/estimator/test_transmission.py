@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.transmission import penetration, resting, smooth_sign
 
 

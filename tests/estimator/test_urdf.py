@@ -3,7 +3,7 @@
 import pinocchio as pin
 import pytest
 
-from errors import ModelError
+from common.errors import ModelError
 from estimator.model import Model
 from estimator.urdf import moved_links
 

@@ -79,7 +79,7 @@ def test_nothing_of_the_clone_is_needed(away: Path) -> None:
     assert str(ROOT) + "'" not in run(away / "env/bin/python", *words, cwd=away).stdout
     assert run(away / "env/bin/contactd", "--version", cwd=away).stdout.split()[-1] == version(ROOT)
     # It would say so of modules that run plain.
-    assert run(away / "env/bin/python", "-P", "-m", "compiled", cwd=away).stdout == ""
+    assert run(away / "env/bin/python", "-P", "-m", "common.compiled", cwd=away).stdout == ""
 
 
 def test_the_examples_are_there_and_nobody_elses_arm(away: Path) -> None:
@@ -125,7 +125,7 @@ def test_the_archive_has_what_tests_and_install_need_and_nothing_that_was_built(
     there = names(archive)
     for name in ("Makefile", "systemd/contactd.service", "docs/installing.md", "requirements.lock"):
         assert name in there
-    assert "tests/daemon/clients/format_5.mcap" in there
+    assert "tests/programs/clients/format_6.mcap" in there
     strange = re.compile(r"\.so$|__pycache__|node_modules|^build/|^\.venv|compiled\.json$")
     assert not [name for name in there if strange.search(name)]
 

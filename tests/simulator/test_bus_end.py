@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import can
 import pytest
 
-from errors import BusError
+from common.errors import BusError
 from simulator import bus_end
 from simulator.bus_end import BusEnd
 

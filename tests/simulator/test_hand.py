@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import ROMEO, lockstep_rig
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 from simulator.hand import TAKING_S, VISIT_S, Hand
 from simulator.hand_script import Gap, Give, Guide, Hold, Push, Release, read_script
 
@@ -245,7 +245,7 @@ def test_it_gives_something_and_takes_it_away(tmp_path: Path) -> None:
     assert one.update(101.0, Q) == ["begin give 0.3 kg"]
     assert given == [acts[0]]
     assert not one.touching
-    assert one.update(102.0, Q) == ["begin take what it carries"]
+    assert one.update(102.0, Q) == ["begin take its load"]
     assert given == list(acts)
     assert one.done
 

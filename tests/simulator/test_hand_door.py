@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from daemon.commands.contactctl import main
-from daemon.commands.simulate import _live_hand
-from errors import BusError, ConfigurationError
+from common.errors import BusError, ConfigurationError
+from programs.contactctl.contactctl import main
+from programs.simulate.simulate import _live_hand
 from simulator.hand import TAKING_S, VISIT_S, Hand
 from simulator.hand_door import HandDoor
 from simulator.hand_script import Clamp, Gap, Give, Lean, Push, Release

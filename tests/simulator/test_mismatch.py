@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from errors import ConfigurationError, ModelError
+from common.errors import ConfigurationError, ModelError
 from simulator.description import ArmDescription, Mismatch, SimulationSettings
 from simulator.mismatch import contact, load_model, true_parameters
 

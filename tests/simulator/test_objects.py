@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 from simulator.description import ArmDescription
 from simulator.objects import Objects, key
 from tests.examples import scaled

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from errors import ConfigurationError
+from common.errors import ConfigurationError
 from simulator.profile import LOCKING, PROFILE, profile_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -16,7 +16,7 @@ from pathlib import Path
 import can
 import pytest
 
-from errors import BusError
+from common.errors import BusError
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.server import Server, serve_on_bus
 

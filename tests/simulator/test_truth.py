@@ -13,10 +13,10 @@ from click.testing import CliRunner
 from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
-from daemon.commands.contactd import main
-from daemon.commands.simulated_robot import describe, read_simulation, refused_drives, true_arm
+from common.errors import ConfigurationError
 from daemon.config.load import load_robot
-from errors import ConfigurationError
+from programs.contactd.contactd import main
+from programs.simulate.simulated_robot import describe, read_simulation, refused_drives, true_arm
 from simulator.state_machine import State
 
 
@@ -120,7 +120,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
          "cannot be simulated: object 0x2999:01 is missing"),
         (lambda d: d["joints"][0].update(gear=0),
          r"joints\[0\] \(base\).gear: must be a number above 0"),
-        (lambda d: d.pop("joints"), "says nothing of the true arm .* --write-truth"),
+        (lambda d: d.pop("joints"), "the true arm is missing .* --write-truth"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_simulated_is_refused_and_never_another_make(edit, says, tmp_path):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from compiled import uncompiled
+from common.compiled import uncompiled
 from simulator.description import ArmDescription, EncoderError, SimulationSettings
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant

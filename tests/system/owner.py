@@ -168,7 +168,7 @@ def put_up_the_arm(vcan: bool) -> None:
         "\n".join([
             "[Service]",
             *([f"ExecStartPre=+/bin/sh -c '{bus}'"] if vcan else []),
-            f"ExecStart={_ARMS_PROGRAM}/bin/python -P -m daemon.commands.contactd simulate "
+            f"ExecStart={_ARMS_PROGRAM}/bin/python -P -m programs.contactd.contactd simulate "
             f"{_ARMS_PROGRAM}/arm --hand-socket {HAND}",
             f"User={NAME}",
             "Nice=-10",  # drives of an arm have processors of their own

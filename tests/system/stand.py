@@ -12,12 +12,12 @@ from typing import Any, Self
 
 import yaml
 
-from daemon.clients.client import Client
-from daemon.commands.simulated_robot import write_truth
+from common.errors import ContactdError
 from daemon.config import identified, marks
 from daemon.config.load import load_robot
 from daemon.protocol.messages import Command, Reply, Status
-from errors import ContactdError
+from programs.clients.client import Client
+from programs.simulate.simulated_robot import write_truth
 
 CAN = "can0"
 SERVICE = "contactd.service"

@@ -28,8 +28,8 @@ VIEW = view_socket_path(CONTROL)
 ASKS = """
 import json, sys
 from pathlib import Path
-from daemon.clients.client import Client
-from errors import ContactdError
+from programs.clients.client import Client
+from common.errors import ContactdError
 path, *commands = sys.argv[1:]
 for command in commands:
     try:

@@ -4,7 +4,7 @@ import subprocess
 
 import yaml
 
-from daemon.clients.client import Client
+from programs.clients.client import Client
 from tests.system.stand import SERVICE, Service, Simulator, run, wait_for
 
 

@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 import zenoh
 
-from bench.rigs.zenoh_router import router_of, session_at
-from daemon.ros.arming import SET_BOOL
-from daemon.ros.messages import read_outcome
-from daemon.ros.names import Distro, Node, attachment
-from daemon.ros.services import TRIGGER, endpoint
+from programs.zenoh.arming import SET_BOOL
+from programs.zenoh.messages import read_outcome
+from programs.zenoh.names import Distro, Node, attachment
+from programs.zenoh.services import TRIGGER, endpoint
+from tests.programs.zenoh.zenoh_router import router_of, session_at
 from tests.system.stand import Service, Simulator, run, wait_for
 
 ROS = "contactd-zenoh.service"

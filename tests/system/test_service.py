@@ -255,7 +255,7 @@ def test_a_helper_of_the_black_box_that_is_killed_is_begun_anew(
     helpers = run("pgrep", "-f", "daemon.service.black_box").stdout.split()
     assert len(helpers) == 1
     run("kill", "-9", *helpers, check=True)
-    wait_for(lambda: any("it is begun anew" in line for line in service.log()), "another")
+    wait_for(lambda: any("restarting it" in line for line in service.log()), "another")
     again = run("pgrep", "-f", "daemon.service.black_box").stdout.split()
     assert len(again) == 1
     assert again != helpers

@@ -16,9 +16,9 @@ from bench.rigs.arm_without_bus import (
     recordings,
 )
 from bench.rigs.lockstep import ROMEO, lockstep_rig
-from daemon.commands.simulated_robot import read_simulation
 from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Event
+from programs.simulate.simulated_robot import read_simulation
 from simulator.description import Mismatch, SimulationSettings
 
 

@@ -46,7 +46,7 @@ CASES = {
         ["wiring", "gap", "friction", "masses", "friction", "thresholds"],
     ),
     "masses, and more": (
-        {"friction": [MASSES, "to +-10 %: `--seconds\n120` tells that to +-7.5 %"]},
+        {"friction": [MASSES, "to +-10 %: `--seconds\n120` narrows that to +-7.5 %"]},
         ["wiring", "gap", "friction", "masses", "friction", "friction --seconds 120", "thresholds"],
     ),
     "a gain, then masses, and a gain with them": (

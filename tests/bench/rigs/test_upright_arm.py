@@ -6,18 +6,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from arrays import Vector
 from bench.rigs import upright_arm
 from bench.rigs.lockstep import Rig, lockstep_rig
-from daemon.commands.simulated_robot import true_arm
+from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.motion import row
 from daemon.config.schema import Configuration
-from daemon.identify.measured import Measured, from_states
-from daemon.identify.steps import friction_step
-from daemon.identify.swinging import SwingWatch
-from estimator.identification.limit_cycle import ENDING_SHARE, limit_cycles
 from estimator.model import Model
+from identification.limit_cycle import ENDING_SHARE, limit_cycles
+from programs.identify.measured import Measured, from_states
+from programs.identify.steps.friction import friction_outcome
+from programs.identify.swinging import SwingWatch
+from programs.simulate.simulated_robot import true_arm
 from simulator.mismatch import load_model, true_parameters
 
 GAIN = 8.0
@@ -67,7 +67,7 @@ def test_upright_with_wide_gaps_it_swings_until_the_gain_is_what_was_told(tmp_pa
     assert limit_cycles(quiet.log, quiet.reference, gaps) == []
     assert said == []
     # Friction of a swinging joint fits well, and is wrong.
-    outcome = friction_step(load_robot(folder), swinging, "2026-11-23", shortest_s=5.0)
+    outcome = friction_outcome(load_robot(folder), swinging, "2026-11-23", shortest_s=5.0)
     shoulder = next(line for line in outcome.lines if line.joint == "shoulder")
     assert (shoulder.verdict, shoulder.good) == ("swings by itself", False)
     assert "control.position_gain to 2" in shoulder.reason

@@ -8,7 +8,7 @@ from bench.soak.invariants import Watch
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Notice, State, Timing
+from daemon.protocol.messages import Notice, PerJoint, State, Timing
 
 C = load_robot(ROMEO).configuration
 MIDDLE = [(joint.limits.lower + joint.limits.upper) / 2 for joint in C.joints]
@@ -18,8 +18,9 @@ Scene = tuple[State, bool, bool]  # with a hand, with a fault being made
 
 def state(tick: int, **changes: Any) -> State:
     n = len(C.joints)
-    zeros = [0.0] * n
+    vectors = {name: [0.0] * n for name, of in State.__annotations__.items() if of == PerJoint}
     plain: dict[str, Any] = {
+        **vectors,
         "tick": tick,
         "time_s": 0.01 * tick,
         "interval_s": 0.01,
@@ -29,24 +30,12 @@ def state(tick: int, **changes: Any) -> State:
         "moving": False,
         "fresh": [True] * n,
         "drives": [""] * n,
-        "current": zeros,
         "link_position": MIDDLE,
-        "motor_velocity": zeros,
         "motor_position": None,
-        "link_velocity": zeros,
-        "motor_estimate": zeros,
-        "phi": zeros,
-        "phi_sigma": zeros,
         "side": [""] * n,
-        "motor_torque": zeros,
-        "residual": zeros,
-        "threshold": zeros,
-        "thresholded": zeros,
         "touched_link": "",
         "beside": {},
         "flags": [],
-        "reference": zeros,
-        "setpoint": zeros,
         "quiet_s": 0.0,
         "notices": [],
         "timing": Timing(wall_s=0.0, monotonic_s=0.0, lateness_us=0.0, work_us=0.0, missed=0),

@@ -10,11 +10,11 @@ from bench.rigs.faults import CASES
 from bench.soak import outside_faults
 from bench.soak.losses import LOSSES
 from bench.soak.people import Person, Step
+from bench.soak.record import Part
 from bench.soak.simulated import FAULTS, UNFIT, run_lockstep
 from daemon.config.schema import Configuration
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.protocol.messages import Request
-from drivers.cia402 import PowerTarget
 from drivers.stop_stages import Seen, StopWatch
 from simulator.hand_script import Push
 
@@ -68,7 +68,7 @@ def test_what_is_no_part_of_the_soak_is_a_fault_nevertheless() -> None:
     assert outside >= {"sync_moved", "sync_lost", "mode_changed", "rpdo_off", "drive_restarts"}
 
 
-def believes(watch: StopWatch, now: float, target: PowerTarget, seen: Seen | None) -> None:
+def believes(watch: StopWatch, now: float, seen: Seen | None) -> None:
     watch.proved = now > watch._now_s
 
 
@@ -77,13 +77,45 @@ def believes_in_quiet(timer: QuietTimer, touched: bool, time_s: float, *, sure: 
     timer.quiet_s = time_s - timer._touched_s
 
 
+def soaked(monkeypatch: pytest.MonkeyPatch, case: str) -> Part:
+    """Ten seconds of one kind of fault, without a person."""
+
+    def resets(rng: Random, c: Configuration) -> Person:
+        yield Step()
+        while True:
+            for command, wait_s in (("enable", 0.5), ("start", 4.5), ("reset", 1.0)):
+                yield Step((Request(command),), wait_s=wait_s)
+
+    def no_person(rng: Random, c: Configuration) -> Person:
+        while True:
+            yield Step()
+
+    only = tuple(each for each in (*CASES, *LOSSES) if each.name == case)
+    seed = 10 if only[0] in LOSSES else 9  # whose arm has patience with losses, or has not
+    monkeypatch.setattr("bench.soak.simulated.FAULTS", only)
+    monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 6.0)
+    monkeypatch.setattr("bench.soak.simulated.hand_script", lambda *_: ())
+    monkeypatch.setattr("bench.soak.simulated.operator", resets)
+    monkeypatch.setattr("bench.soak.simulated.program", no_person)
+    return run_lockstep(seed, 10.0 / 3600.0)
+
+
+@pytest.mark.parametrize(
+    "case",
+    ["SYNC moved by a tool (0x1005)", "drive locked in 0x8130", "samples of a drive: bursts"],
+)
+def test_a_sound_program_breaks_none(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
+    part = soaked(monkeypatch, case)
+    assert not part.ledger.broken, part.ledger.cases
+
+
 @pytest.mark.parametrize(
     ("case", "broken", "rules"),
     [
         # Nothing but the setpoint, which a drive without SYNC never takes.
         (
             "SYNC moved by a tool (0x1005)",
-            {"drivers.stop_stages.StopWatch.step": lambda self, now, target, seen: None},
+            {"drivers.stop_stages.StopWatch.step": lambda self, now, seen: None},
             {"a stop is proved or the arm silent"},
         ),
         # What was told to stop is taken for standing a tick later.
@@ -93,7 +125,7 @@ def believes_in_quiet(timer: QuietTimer, touched: bool, time_s: float, *, sure: 
                 "drivers.stop_stages.StopWatch.step": believes,
                 "drivers.expedited_stop.ExpeditedStop.request": lambda self, target: None,
             },
-            {"no motion after a proved stop", "no joint goes further than is printed"},
+            {"no motion after a proved stop"},
         ),
         # A drive that stays in its fault is not set up anew.
         (
@@ -118,26 +150,7 @@ def believes_in_quiet(timer: QuietTimer, touched: bool, time_s: float, *, sure: 
 def test_a_program_that_is_broken_breaks_a_rule(
     monkeypatch: pytest.MonkeyPatch, case: str, broken: dict[str, Any], rules: set[str]
 ) -> None:
-    def resets(rng: Random, c: Configuration) -> Person:
-        yield Step()
-        while True:
-            for command, wait_s in (("enable", 0.5), ("start", 4.5), ("reset", 1.0)):
-                yield Step((Request(command),), wait_s=wait_s)
-
-    def nobody(rng: Random, c: Configuration) -> Person:
-        while True:
-            yield Step()
-
-    only = tuple(each for each in (*CASES, *LOSSES) if each.name == case)
-    seed = 10 if only[0] in LOSSES else 9  # whose arm has patience with losses, or has not
-    monkeypatch.setattr("bench.soak.simulated.FAULTS", only)
-    monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 6.0)
-    monkeypatch.setattr("bench.soak.simulated.hand_script", lambda *_: ())
-    monkeypatch.setattr("bench.soak.simulated.operator", resets)
-    monkeypatch.setattr("bench.soak.simulated.program", nobody)
-    part = run_lockstep(seed, 10.0 / 3600.0)
-    assert not part.ledger.broken, part.ledger.cases
     for what, instead in broken.items():
         monkeypatch.setattr(what, instead)
-    part = run_lockstep(seed, 10.0 / 3600.0)
+    part = soaked(monkeypatch, case)
     assert rules <= set(part.ledger.broken), part.ledger.cases

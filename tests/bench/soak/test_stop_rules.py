@@ -5,13 +5,13 @@ from typing import Any
 import msgspec
 import pytest
 
+from daemon.config.travels import travels
 from daemon.protocol.messages import Notice, State
 from daemon.tick.tick import STOP_PROVED
-from drivers.stop_stages import worst_travel
 from tests.bench.soak.scenes import MIDDLE, C, Scene, broken_by, first, ledger_of, notices, state
 
 PROVED = Notice(kind="mode", text=STOP_PROVED)
-TRAVEL = worst_travel(C.joint_drives, C.period_s, C.supervisor.stale_ticks)[0].total
+TRAVEL = travels(C)[0].total
 
 
 def faulted(tick: int, **changes: Any) -> State:

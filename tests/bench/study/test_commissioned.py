@@ -9,11 +9,11 @@ import pytest
 from bench.rigs import upright_arm
 from bench.rigs.person import CommissionedArm, Written
 from bench.study.commissioned import observable, stated
-from daemon.commands.simulated_robot import true_arm
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from daemon.config.schema import Friction
-from daemon.identify.steps import merged
+from programs.identify.merge import merged
+from programs.simulate.simulated_robot import true_arm
 from simulator.mismatch import true_parameters
 
 DAY = "2026-11-23T00:00:00+00:00"

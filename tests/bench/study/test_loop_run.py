@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
+from bench.study.loop_session import RecordedDrives
 from bench.study.wakeups import Distribution
-from bench.workers.loop import RecordedDrives
 from drivers.can.virtual import QueueWire
 
 SYNC, SETPOINT = (0x080, b""), (0x201, bytes(6))

@@ -1,4 +1,4 @@
-"""Targets of `bench.loop`, from turns of both codes and a rival's wake-ups."""
+"""Targets of `bench.loop`, from turns and a rival's wake-ups."""
 
 from dataclasses import replace
 
@@ -17,11 +17,11 @@ def turn(cpu_us: float, *, missed: int = 0, rival_us: tuple[float, ...] = (50.0,
     figures = {name: np.full(TICKS, cpu_us) for name in FIGURES}
     figures["lateness_us"] = np.full(TICKS, 60.0)
     figures["setpoint_us"] = np.full(TICKS, 0.5 * cpu_us)
-    return Turn(figures, missed, Distribution.of(rival_us), Mode.TRACKING, 7, ["granted"])
+    return Turn(figures, missed, missed, Distribution.of(rival_us), Mode.TRACKING, 7, ["granted"])
 
 
-def run(hz: int, today: list[Turn], before: list[Turn]) -> Run:
-    return run_of(hz, today, before, rival="sleeper", waited=True)
+def run(hz: int, turns: list[Turn]) -> Run:
+    return run_of(hz, turns, rival="sleeper", waited=True)
 
 
 def met(of: Run, *, load: bool = False) -> dict[str, bool]:
@@ -29,38 +29,19 @@ def met(of: Run, *, load: bool = False) -> dict[str, bool]:
 
 
 def test_turns_become_one_run() -> None:
-    today = [turn(100.0, missed=1), turn(300.0, missed=2, rival_us=(50.0, 70.0))]
-    found = run(100, today, [turn(200.0), turn(400.0)])
+    turns = [turn(100.0, missed=1), turn(300.0, missed=2, rival_us=(50.0, 70.0))]
+    found = run(100, turns)
     assert found.missed == 3
     assert found.cpu_us.counts.tolist() == [TICKS, TICKS]
     assert found.rival_us is not None
     assert dict(zip(found.rival_us.values, found.rival_us.counts, strict=True)) == {50: 2, 70: 1}
-    ratio = found.to_before["cpu p50"]
-    assert (ratio.median, ratio.low, ratio.high, ratio.pairs) == (0.625, 0.5, 0.75, 2)
-    assert found.to_before.keys() == {"cpu p50", "cpu p99", "setpoint p50", "setpoint p99"}
-    assert found.data()["to_before"]["setpoint p99"]["median"] == 0.625
 
 
 def test_ticks_without_a_setpoint_are_left_out() -> None:
     one = turn(100.0)
     one.figures["setpoint_us"][:50] = np.nan
-    found = run(100, [one], [turn(100.0)])
+    found = run(100, [one])
     assert found.setpoint_us.counts.sum() == TICKS - 50
-    assert found.to_before["setpoint p50"].median == 1.0
-
-
-@pytest.mark.parametrize(("cpu_us", "good"), [(55.0, True), (56.0, False)])
-def test_a_woken_tick_is_held_against_before_at_100_hz(cpu_us: float, good: bool) -> None:
-    name = "CPU of a tick, median over before's"
-    assert met(run(100, [turn(cpu_us)], [turn(100.0)]))[name] is good
-    assert name not in met(run(100, [turn(cpu_us)], []))
-    assert name not in met(run(250, [turn(cpu_us)], [turn(100.0)]))
-
-
-@pytest.mark.parametrize(("setpoint_us", "good"), [(50.0, True), (51.0, False)])
-def test_the_setpoint_is_held_against_before(setpoint_us: float, good: bool) -> None:
-    found = met(run(100, [turn(2 * setpoint_us)], [turn(200.0)]))
-    assert found["SYNC to setpoint, median over before's"] is good
 
 
 @pytest.mark.parametrize(
@@ -71,7 +52,7 @@ def test_the_setpoint_is_held_against_before(setpoint_us: float, good: bool) -> 
 def test_loaded_at_250_hz_no_more_deadlines_are_missed_than_the_rival_would(
     missed: int, rival_us: tuple[float, ...], good: bool
 ) -> None:
-    found = run(250, [turn(100.0, missed=missed, rival_us=rival_us)], [])
+    found = run(250, [turn(100.0, missed=missed, rival_us=rival_us)])
     assert met(found, load=True)["deadlines missed, at most the sleeper's"] is good
     assert not [name for name in met(found) if "missed" in name]
 
@@ -80,13 +61,13 @@ def test_loaded_at_250_hz_no_more_deadlines_are_missed_than_the_rival_would(
 def test_loaded_at_250_hz_a_tick_takes_half_a_period_at_most(work_us: float, good: bool) -> None:
     one = turn(100.0)
     one.figures["work_us"][:2] = work_us
-    assert met(run(250, [one], []), load=True)["tick, p99"] is good
+    assert met(run(250, [one]), load=True)["tick, p99"] is good
 
 
 def test_an_arm_that_stopped_is_told_even_if_it_tracks_later() -> None:
     stopped = replace(turn(100.0), mode="holding")
-    assert met(run(100, [stopped, turn(100.0)], []))["tracking all the time"] is False
-    assert met(run(100, [turn(100.0)], []))["tracking all the time"] is True
+    assert met(run(100, [stopped, turn(100.0)]))["tracking all the time"] is False
+    assert met(run(100, [turn(100.0)]))["tracking all the time"] is True
 
 
 def test_a_turn_is_repeated_only_where_the_machine_stalled() -> None:
@@ -102,14 +83,14 @@ def test_what_a_repeated_turn_missed_counts_and_its_cost_does_not() -> None:
         turn(700.0, missed=9), mode="holding", rival_us=Distribution.of([10_001.0]), repeated=1
     )
     made = turn(100.0, missed=1).after(stalled)
-    found = run(100, [made], [])
+    found = run(100, [made])
     assert (found.missed, found.repeated, found.rivals_missed) == (10, 2, 1)
     assert found.cpu_us.at(50) == turn(100.0).figures["cpu_us"][0]
 
 
 def test_a_rival_that_sleeps_through_periods_misses_each_of_their_deadlines() -> None:
     late = replace(turn(100.0), rival_us=Distribution.of([4_000.0, 9_500.0, 20_100.0, 20_100.0]))
-    found = run(100, [late], [])
+    found = run(100, [late])
     assert (found.rivals_missed, found.rivals_late) == (0 + 1 + 2 * 2, 2)
     on_two_cpus = replace(found, rival_threads=2)
     assert (on_two_cpus.rivals_missed, on_two_cpus.rivals_late) == (2.5, 1.0)

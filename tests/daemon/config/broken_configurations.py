@@ -29,7 +29,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "poses: {a=1: {LElbowYaw: -0.1}}\ncontrol: {position_gain: 8.0}",
         "poses: {a=1",
         "poses.a=1",
-        ("takes for something else",),
+        ("choose another name",),
     ),
     "unknown key": (
         "control: {position_gain: 8.0}",
@@ -233,6 +233,20 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "collision: 0.8",
         "joints[0] (LShoulderPitch).thresholds.contact",
         ("0.8 must be less than collision (0.8)",),
+    ),
+    "a least level that learning may not leave": (
+        "collision: 6.0, least: 0.16",
+        "collision: 6.0, least: 0.1",
+        "least: 0.1",
+        "joints[0] (LShoulderPitch).thresholds.least",
+        ("0.1 must be 0.16 to 0.8 Nm", "0.2 to 1 times contact"),
+    ),
+    "a least level beyond contact": (
+        "collision: 6.0, least: 0.16",
+        "collision: 6.0, least: 0.9",
+        "least: 0.9",
+        "joints[0] (LShoulderPitch).thresholds.least",
+        ("0.9 must be 0.16 to 0.8 Nm",),
     ),
     "limits upside down": (
         "lower: -1.40, upper: 2.18",

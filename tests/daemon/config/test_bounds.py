@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from common.errors import ConfigurationError
 from daemon.assembly import build_estimator
 from daemon.config.bounds import beyond, bounded, near
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint
 from daemon.faults.detector import patience_deaf
-from errors import ConfigurationError
 from estimator.estimate import SENSED_PERIODS
 from estimator.interval import ROW
 from estimator.residual import Residual
@@ -29,13 +29,14 @@ OF_MOTOR = "Nm (torque_constant times max_current_A)"
 # and what the message must say: value, what is allowed, and by what.
 DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "levels of 800 Nm on a motor of 12": (
-        SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0",
-        "contact: 800, collision: 900", "joints[0] (joint).thresholds.contact",
+        SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0, least: 0.1",
+        "contact: 800, collision: 900, least: 160", "joints[0] (joint).thresholds.contact",
         ("800 Nm is beyond", "0.012 to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
     ),
     "levels below all noise": (
-        SINGLE_JOINT, "config.yaml", "contact: 0.5", "contact: 1e-12",
-        "joints[0] (joint).thresholds.contact", ("1e-12 Nm is beyond", "its current's noise"),
+        SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0, least: 0.1",
+        "contact: 1e-12, collision: 4.0, least: 2e-13", "joints[0] (joint).thresholds.contact",
+        ("1e-12 Nm is beyond", "its noise would be detected"),
     ),
     "one link in grams": (
         ROMEO, "arm.urdf", 'mass value="0.694[0-9]*"', 'mass value="694"',
@@ -57,7 +58,7 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
         "estimator.debounce", ("14 ticks is beyond", "up to 12.23 ticks", "ln 2 / gain"),
     ),
     "levels that grow with speed": (
-        SINGLE_JOINT, "config.yaml", "collision: 4.0}", "collision: 4.0, per_speed: 1e6}",
+        SINGLE_JOINT, "config.yaml", "least: 0.1}", "least: 0.1, per_speed: 1e6}",
         "joints[0] (joint).thresholds.per_speed",
         ("1e+06 Nm s/rad is beyond", "up to 2.75", "at limits.velocity come to 6 Nm"),
     ),
@@ -166,8 +167,8 @@ def test_what_makes_an_arm_deaf_is_refused(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("folder", [ROMEO, DESK_ARM, SINGLE_JOINT])
 def test_every_shipped_arm_is_well_within(folder: Path) -> None:
     robot = load_robot(folder)
-    assert near(robot.configuration, robot.urdf) == []
-    assert all(not one.refused for one in bounded(robot.configuration, robot.urdf))
+    assert near(robot.configuration, robot.model) == []
+    assert all(not one.refused for one in bounded(robot.configuration, robot.model))
 
 
 def test_a_frame_needs_no_inertial(tmp_path: Path) -> None:
@@ -238,7 +239,7 @@ def feels(c: Configuration) -> bool:
     """True if the estimator, built from the configuration, feels what it must: half of the motor's
     torque in motion after 0.15 s of twice the level, all of it at rest."""
     joint: Joint = c.joints[0]
-    estimator = build_estimator(c, ROBOT.urdf)
+    estimator = build_estimator(c, ROBOT.model)
     motor = joint.torque_constant * joint.wiring.max_current_A
     levels = estimator.detector.levels
     in_motion = levels.usual(0, joint.limits.velocity)
@@ -258,7 +259,7 @@ def feels(c: Configuration) -> bool:
 
 @given(c=configurations())
 def test_an_arm_that_is_accepted_feels(c: Configuration) -> None:
-    if not beyond(c, ROBOT.urdf):
+    if not beyond(c, ROBOT.model):
         assert feels(c)
 
 
@@ -266,10 +267,10 @@ def test_an_arm_that_is_accepted_feels(c: Configuration) -> None:
 def test_no_figure_alone_gets_beyond_its_bound(path: tuple[str, ...], factor: float) -> None:
     joint = ROBOT.configuration.joints[0]
     where = f"joints[0] (joint).{'.'.join(path)}"
-    bounds = [b for b in bounded(ROBOT.configuration, ROBOT.urdf) if b.where == where]
+    bounds = [b for b in bounded(ROBOT.configuration, ROBOT.model) if b.where == where]
     high = min(b.high for b in bounds)
     c = msgspec.structs.replace(ROBOT.configuration, joints=[changed(joint, path, factor * high)])
-    assert where in [problem.where for problem in beyond(c, ROBOT.urdf)]
+    assert where in [problem.where for problem in beyond(c, ROBOT.model)]
 
 
 @pytest.mark.parametrize(("times", "refused"), [(9.9, False), (10.1, True)])
@@ -281,7 +282,7 @@ def test_a_current_of_no_motor(times: float, refused: bool) -> None:
     c = msgspec.structs.replace(
         ROBOT.configuration, joints=[changed(joint, ("wiring", "max_current_A"), current)]
     )
-    found = [problem.where for problem in beyond(c, ROBOT.urdf)]
+    found = [problem.where for problem in beyond(c, ROBOT.model)]
     assert found == (["joints[0] (joint).wiring.max_current_A"] if refused else [])
 
 
@@ -300,8 +301,8 @@ def test_the_check_can_fail() -> None:
 def test_a_period_that_is_deaf_for_long_is_told(period_ms: int) -> None:
     robot = load_robot(SINGLE_JOINT)
     c = msgspec.structs.replace(robot.configuration, period_ms=period_ms)
-    told = [p.what for p in near(c, robot.urdf) if p.where == "period_ms"]
-    assert len(told) == (period_ms > 40)
+    warnings = [p.what for p in near(c, robot.model) if p.where == "period_ms"]
+    assert len(warnings) == (period_ms > 40)
     patience = patience_deaf(period_ms / 1000)
     assert 1 <= patience <= 5
     if period_ms <= 40:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from common.errors import ConfigurationError
 from daemon.config.load import load_robot, parse_configuration
-from errors import ConfigurationError
 from tests.daemon.config.broken_configurations import BROKEN, BROKEN_URDF
 
 ROMEO = Path(__file__).parents[3] / "configs" / "romeo_left_arm"
@@ -108,6 +108,7 @@ def test_everything_that_does_not_fit_is_listed_at_once(tmp_path: Path) -> None:
         "joints[3] (LElbowYaw).wiring.node",
         "joints[4] (LWristRoll).wiring.node",
         "joints[0] (LShoulderPitch).thresholds.contact",
+        "joints[0] (LShoulderPitch).thresholds.least",
         "estimator.gain",
         "trajectory.sinusoids.RShoulderPitch",
         "joints[1] (LShoulderYaw).limits",

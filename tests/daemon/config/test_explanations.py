@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
+from common.errors import ConfigurationError
 from daemon.config.explanations import EXPLANATIONS, explain
 from daemon.config.schema import Configuration, Joint, JointLimits, Levels
 from drivers.settings import BusSettings, DriveProfile, JointWiring, Quantity
-from errors import ConfigurationError
 
 
 def fields(kind: type[msgspec.Struct], prefix: str, *, but: tuple[str, ...] = ()) -> set[str]:
@@ -41,7 +41,10 @@ def test_every_field_of_arms_and_drives_is_explained() -> None:
         ("drives.servo.link_position.type", ["drives.type"]),
         ("drives.servo.tpdo.1", ["drives.tpdo"]),
         ("name", ["name", "joints.name"]),
-        ("thresholds", [f"joints.thresholds.{x}" for x in ("contact", "collision", "per_speed")]),
+        (
+            "thresholds",
+            [f"joints.thresholds.{x}" for x in ("contact", "collision", "per_speed", "least")],
+        ),
     ],
 )
 def test_a_field_is_found_by_its_place(field: str, found: list[str]) -> None:

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
+from common.errors import ConfigurationError
 from daemon.assembly import check_parameters
 from daemon.config.evidence import objections
 from daemon.config.identified import (
@@ -26,7 +27,6 @@ from daemon.config.marks import fingerprint
 from daemon.config.schema import Configuration, Friction, Levels
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Check
-from errors import ConfigurationError
 
 DAY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
 ENTRIES: dict[str, Entry] = {
@@ -188,3 +188,24 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
     assert keys("torque_constant") == []
     assert identified_keys(["urdf"], c, found) == []
     assert identified_keys(["joints", 0, "half_gap"], c, None) == []
+
+
+@pytest.mark.parametrize(
+    ("known", "least", "steps", "share"),
+    [
+        ("{thresholds: by hand}", "", (), 1.0),
+        ("{thresholds: by hand}", ", least: 0.25", (), 0.5),
+        ("{gap: by hand}", "", (), 0.2),
+        ("{thresholds: by hand}", "", ("thresholds",), 0.2),
+    ],
+)
+def test_only_a_person_lowers_a_level_that_he_states(
+    tmp_path: Path, known: str, least: str, steps: tuple[str, ...], share: float
+) -> None:
+    folder = arm(tmp_path, known, *steps).folder
+    config = folder / "config.yaml"
+    text = config.read_text()
+    assert ", least: 0.1}" in text
+    config.write_text(text.replace(", least: 0.1}", f"{least}}}"))
+    (joint,) = load_robot(folder).configuration.joints
+    assert joint.least_share == pytest.approx(share)

@@ -20,13 +20,13 @@ from daemon.config.identified import (
 )
 from daemon.config.load import Robot, load_robot
 from daemon.config.marks import fingerprint
-from daemon.config.schema import Friction, Levels, Step
-from daemon.identify.steps import merged
+from daemon.config.schema import ArmingStep, Friction, Levels
 from estimator.body_inertia import BodyInertia
+from programs.identify.merge import merged
 
 DAY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
 BODY = BodyInertia(mass=1.1, com=(0.0, 0.0, -0.2), inertia=(0.02, 0.0, 0.0, 0.02, 0.0, 0.001))
-ENTRIES: dict[Step, Entry] = {
+ENTRIES: dict[ArmingStep, Entry] = {
     "wiring": WiringEntry(**DAY, follows=1.0),
     "gap": GapEntry(**DAY, half_gap=0.1, confidence=0.001),
     "masses": MassesEntry(**DAY, body=BODY, by_urdf=0.3, by_this=0.1),

@@ -8,10 +8,10 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import served_daemon
-from bench.rigs.typed_session import wired_joint
-from daemon.clients.client import Client
-from daemon.commands.identification import from_here
 from daemon.config.load import load_robot
+from programs.clients.client import Client
+from programs.identify.identification import from_here
+from tests.programs.identify.typed_session import wired_joint
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from estimator.model import Model
 
 def test_a_pendulum_at_its_limit():
     robot = load_robot(SINGLE_JOINT)
-    (load,) = worst_loads(robot.configuration, robot.urdf)
+    (load,) = worst_loads(robot.configuration, robot.model)
     assert load.gravity == pytest.approx(1.0 * 9.81 * 0.2 * np.sin(1.4))
     assert load.motor == 3.0 * 4.0
 
@@ -24,7 +24,7 @@ def test_no_pose_asks_much_more():
     limits = [(joint.limits.lower, joint.limits.upper) for joint in joints]
     starts = np.random.default_rng(5).uniform(*np.transpose(limits), (300, 7))
     gravity = np.array([model.gravity(q) for q in starts])
-    loads = worst_loads(robot.configuration, robot.urdf)
+    loads = worst_loads(robot.configuration, robot.model)
     for i in (0, 1, 6):
         most = 0.0
         for k in np.argsort(np.abs(gravity[:, i]))[-4:]:
@@ -38,8 +38,8 @@ def test_no_pose_asks_much_more():
 
 def test_always_the_same():
     robot = load_robot(ROMEO)
-    once = worst_loads(robot.configuration, robot.urdf)
-    assert worst_loads(robot.configuration, robot.urdf) == once
+    once = worst_loads(robot.configuration, robot.model)
+    assert worst_loads(robot.configuration, robot.model) == once
 
 
 @pytest.mark.parametrize(("gravity", "too_much"), [(4.7, False), (4.8, False), (4.9, True)])

@@ -102,8 +102,8 @@ def test_an_undisturbed_tick_finds_nothing(detector: FaultDetector, mode: Mode) 
         (HeartbeatLost(7), "heartbeat lost: node 7"),
         (
             Emergency(1, 0x8130, 0x11),
-            "emergency message: node 1 (shoulder): 0x8130 (heartbeat of the master lost), "
-            "error register 0x11",
+            "the daemon was not heard by a drive: node 1 (shoulder): 0x8130 (heartbeat of the "
+            "master lost), error register 0x11",
         ),
         (
             Emergency(3, 0xA123, 0x05),

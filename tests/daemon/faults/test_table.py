@@ -11,9 +11,15 @@ from drivers.events import BusEvent
 # What one tick gets over; where what is measured can still be trusted; what ends the program.
 # Everything else stops all drives until a person has looked.
 EXPECTED = {
-    Response.CONTINUE: {Condition.SAMPLE_MISSING, Condition.BUS_DISTURBED, Condition.LATE},
+    Response.CONTINUE: {
+        Condition.SAMPLE_MISSING,
+        Condition.BUS_LOADED,
+        Condition.BUS_DISTURBED,
+        Condition.LATE,
+    },
     Response.HOLD: {
         Condition.STARVED,
+        Condition.OLD,
         Condition.DEAF,
         Condition.ERROR_PASSIVE,
         Condition.TORQUE_SATURATED,
@@ -42,14 +48,15 @@ CHECKS = {
     "drives": {
         Condition.DRIVE_FAULT,
         Condition.DRIVE_DROPPED,
+        Condition.SUPPLY_LOST,
         Condition.NOT_FOLLOWING,
         Condition.IGNORES_SETPOINT,
         Condition.NOT_SEEN_TO_STOP,
         Condition.UNPROVED,
     },
-    "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED},
+    "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED, Condition.OLD},
     "estimator": {Condition.DEAF},
-    "heartbeats": {Condition.HEARTBEAT_LOST},
+    "heartbeats": {Condition.HEARTBEAT_LOST, Condition.UNHEARD},
     "emergencies": {Condition.EMERGENCY},
     "set-up": {Condition.REBOOTED},
     "residual": {Condition.RESIDUAL_LIMIT},

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import MANNER, IdealArm, holding_arm
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
-from tests.daemon.conftest import MakeArm as Make
+from tests.fake_daemon import MakeArm as Make
+from tests.ideal_arm import MANNER, IdealArm, holding_arm
 
 R, M = ContactReaction, Mode
 AFTER = {

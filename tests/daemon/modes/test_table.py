@@ -154,7 +154,7 @@ def test_only_a_contact_of_an_energised_arm_makes_it_yield(
     into = [event for event in Event if next_mode(mode, event) is guided]
     # It backs away anew; to yield anew is nothing, and to let go comes first.
     felt = mode in SENSING - {Mode.RELEASING} and not mode is guided is Mode.ADMITTANCE
-    paused = [Event.PAUSE] if mode is guided else []
+    paused = [Event.PAUSE, Event.ABANDON] if mode is guided else []
     assert into == paused + ([event] if felt else [])
 
 
@@ -233,7 +233,7 @@ def test_a_trajectory_goes_on_only_after_a_contact(mode: Mode, event: Event) -> 
     machine.apply(event, "why", 2.0)
     goes_on = machine.mode in GUIDED and mode in (Mode.TRACKING, *sorted(GUIDED))
     assert machine.moving is (
-        machine.mode is Mode.TRACKING or (goes_on and event is not Event.PAUSE)
+        machine.mode is Mode.TRACKING or (goes_on and event not in (Event.PAUSE, Event.ABANDON))
     )
 
 
@@ -272,6 +272,19 @@ def test_modes_and_words_are_complete() -> None:
     assert Mode.OFF not in ENERGISED
     assert Mode.FAULTED not in ENERGISED
     assert all((Mode.FAULTED, e) not in TRANSITIONS for e in COMMANDS - DISARMS)
+
+
+@pytest.mark.parametrize("armed", [False, True])
+@pytest.mark.parametrize("mode", [m for m in Mode if next_mode(m, Event.PAUSE)])
+def test_what_is_abandoned_halts_as_by_pause_and_is_forgotten(mode: Mode, armed: bool) -> None:
+    machine, paused = machine_in(mode, armed=armed), machine_in(mode, armed=armed)
+    machine.paused = paused.paused = True
+    machine.apply(Event.ABANDON, "why", 2.0)
+    paused.apply(Event.PAUSE, "why", 2.0)
+    assert (machine.mode, machine.armed) == (paused.mode, armed)
+    assert (machine.trajectory, paused.trajectory) == ("ready", "paused")
+    assert machine.cause.endswith("why")
+    assert machine.changes[-1].cause == "why"
 
 
 def test_what_is_with_the_trajectory() -> None:

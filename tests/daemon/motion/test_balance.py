@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daemon.motion.admittance import MAX_GAIN
 from daemon.motion.balance import (
     FIRMEST_1_S,
     GRIP_M,
@@ -16,6 +15,7 @@ from daemon.motion.balance import (
     leading_torque,
     levers,
 )
+from daemon.protocol.bounds import MAX_GAIN
 
 LIGHT = 1e-6  # an inertia that bounds nothing [kg m2]
 N = 3

@@ -128,7 +128,7 @@ def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -
     [
         ("limp", "move it back by hand"),
         ("brake", "release its brake and move it back by hand"),
-        ("hold", "take its drive's power away and move it back by hand"),
+        ("hold", "switch its drive off and move it back by hand"),
     ],
 )
 def test_further_out_somebody_has_to_move_it_and_is_told_how(end: str, how: str) -> None:

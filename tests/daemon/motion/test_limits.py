@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.motion.limits import Limits
 from tests.examples import scaled
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import MANNER, T, ideal_arm, tracking_arm
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
+from tests.ideal_arm import MANNER, T, ideal_arm, tracking_arm
 
 SOFT = Reactions(ContactReaction.ADMITTANCE, ContactReaction.ADMITTANCE)
 FAR = AllowanceSettings(max_duration_s=100.0, max_excursion=3.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.motion.limits import Limits
 from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from arrays import Vector
+from common.arrays import Vector
 from daemon.motion.limits import Limits
 from daemon.motion.release import (
     DEBOUNCE_TICKS,
@@ -159,10 +159,18 @@ def test_begun_again_by_the_same_push_it_has_what_is_left_of_its_distance() -> N
 @pytest.mark.parametrize(
     ("felt", "q", "words"),
     [
-        ([0.0, 0.0], [0.1, 0.0], "let go of a (it felt +4.0 Nm)"),
-        ([2.0, 0.0], [0.295, 0.0], "a still feels +4.0 Nm after giving way by 0.29 rad"),
-        ([2.0, 0.0], [0.1, 0.0], "a still feels +4.0 Nm after giving way by 0.10 rad for 2.2 s"),
-        ([0.0, -0.1], [0.1, 0.0], "pressed from elsewhere while it let go: b feels -0.2 Nm"),
+        ([0.0, 0.0], [0.1, 0.0], "let go of contact at a (+4.0 Nm)"),
+        ([2.0, 0.0], [0.295, 0.0], "still pressed with +4.0 Nm at a after giving way by 0.29 rad"),
+        (
+            [2.0, 0.0],
+            [0.1, 0.0],
+            "still pressed with +4.0 Nm at a after giving way by 0.10 rad for 2.2 s",
+        ),
+        (
+            [0.0, -0.1],
+            [0.1, 0.0],
+            "pressed from elsewhere while it let go: contact of -0.2 Nm at b",
+        ),
     ],
 )
 def test_its_end_names_the_joint_and_the_torque(

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.errors import TrajectoryError
 from daemon.motion.limits import Limits
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.trajectory_file import MAX_ROWS, rows_of, slopes
-from errors import TrajectoryError
 from tests.examples import scaled
 
 JOINTS = ["a", "b", "c"]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from common.errors import TrajectoryError
 from daemon.motion.trajectory_file import read_trajectory, refuse_shapes
-from errors import TrajectoryError
 from tests.examples import scaled
 
 JOINTS = ["LElbowRoll", "LElbowYaw"]

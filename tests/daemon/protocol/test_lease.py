@@ -33,7 +33,7 @@ def test_who_is_the_same_owner(owner: Owner, other: Owner, same: bool) -> None:
 
 def test_another_is_refused_with_who_and_how_long() -> None:
     words = Lease(ALICE, 560.0).refusal(BOB, 8.0)
-    assert words.startswith("armed by uid 1000 (pid 7) for another 9 min 12 s: only they renew it")
+    assert words.startswith("armed by uid 1000 (pid 7) for another 9 min 12 s: only this owner can")
     assert "disarm" in words
     assert Lease(ALICE, 560.0).refusal(BOB, 560.0) == ""
 

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.protocol.messages import Header, Request, on_behalf_of, printable
-from daemon.service.socket import SHORT_BYTES
+from daemon.protocol.strict_json import StrictDecoder
+from daemon.service.answers import SHORT_BYTES
 
 
 def load(name: str) -> bytes:
@@ -38,6 +39,22 @@ def load(name: str) -> bytes:
 def test_a_name_that_is_not_one_line_is_refused(name: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=r"\$\.header\.name"):
         msgspec.json.decode(load(name), type=Request)
+
+
+@pytest.mark.parametrize(
+    ("packet", "ends"),
+    [
+        (b'{"command":"go","speed":5e-324}', "at `$.speed`, not 5e-324"),
+        (b'{"command":"load","header":{"name":7,"joints":[]}}', "at `$.header.name`, not 7"),
+        (b'{"command":"go","speed":9,"targets":{"\x95":1}}', ""),
+        (b'{"command":"go","speed":9,"x":%s' % (900 * b"["), ""),
+        (b'{"command":"go","targets":{"a":"x"}}', "`$.targets[...]`"),
+    ],
+)
+def test_an_error_names_place_and_value(packet: bytes, ends: str) -> None:
+    with pytest.raises(msgspec.DecodeError) as refused:
+        StrictDecoder(Request).decode(packet)
+    assert str(refused.value).endswith(ends)
 
 
 @pytest.mark.parametrize("name", ["move.csv", "a swing, 2 (soft).csv", "Bewegung früh.csv", "動き"])

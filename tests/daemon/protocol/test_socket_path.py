@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from common.errors import ControlError
 from contactd_client import paths
 from contactd_client.paths import default_socket_path, usual_socket_path, view_socket_path
 from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.messages import Reply
 from daemon.service.socket import ControlSocket
-from errors import ControlError
 
 SOMEBODY_ELSE = """
 import contextlib, os, socket, sys

@@ -16,13 +16,13 @@ import can
 import pytest
 from click.testing import CliRunner
 
-from daemon.commands.contactd import main
+from common.errors import LogError
 from daemon.protocol.doors import DOORS, Door
 from daemon.service import black_box
 from daemon.service.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
 from drivers.can.frame_ring import FrameRing, Recorded
 from drivers.can.wire import ERROR, EXTENDED, REMOTE
-from errors import LogError
+from programs.contactd.contactd import main
 
 FRAMES = [
     Recorded(1_700_000_000.25, 0x181, b"\x27\x02", False),
@@ -200,7 +200,7 @@ def test_no_place_for_it_is_no_reason_not_to_run(path, tmp_path, caplog):
     (tmp_path / "state").write_text("a file")
     with BlackBox(path, tmp_path / "state", 10.0) as box:
         assert box.ring is None
-        box.tell("a fault")
+        box.report("a fault")
     assert "no black box" in caplog.text
 
 
@@ -256,12 +256,12 @@ def test_a_helper_that_was_killed_is_begun_anew_and_hears_of_the_fault(path, log
         first.kill()
         first.wait()
         for _ in range(15):
-            box.tell("heartbeat lost")
+            box.report("heartbeat lost")
         assert not caplog.records
         box.look_after(100.0)
         assert box._helper is not first
         assert [r.message for r in caplog.records] == [
-            "the black box's helper ended (-9): it is begun anew"
+            "the black box's helper ended (-9): restarting it"
         ]
         end = time.monotonic() + 20.0
         while not list(logs.glob("[!.]*.blf")) and time.monotonic() < end:
@@ -336,7 +336,7 @@ def test_who_may_not_read_the_ring_is_told_how_to_be_let_in(tmp_path, monkeypatc
 
     ring = ring_path(tmp_path / "control")
     filled(ring)
-    monkeypatch.setattr("daemon.commands.black_box.open_regular", denied)
+    monkeypatch.setattr("programs.contactd.black_box.open_regular", denied)
     monkeypatch.setattr(Path, "group", lambda _: "contact")
     result = CliRunner().invoke(main, ["black-box", "--socket", str(tmp_path / "control"), *more])
     assert result.exit_code == 69

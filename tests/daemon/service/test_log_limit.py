@@ -2,7 +2,7 @@
 
 import re
 
-from daemon.service.journal import BURST, MOST_TOLD, PER_S, LogLimit
+from daemon.service.journal import BURST, MOST_NAMED, PER_S, LogLimit
 
 
 def test_a_person_is_told_line_by_line() -> None:
@@ -45,5 +45,5 @@ def test_many_different_lines_are_bounded() -> None:
     for i in range(1000):
         limit.admit(f"armed by pid {i}", 0.0)
     text = limit.summary(1.0)
-    assert text.count(" x armed by pid") == MOST_TOLD
-    assert f"{1000 - BURST - MOST_TOLD} x others" in text
+    assert text.count(" x armed by pid") == MOST_NAMED
+    assert f"{1000 - BURST - MOST_NAMED} x others" in text

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from daemon.service.notify import Notifier, notifier_of, why_told
-from errors import DriveError
+from common.errors import DriveError
+from daemon.service.notify import Notifier, failure_reported, notifier_of
 
 T = 0.01
 Connect = Callable[..., Notifier]
@@ -159,11 +159,11 @@ def test_the_timeout_comes_from_the_environment(
 
 def test_an_error_that_ends_the_process_is_its_status(manager: socket.socket) -> None:
     there = {"NOTIFY_SOCKET": address_of(manager)}
-    with pytest.raises(DriveError), why_told(there, os.getpid()):
+    with pytest.raises(DriveError), failure_reported(there, os.getpid()):
         raise DriveError("LElbowRoll (node 3):\ndoes not answer")
-    with pytest.raises(ZeroDivisionError), why_told(there, os.getpid()):
+    with pytest.raises(ZeroDivisionError), failure_reported(there, os.getpid()):
         raise ZeroDivisionError
-    with why_told(there, os.getpid()):
+    with failure_reported(there, os.getpid()):
         pass
     assert received(manager) == [
         b"STATUS=failed: LElbowRoll (node 3): does not answer",

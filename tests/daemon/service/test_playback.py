@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
-from daemon.clients.client import Client
-from daemon.clients.trajectory_recorder import Recorded, record_trajectory
 from daemon.modes.table import Mode
+from programs.clients.client import Client
+from programs.clients.trajectory_recorder import Recorded, record_trajectory
 
 
 def test_what_was_led_is_played(served: ServedDaemon, tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ mode, cpus = sys.argv
 if mode == "no rights":
     resource.setrlimit(resource.RLIMIT_MEMLOCK, (0, 0))
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
-from daemon.service.realtime import go_realtime, single_threaded
+from common.numeric_threads import single_threaded
+from daemon.service.realtime import go_realtime
 if mode != "many threads":
     single_threaded()
 else:

@@ -13,13 +13,14 @@ import yaml
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from common.errors import ContactdError, ControlError
 from contactd_client.client import Joined, Lost, follow
-from daemon.clients import recorder
-from daemon.clients.client import Client
-from daemon.clients.reload import reload
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Snapshot, State
-from errors import ContactdError, ControlError
+from estimator.model import Model
+from programs.clients import recorder
+from programs.clients.client import Client
+from programs.clients.reload import reload
 
 Edit = Callable[[dict[str, Any]], None]
 
@@ -66,6 +67,38 @@ def test_enable_takes_up_what_was_edited(served: ServedDaemon, arm: Path) -> Non
     )
     assert gain_of(served) == 0.111
     assert served.contactctl("gain", "joint").stdout.split() == ["joint", "0.111"]
+
+
+MASSES = (
+    "masses: {date: d, log: l, by_urdf: 0.3, by_this: 0.1, body: {mass: 1.1, com: [0, 0, -0.2], "
+    "inertia: [0.02, 0, 0, 0.02, 0, 0.001]}}"
+)
+
+
+def test_an_arm_has_one_model(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[Model] = []
+    build = Model.__init__
+
+    def counted(model: Model, *parts: Any) -> None:
+        built.append(model)
+        build(model, *parts)
+
+    monkeypatch.setattr(Model, "__init__", counted)
+    edit(arm, lambda written: written.update(payloads={"cup": {"mass": 0.3}}))
+    with served_daemon(arm.parent, arm) as served:
+        assert built == [served.rig.robot.model] == [served.rig.tick.estimator.model]
+        edit(arm, softer)
+        assert served.contactctl("enable").exit_code == 0
+        assert built[1:] == [served.rig.robot.model] == [served.rig.tick.estimator.model]
+        assert served.contactctl("disable").exit_code == 0
+        # With identified masses the arm is another than that of config.yaml, which is checked too.
+        identified = arm / "identified.yaml"
+        identified.write_text(identified.read_text().replace("gap: null", MASSES))
+        assert served.contactctl("reload").exit_code == 0
+        robot = served.rig.robot
+        assert robot.by_hand is not None
+        assert built[2:] == [robot.by_hand.model, robot.model]
+        assert (built[2].mass, built[3].mass) == (1.0, 1.1)
 
 
 def test_a_program_that_enables_is_told_to_reload(served: ServedDaemon, arm: Path) -> None:

@@ -21,15 +21,15 @@ import zenoh
 from click.testing import CliRunner
 from rosbags.typesys import Stores, get_typestore
 
-from bench.rigs.bridge import Bridge
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from bench.rigs.visitor import visiting
-from bench.rigs.zenoh_router import free_port, session_at
 from contactd_client.paths import view_socket_path
-from daemon.clients.client import Client
-from daemon.commands import contactd
-from daemon.commands.foxglove_door import serve
+from programs.clients.client import Client
+from programs.contactd import contactd
+from programs.foxglove.foxglove_door import serve
+from tests.programs.web.visitor import visiting
+from tests.programs.zenoh.bridge import Bridge
+from tests.programs.zenoh.zenoh_router import free_port, session_at
 
 ROOT = Path(contactd.__file__).parents[2]
 OLD, NEW = "joint", "elbow"
@@ -201,7 +201,7 @@ def test_watch_goes_on_and_ends_with_the_daemon(arm: Path) -> None:
                 drawn.extend(piece)
 
     with served_daemon(arm.parent, arm) as served:
-        program = "from daemon.commands.contactctl import main; main()"
+        program = "from programs.contactctl.contactctl import main; main()"
         command = [sys.executable, "-c", program, "--socket", str(served.path), "watch"]
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
         process = subprocess.Popen(

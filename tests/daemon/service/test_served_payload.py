@@ -8,13 +8,13 @@ import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from daemon.clients.client import Client
 from daemon.config.load import load_robot
 from daemon.config.schema import PayloadEntry
 from daemon.config.worst_loads import Carrying
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Request, State
 from estimator.payload import Payload
+from programs.clients.client import Client
 
 CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
 
@@ -22,7 +22,7 @@ CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
 def test_it_is_told_shown_and_taken_off(served: ServedDaemon) -> None:
     assert (
         served.contactctl("payload").stdout
-        == "none; what was told before the daemon started is forgotten\n"
+        == "none; a payload announced before the daemon started is forgotten\n"
     )
     result = served.contactctl("payload", "0.4", "--com", "0.1", "0", "-0.05")
     assert (result.exit_code, result.stdout) == (0, "payload: 0.4 kg at (0.100 0.000 -0.050) m\n")
@@ -41,9 +41,9 @@ def test_it_is_told_shown_and_taken_off(served: ServedDaemon) -> None:
     ("arguments", "code", "words"),
     [
         (["cup"], 1, "no payload 'cup' under `payloads` in the configuration; there is none"),
-        (["-1"], 1, "-1 kg is no payload: more than 0, at most 100 kg"),
+        (["-1"], 1, "-1 kg is not allowed: 0.001 to 100 kg; 0 for nothing"),
         (["nan"], 2, "nan is not a mass"),
-        (["101"], 1, "at most 100 kg"),
+        (["101"], 1, "0.001 to 100 kg"),
         (["0.4", "--com", "0", "nan", "0"], 2, "--com 0.0 nan 0.0 is not a place"),
         (["0,4"], 1, "a mass is a plain number, in kg"),
         (["1", "--com", "0", "0", "3"], 1, "(0 0 3) m is no place"),
@@ -99,7 +99,7 @@ def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, clie
     status = served.until(client.ask_status)
     assert status.recognised == "looks like a load of 0.4 kg at the hand: `contactctl payload 0.4`"
     assert status.advice.splitlines() == [
-        "tell what the hand carries (`contactctl payload 0.4`), or take it away",
+        "announce the payload of the hand (`contactctl payload 0.4`), or remove it",
         "`contactctl start` goes on with the trajectory",
     ]
 
@@ -114,7 +114,7 @@ def test_it_is_refused_while_somebody_guides_the_arm(served: ServedDaemon) -> No
     assert rig.mode is Mode.ADMITTANCE
     result = served.contactctl("payload", "0.1")
     assert result.exit_code == 1
-    assert "somebody is guiding the arm: let go of it first" in result.stderr
+    assert "the arm is being guided: let go of it first" in result.stderr
     rig.arm.external_torque[0] = 0.0
     served.run(3.0)
     assert served.contactctl("payload", "0.1").exit_code == 0
@@ -161,7 +161,7 @@ def test_names_come_from_the_configuration(tmp_path: Path) -> None:
 def test_what_the_motors_can_hold_is_at_the_bound() -> None:
     """1 kg at 0.2 m and a motor of 12 Nm."""
     robot = load_robot(SINGLE_JOINT)
-    carrying = Carrying(robot.configuration, robot.urdf)
+    carrying = Carrying(robot.configuration, robot.model)
     place = (0.0, 0.0, -0.3)
     reasons = carrying.too_heavy(Payload.of(20.0, place))
     assert "joint would need up to" in reasons[0]

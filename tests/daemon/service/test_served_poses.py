@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from daemon.clients.client import Client
-from daemon.commands import go as command
 from daemon.config.schema import Configuration
-from daemon.modes.table import Mode
-from daemon.protocol.messages import Check, Request
+from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import Check, Request, Status, Trajectory
+from daemon.service.status import ASK_AGAIN
+from programs.clients.client import Client
+from programs.contactctl import go as command
 
 POSES = {"home": {"joint": 0.3}, "far": {"joint": 1.2}}
 
@@ -103,9 +104,9 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "joint=1", "joint=1", "--yes"], 2, "joint is given twice"),
         (["go", "--yes"], 2, "to which POSE, or JOINT=VALUE?"),
         (["go", "", "--yes"], 2, "'': either one POSE, or JOINT=VALUE for each joint"),
-        (["go", "home"], 2, "--yes moves the arm without a question"),
-        (["go", "home", "--json"], 2, "--yes moves the arm without a question"),
-        (["go", "home", "--yes", "--speed", "0"], 2, "not in the range 0<x<=2"),
+        (["go", "home"], 2, "pass --yes to skip it"),
+        (["go", "home", "--json"], 2, "pass --yes to skip it"),
+        (["go", "home", "--yes", "--speed", "0"], 2, "not in the range 0.001<=x<=2"),
         (["go", "home", "--yes", "--speed", "2.1"], 2, "not in the range"),
         (["go", "home", "--yes", "--speed", "nan"], 2, "not in the range"),
     ],
@@ -176,7 +177,7 @@ def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDae
     way = served.until(lambda: _ask(served, Request("go", pose="far", plan=True))).way
     ended = served.until(lambda: _waited(served, way))
     assert not ended.ok
-    assert ended.message.startswith("not there: holding, joint feels")
+    assert ended.message.startswith("not there: holding, contact of ")
     assert ended.reasons == ["`contactctl start` goes on with the trajectory"]
     assert served.contactctl("start").exit_code == 0
     while served.rig.mode is Mode.TRACKING:
@@ -266,20 +267,68 @@ def halted(served: ServedDaemon) -> str:
         served.tick()
         causes.append(cause(served))
     assert served.rig.mode is Mode.HOLDING
-    return next(text for text in causes if text.startswith("pause"))
+    return next(text for text in causes if text.startswith("abandon"))
 
 
-def test_a_client_that_is_gone_halts_the_way_it_attended_and_start_goes_on(
+def trajectory(served: ServedDaemon) -> Trajectory:
+    with Client(served.path) as client:
+        status = served.until(client.ask_status)
+    assert isinstance(status, Status)
+    return status.trajectory
+
+
+def starts_the_configured(served: ServedDaemon) -> bool:
+    """True where the next `start` runs the configured trajectory from its beginning, as `status`
+    announces."""
+    controller = served.rig.tick.controller
+    configured, shown = controller._configured.path, trajectory(served)
+    assert (shown.name, shown.state, shown.time_s) == (configured.name, "ready", 0.0)
+    assert served.contactctl("start").exit_code == 0
+    return controller.motion.follower.place.path is configured
+
+
+def test_a_client_that_is_gone_halts_the_way_it_attended_which_is_forgotten(
     served: ServedDaemon,
 ) -> None:
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
-    assert halted(served) == "pause by the daemon: its client is gone"
+        assert trajectory(served).attended
+    assert halted(served) == "abandon by the daemon: its client is gone; its motion is forgotten"
     assert stands(served) < 1.0
-    assert served.contactctl("start").exit_code == 0
-    while served.rig.mode is Mode.TRACKING:
-        served.tick()
-    assert stands(served) == pytest.approx(1.2, abs=0.01)
+    assert starts_the_configured(served)
+
+
+@pytest.mark.parametrize("event", [Event.PAUSE, Event.HALT])
+def test_what_was_halted_before_its_client_went_is_forgotten_too(
+    served: ServedDaemon, event: Event
+) -> None:
+    """As after Ctrl-C of a step of the identification, or a contact."""
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        served.rig.tick.controller.mend(event, "before", served.rig.time_s)
+        served.run(0.5)
+        paused = trajectory(served)
+        assert (paused.state, paused.attended) == ("paused", True)
+        status = served.until(client.ask_status)
+        assert status.advice == ASK_AGAIN
+    served.run(0.1)
+    assert (
+        cause(served)
+        == "before; abandon by the daemon: its client is gone; its motion is forgotten"
+    )
+    assert starts_the_configured(served)
+
+
+def test_a_guided_arm_is_left_alone_when_the_client_goes(served: ServedDaemon) -> None:
+    with Client(served.path) as client:
+        sets_out(served, client, attended=True)
+        machine = served.rig.tick.controller.machine
+        machine.arm("the test")
+        served.rig.tick.controller.mend(Event.TOUCH, "a touch", served.rig.time_s)
+        assert machine.moving
+    served.tick()
+    assert (machine.mode, machine.armed) == (Mode.ADMITTANCE, True)
+    assert (machine.moving, machine.paused) == (False, False)
 
 
 def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon) -> None:
@@ -289,7 +338,9 @@ def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon)
         served.until(client.ask_status)
         served.run(1.9)
         assert served.rig.mode is Mode.TRACKING
-        assert halted(served) == "pause by the daemon: its client has been silent for 2 s"
+        silent = "its client has been silent for 2 s; its motion is forgotten"
+        assert halted(served) == f"abandon by the daemon: {silent}"
+        assert starts_the_configured(served)
 
 
 def test_a_way_that_nobody_attends_goes_on(served: ServedDaemon) -> None:
@@ -300,11 +351,25 @@ def test_a_way_that_nobody_attends_goes_on(served: ServedDaemon) -> None:
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_what_somebody_else_started_since_is_not_halted(served: ServedDaemon) -> None:
+def test_a_plain_start_leaves_the_way_with_its_client(served: ServedDaemon) -> None:
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
         served.contactctl("pause")
         served.contactctl("start")
+        served.run(0.2)
+        assert served.rig.mode is Mode.TRACKING
+        assert trajectory(served).attended
+    served.run(0.2)
+    assert served.rig.mode is not Mode.TRACKING
+    assert starts_the_configured(served)
+
+
+def test_another_motion_that_was_started_since_is_not_halted(served: ServedDaemon) -> None:
+    with Client(served.path) as client, Client(served.path) as other:
+        sets_out(served, client, attended=True)
+        served.contactctl("pause")
+        assert served.until(lambda: other.go("home")).ok
+        served.run(0.2)
     served.run(0.2)
     assert served.rig.mode is Mode.TRACKING
 

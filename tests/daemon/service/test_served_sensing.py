@@ -9,7 +9,7 @@ import pytest
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.served_daemon import served_daemon
 from daemon.config.schema import Configuration
-from daemon.tick.felt import felt_now
+from daemon.service.sensitivity import sensitivity_now
 from drivers.can.wire import Wire
 from drivers.codec import transmit_pdos
 
@@ -47,7 +47,7 @@ def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -
     assert 0.015 < state.sensing_since_s[0] - lost_s < 0.035  # two periods and a half, of 10 ms
     assert "not sensing contact: joint for 0." in shown
     assert "every joint" not in shown
-    assert "joint         nothing    nothing" in shown
+    assert "joint             nothing    nothing" in shown
 
 
 def test_a_level_that_fades_after_missing_samples_is_told(tmp_path: Path) -> None:
@@ -60,13 +60,13 @@ def test_a_level_that_fades_after_missing_samples_is_told(tmp_path: Path) -> Non
     with served_daemon(tmp_path, configure=patient, between=between) as served:
         served.rig.enable()
         served.run(0.3)
-        before = felt_now(served.rig.tick)
+        before = sensitivity_now(served.rig.tick)
         (drive,) = served.rig.robot.configuration.joint_drives
         wires[0].lost = {pdo.cob_id for pdo in transmit_pdos(drive)}
         served.run(0.03)
         wires[0].lost = set()
         served.run(0.02)
-        after = felt_now(served.rig.tick)
+        after = sensitivity_now(served.rig.tick)
         assert before is not None
         assert after is not None
         (level,) = served.rig.estimate.threshold.tolist()

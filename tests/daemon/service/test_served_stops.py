@@ -9,7 +9,6 @@ import pytest
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from daemon.commands import replies
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
@@ -19,6 +18,7 @@ from drivers.can.wire import Wire
 from drivers.codec import transmit_pdos
 from drivers.drive import Drive
 from drivers.ids import SDO_ANSWER
+from programs.contactctl import replies
 
 PEER = Peer(0, 1, 1)
 JOINT = 2

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
-from daemon.clients.client import Client
-from daemon.clients.trajectory_recorder import Recorded, record_trajectory
+from common.errors import ControlError, LogError, TrajectoryError
 from daemon.config.schema import Configuration, Trajectory
 from daemon.modes.table import Mode
 from daemon.motion.seen import SeenMotion
 from daemon.motion.trajectory_file import read_trajectory
-from errors import ControlError, LogError, TrajectoryError
+from programs.clients.client import Client
+from programs.clients.trajectory_recorder import Recorded, record_trajectory
 
 
 def stands(served: ServedDaemon) -> float:
@@ -90,7 +90,9 @@ def test_an_arm_without_a_trajectory_yields_while_it_holds(tmp_path: Path) -> No
         served.run(0.5)
         assert served.rig.mode is Mode.ADMITTANCE
         served.run(3.0)
-        assert re.search(r"joint feels \S+ Nm.* \(3 s ago\)", served.contactctl("status").stdout)
+        assert re.search(
+            r"contact of \S+ Nm at joint.* \(3 s ago\)", served.contactctl("status").stdout
+        )
 
 
 def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
@@ -106,7 +108,7 @@ def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
 
     for motion, words in (
         (seen(0.45, 0.25), []),
-        (seen(0.3, 0.25), ["joint will reach 0.47 rad/s; its thresholds have seen 0.3"]),
+        (seen(0.3, 0.25), ["joint will reach 0.47 rad/s; its thresholds cover 0.3"]),
         (seen(0.45, 0.1), ["joint will move within ["]),
     ):
         process.seen = motion

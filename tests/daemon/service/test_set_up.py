@@ -24,21 +24,23 @@ from bench.rigs.drive_faults import (
     locked_and_slow,
     mode_changed,
     reboot,
+    restarts_operational,
     restarts_unheard,
     rpdo_off,
 )
 from bench.rigs.lines import LINES
+from common.errors import DriveError
 from daemon.modes.table import Event, Mode
 from drivers.cia402 import FAULT_STATES
 from drivers.codec import receive_pdos
 from drivers.events import ForeignMaster
 from drivers.ids import EMERGENCY, SYNC
-from errors import DriveError
 
 STANDS = 0.02  # [rad/s]
 FAULTS: dict[str, Fault] = {
     "restarts": reboot,
     "restarts unheard": restarts_unheard,
+    "restarts, and complains late": restarts_operational,
     "leaves operational": left_operational,
     "mode changed": mode_changed,
     "PDO turned off": rpdo_off,
@@ -48,6 +50,7 @@ FAULTS: dict[str, Fault] = {
 EXCLUDED = {
     ("mode changed", "durand"): "its motor follows in any mode",
     ("locked and slow", "durand"): "its stack boots at once",
+    ("restarts, and complains late", "durand"): "its stack has no inhibit time",
 }
 IN_MOTION = [
     pytest.param(make, fault, id=f"{make.name}, {name}")

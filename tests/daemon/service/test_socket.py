@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from common.errors import ModelError
 from daemon.protocol.messages import Reply, Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.socket import ControlSocket
-from errors import ModelError
 from tests.examples import scaled
 from tests.socket_peers import Dial, Handler, told
 

@@ -9,7 +9,7 @@ import pytest
 
 from daemon.protocol.messages import Request, Snapshot
 from daemon.service.socket import ControlSocket
-from tests.socket_peers import Dial, Handler, flooding, told
+from tests.socket_peers import Dial, Handler, flooding, inside, told
 
 
 def test_flood_is_bounded_and_starves_nobody(control: ControlSocket, dial: Dial) -> None:
@@ -51,9 +51,7 @@ def test_the_last_word_of_who_makes_room_is_heard(control: ControlSocket, dial: 
     handler = Handler()
     person = dial()
     control.poll(handler)
-    for _ in range(255):
-        dial()
-    control.poll(handler)
+    inside(control, dial, handler, 255)
     assert control.connections == 256
     epoll, control._epoll = control._epoll, Unready(control._epoll, next(iter(control._entrances)))
     person.send(b'{"command": "stop"}')
@@ -82,7 +80,7 @@ class Unready:
 
 def test_where_everybody_floods_a_newcomer_gets_a_place(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
-    loud = [dial() for _ in range(256)]
+    loud = inside(control, dial, handler, 256)
     for client in loud:
         for _ in range(5):
             client.send(b'{"command": "status"}')

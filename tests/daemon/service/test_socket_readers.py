@@ -11,8 +11,9 @@ import pytest
 
 from daemon.protocol.messages import Reply, Request, Snapshot, State
 from daemon.protocol.socket_path import Peer
+from daemon.service.answers import Handler
 from daemon.service.entrance import Entrance
-from daemon.service.socket import ControlSocket, Handler
+from daemon.service.socket import ControlSocket
 
 Dial = Callable[[], socket.socket]
 

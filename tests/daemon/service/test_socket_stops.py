@@ -15,12 +15,12 @@ from tests.socket_peers import Dial, Handler, flooding, told
 def test_a_stop_is_served_in_the_first_poll_whatever_waits(
     control: ControlSocket, dial: Dial, command: str
 ) -> None:
-    """Beside 32 connections that flood and 200 that want in, with no time at all for turns."""
+    """Beside 32 connections that flood and 60 that want in, with no time at all for turns."""
     handler = Handler()
     flooding(control, dial, handler)
     for _ in range(10):
         control.poll(handler, turns_s=0.0)
-    outside = [dial() for _ in range(200)]
+    outside = [dial() for _ in range(60)]
     person = dial()
     person.send(json.dumps({"command": command}).encode())
     control.poll(handler, turns_s=0.0)

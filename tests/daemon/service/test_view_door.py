@@ -10,12 +10,12 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from contactd_client.paths import view_socket_path
-from daemon.clients.client import Client
 from daemon.protocol.doors import DOORS, Door, refusal
 from daemon.protocol.messages import COMMANDS, Reply, Request, Snapshot, State
 from daemon.protocol.socket_path import Peer
 from daemon.service.socket import ControlSocket
 from drivers.can.bus_load import bus_load
+from programs.clients.client import Client
 
 Dial = Callable[[], socket.socket]
 

@@ -11,12 +11,12 @@ from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.faults.finding import Finding
 from daemon.faults.table import TABLE, Condition
-from daemon.modes.table import Mode
+from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Check, Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
 from daemon.tick.arming_checks import NAMES, SAMPLED, ArmingResult
-from daemon.tick.record import Wakeup
+from daemon.tick.telemetry import Wakeup
 from drivers.cia402 import DriveState
 from drivers.events import Emergency, Rebooted
 from estimator.estimate import Flag
@@ -114,7 +114,7 @@ def often_late(rig: Rig) -> None:
 @pytest.mark.parametrize(
     ("disturb", "names", "words"),
     [
-        (touch, {"residual"}, "joint feels"),
+        (touch, {"residual"}, "residual of joint is"),
         (fault, {"mode", "drives", "emergencies"}, "emergency of node 1 (joint): 0x2310"),
         (often_late, {"loop"}, "3 ticks were late"),
     ],
@@ -241,7 +241,7 @@ def test_a_missing_heartbeat(calm: Rig) -> None:
         setattr(drives._nodes._nodes[0].beat, flag, unheard)
         found = calm.tick.check_arming(calm.time_s)
         assert failing(found) == ["heartbeats"]
-        assert found.reasons == ("not heard from joint",)
+        assert found.reasons == ("no heartbeat received from joint",)
         setattr(drives._nodes._nodes[0].beat, flag, not unheard)
 
 
@@ -273,8 +273,8 @@ def test_levels_that_friction_raises_too_far() -> None:
         assert force > 4.0
         (reason,) = rig.permit("the test")
         assert reason.startswith(
-            f"joint feels nothing below {force:.2f} Nm now, more than 5 times its contact level of "
-            "0.50 Nm"
+            f"joint detects nothing below {force:.2f} Nm now, more than 5 times its contact level "
+            "of 0.50 Nm"
         )
 
 
@@ -305,16 +305,18 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     found = calm.tick.arming_checks.run(
         record, Mode.STOPPING, ("joint",), ("joint",), calm.time_s + 0.03
     )
-    over = f"joint feels {torque[0]:+.2f} Nm, beyond its threshold of {torque[0] - 1.0:.2f} Nm"
+    over = (
+        f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {torque[0] - 1.0:.2f} Nm"
+    )
     assert found.reasons == (
         "the arm is still stopping",
         "too many late ticks (30 ms late)",
         "drive fault: joint",
         "too many late ticks (40 ms late)",
-        "not heard from joint",
+        "no heartbeat received from joint",
         "not set up: joint (`contactctl reset`)",
         "the estimator is not ready: starting",
-        f"{over}: is somebody touching it?",
+        f"{over}: a touch, or a payload?",
         "the last tick is 40 ms old: ask again",
     )
     texts = {check.name: check.text for check in found.checks}
@@ -324,7 +326,7 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     off = replace(calm.last.samples, states=(DriveState.SWITCH_ON_DISABLED,))
     at_rest = replace(calm.last, estimate=estimate, samples=off)
     found_off = calm.tick.arming_checks.run(at_rest, Mode.OFF, (), (), calm.time_s)
-    assert f"{over}: a brake that carries it, or a touch" in found_off.reasons
+    assert f"{over}: a brake that carries it, or a touch?" in found_off.reasons
     named = {"mode", "drives", "heartbeats", "set-up", "estimator", "residual", "loop"}
     assert set(failing(found)) == named
 
@@ -362,5 +364,24 @@ def test_joints_that_sense_contact_only_just_are_named_at_once(calm) -> None:
     found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), (), record.time_s)
     (said,) = [one.text for one in found.checks if one.name == "estimator"]
     assert said.startswith(
-        "able to sense contact for only 0.14 s, which must be 0.25 s: joint; ask again"
+        "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"
     )
+
+
+@pytest.mark.parametrize("lean_Nm", [1.5, -1.5])
+def test_who_leans_on_the_arm_while_it_is_enabled_cannot_arm_it(lean_Nm: float) -> None:
+    """Its residuals are put to zero as it begins to hold. What presses must show before it may be
+    armed, and then speaks against it: whenever one asks."""
+    with lockstep_rig() as rig:
+        rig.run(0.1)
+        rig.arm.external_torque[2] = lean_Nm
+        rig.request(Event.ENABLE)
+        while rig.mode is not Mode.HOLDING:
+            rig.step()
+        for k in range(1, 41):
+            assert rig.permit("a person"), f"tick {k} of holding"
+            rig.step()
+        assert "residual of LElbowRoll is" in " ".join(rig.permit("a person"))
+        rig.arm.external_torque[2] = 0.0
+        rig.run(0.5)
+        assert rig.permit("a person") == []

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ContactReaction, Reactions
@@ -15,6 +14,7 @@ from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from drivers.cia402 import PowerTarget
+from tests.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 

@@ -14,7 +14,7 @@ from daemon.config.schema import Configuration
 from daemon.faults import detector
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import State
-from daemon.tick.felt import felt_now
+from daemon.service.sensitivity import sensitivity_now
 from daemon.tick.sensing import AGAIN_S
 from drivers.can.wire import Wire
 from drivers.codec import transmit_pdos
@@ -150,14 +150,14 @@ def since(state: State) -> float:
 def test_a_joint_that_does_not_sense_now_feels_nothing() -> None:
     with lossy_rig() as lossy:
         lossy.rig.enable()
-        before = felt_now(lossy.rig.tick)
+        before = sensitivity_now(lossy.rig.tick)
         assert before is not None
         lossy.states("x", 5 * T)
-        felt = felt_now(lossy.rig.tick)
+        felt = sensitivity_now(lossy.rig.tick)
         lossy.states(".", 10 * T)
-        after = felt_now(lossy.rig.tick)
+        after = sensitivity_now(lossy.rig.tick)
         lossy.states("x", 5 * T, *range(len(before.joints)))
-        nowhere = felt_now(lossy.rig.tick)
+        nowhere = sensitivity_now(lossy.rig.tick)
     assert felt is not None
     assert after is not None
     for now, then in ((felt.moving, before.moving), (felt.resting, before.resting)):
@@ -166,5 +166,5 @@ def test_a_joint_that_does_not_sense_now_feels_nothing() -> None:
     assert None not in after.resting
     assert nowhere is not None
     assert {*nowhere.moving, *nowhere.resting} == {None}
-    assert len(nowhere.tool_moving.unfelt) == len(nowhere.tool_resting.unfelt) == 3
+    assert len(nowhere.tool_moving.undetected) == len(nowhere.tool_resting.undetected) == 3
     assert msgspec.json.decode(msgspec.json.encode(felt), type=type(felt)) == felt

@@ -28,6 +28,7 @@ COMMANDS = (
     Event.ENABLE,
     Event.START,
     Event.PAUSE,
+    Event.ABANDON,
     Event.STOP,
     Event.DISARM,
     Event.DISABLE,
@@ -123,7 +124,8 @@ def robot() -> Robot:
         msgspec.structs.replace(joint, thresholds=Levels(contact=15.0, collision=40.0))
         for joint in c.joints
     ]
-    return Robot(robot.path, msgspec.structs.replace(c, joints=joints), robot.text, robot.urdf)
+    c = msgspec.structs.replace(c, joints=joints)
+    return Robot(robot.path, c, robot.text, robot.urdf, robot.model)
 
 
 def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
@@ -148,7 +150,7 @@ def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
     return bus, modes
 
 
-USUAL = {3: [Event.ENABLE], 30: ["arm"], 32: [Event.START]}
+USUAL = {3: [Event.ENABLE], 34: ["arm"], 36: [Event.START]}
 
 
 def test_without_harm_it_moves(robot):

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.tick.loop import ANSWER_SHARE, Clock, Loop
-from daemon.tick.record import Wakeup
+from daemon.tick.telemetry import Wakeup
 
 T = 0.01
 START = 100.0

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import LIMITS, IdealArm, T, holding_arm
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.pose_path import PosePath
+from tests.ideal_arm import LIMITS, IdealArm, T, holding_arm
 
 GOAL = np.array([0.7, -0.4])
 FAR = AllowanceSettings(max_duration_s=20.0, max_excursion=3.0)

@@ -5,12 +5,12 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from arrays import Vector
-from bench.rigs.ideal_arm import LIMITS, IdealArm, T, holding_arm
+from common.arrays import Vector
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.pose_path import PosePath
+from tests.ideal_arm import LIMITS, IdealArm, T, holding_arm
 
 FAR = AllowanceSettings(max_duration_s=20.0, max_excursion=3.0)
 YIELDS = {Mode.ADMITTANCE, Mode.RETRACTING, Mode.STOPPING}

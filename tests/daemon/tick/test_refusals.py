@@ -5,12 +5,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import IdealArm, T, holding_arm, ideal_arm
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
-from daemon.tick.controller import ControlInput
+from daemon.tick.decision import ControlInput
+from tests.ideal_arm import IdealArm, T, holding_arm, ideal_arm
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 
@@ -154,7 +154,7 @@ def test_enable_waits_for_drives_that_are_still_on_their_way_off(holding: IdealA
     """Else they would be taken for enabled at once, and then for drives that dropped out."""
     assert holding.request(Event.DISABLE) == []
     holding.step(operating=(True, False))
-    assert holding.request(Event.ENABLE) == ["still on their way off: a"]
+    assert holding.request(Event.ENABLE) == ["still switching off: a"]
     assert holding.mode is Mode.OFF
     holding.step()
     assert holding.request(Event.ENABLE) == []

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.rigs.ideal_arm import LIMITS, MANNER, IdealArm, T, holding_arm, tracking_arm
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
+from tests.ideal_arm import LIMITS, MANNER, IdealArm, T, holding_arm, tracking_arm
 
 M, R = Mode, ContactReaction
 SPEED, DISTANCE = MANNER.release.velocity, MANNER.release.distance
@@ -40,7 +40,7 @@ def test_it_gives_way_slowly_as_long_as_it_is_pressed(armed: bool, sign: float) 
     start, begun = arm.q.copy(), len(arm.decisions)
     released(arm, sign * 2.0, 0.5)
     arm.step()
-    assert (arm.mode, arm.cause) == (M.STOPPING, f"let go of a (it felt {2.0 * sign:+.1f} Nm)")
+    assert (arm.mode, arm.cause) == (M.STOPPING, f"let go of contact at a ({2.0 * sign:+.1f} Nm)")
     arm.run_until(M.HOLDING, 0.3)
     assert sign * (arm.q - start)[0] == pytest.approx(0.5 * SPEED, abs=0.06)
     assert abs(arm.q - start)[1] < 1e-3
@@ -57,7 +57,7 @@ def test_pressed_for_ever_it_ends_at_its_distance_and_is_disarmed() -> None:
     start = arm.q[0]
     arm.hit(2.0)
     arm.run_until(M.HOLDING, 4.0, **arm.press(2.0))
-    assert arm.cause == "a still feels +2.0 Nm after giving way by 0.29 rad"
+    assert arm.cause == "still pressed with +2.0 Nm at a after giving way by 0.29 rad"
     assert DISTANCE - 0.02 < arm.q[0] - start <= DISTANCE
     assert not arm.armed
 
@@ -186,14 +186,14 @@ def test_ended_for_a_doubt_it_begins_again_within_the_same_distance(by: str) -> 
     released(arm)
     if by == "sensing":
         arm.run_until(M.STOPPING, 0.6, **arm.press(2.0), sure=False)
-        assert arm.cause == "what the arm feels was not sure for 0.5 s while it let go"
+        assert arm.cause == "sensing was not reliable for 0.5 s while it let go"
     else:
         arm.step(**arm.press(2.0), findings=HOLDS)
     arm.run(0.5, **arm.press(2.0), sure=False)
     assert arm.mode is M.HOLDING
     arm.run_until(M.RELEASING, 0.02, **arm.press(2.0))
     arm.run_until(M.HOLDING, 4.0, **arm.press(2.0))
-    assert "still feels" in arm.cause
+    assert "still pressed" in arm.cause
     assert DISTANCE - 0.02 < arm.q[0] - start <= DISTANCE
     arm.run(1.0, **arm.press(2.0))
     assert arm.mode is M.HOLDING, "once, where it ended at a bound"

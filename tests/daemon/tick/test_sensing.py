@@ -23,7 +23,7 @@ def estimate(sensing: str, flags: Flag) -> Estimate:
     return Estimate(
         q=zero, q_dot=zero, theta=zero, phi=zero, phi_sigma=zero, side=zero.astype(np.int8),
         tau_M=zero, residual=zero, beside={}, threshold=zero, thresholded=zero,
-            level_share=zero, contacts=(),
+        level_share=zero, uncorrected=zero, contacts=(),
         touched_link="", flags=flags, sensing=np.array([each == "." for each in sensing]),
     )  # fmt: skip
 
@@ -111,6 +111,15 @@ def test_sure_needs_every_joint() -> None:
     assert not told.tell(ELBOW).sensing.sure
     assert told.tell(ALL).sensing.sure, "what was bridged needs no time to settle"
     assert not Told().tell(None, 100).sensing.sure
+
+
+def test_residuals_that_begin_at_zero_are_unsettled_and_sense_from_then_on() -> None:
+    told = Told().tell(ALL, 100)
+    told.sensing.begin_anew(T * told.tick)
+    assert told.since == [100, 100]
+    sure = [told.sensing.sure] + [told.tell(ALL).sensing.sure for _ in range(2 * SETTLING)]
+    assert sure.count(False) == SETTLING + 1
+    assert told.sensing.joints.all()
 
 
 # --- news -----------------------------------------------------------------------------------------

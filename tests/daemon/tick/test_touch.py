@@ -1,5 +1,6 @@
 """One touch in lockstep, from SYNC to setpoint: how the arm yields and goes on; and its replay."""
 
+import re
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import Rig, lockstep_rig
-from daemon.clients.recorder import _LogWriter, _Stamp
-from daemon.clients.replay import replay
 from daemon.modes.table import YIELDING, Event, Mode
 from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
+from programs.clients.recorder import _LogWriter, _Stamp
+from programs.clients.replay import replay
 
 ELBOW = 2
 T = 0.01
@@ -82,7 +83,7 @@ def test_the_modes_of_a_touch(run: Run) -> None:
 
 def test_a_touch_is_named_and_felt_with_its_sign(run: Run) -> None:
     first = run.ticks(Mode.ADMITTANCE)[0]
-    assert first.cause.startswith("LElbowRoll feels +")
+    assert re.match(r"contact of \+\S+ Nm at LElbowRoll", first.cause)
     contacts = [event.contact for event in first.notices if event.contact]
     assert [(c.joint, c.level) for c in contacts] == [("LElbowRoll", "contact")]
     assert contacts[0].torque > contacts[0].threshold

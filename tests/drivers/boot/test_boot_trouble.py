@@ -9,8 +9,8 @@ import can
 import msgspec
 import pytest
 
+from common.errors import BusError, DriveError
 from drivers.can.virtual import QueueWire
-from errors import BusError, DriveError
 
 
 def with_profile(setup, **changes):
@@ -60,6 +60,36 @@ def test_a_drive_that_stops_answering_is_named_with_its_step(bench, setups):
     with pytest.raises(DriveError, match=says):
         bench.boot_up([*setups[:2], hasty(setups[2]), *setups[3:]])
     assert asked == [0] * 3
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_two_drives_that_answer_as_one_node_are_named(bench, setups, slow):
+    """The second answers at once, or after the next request."""
+    send, late = bench.simulated._send, []
+
+    def twice(message):
+        send(message)
+        if message.arbitration_id == 0x583:
+            late.append(message)
+            while len(late) > slow:
+                send(late.pop(0))
+
+    bench.simulated._send = twice
+    with pytest.raises(DriveError, match=r"two drives answer as node 3 \(LElbowRoll\)"):
+        bench.boot_up([*setups[:2], hasty(setups[2]), *setups[3:]])
+
+
+def test_a_tool_that_polls_the_statusword_is_no_second_drive(bench, setups):
+    send = bench.simulated._send
+
+    def polled(message):
+        send(message)
+        if message.arbitration_id == 0x583 and message.data[1:3] == b"\x41\x60":
+            for _ in range(5):
+                send(message)
+
+    bench.simulated._send = polled
+    assert len(bench.boot_up(setups)) == len(setups)
 
 
 def test_a_stopped_drive_is_woken(bench, setups):

@@ -10,10 +10,10 @@ import can
 import msgspec
 import pytest
 
+from common.errors import BusError, ConfigurationError, DriveError
 from drivers.boot.boot_up import DriveBoot, refuse_other_master
 from drivers.can.frame_ring import FrameRing, read_frames
 from drivers.can.virtual import QueueWire
-from errors import BusError, ConfigurationError, DriveError
 from simulator.objects import key
 
 
@@ -124,7 +124,7 @@ def test_a_drive_that_is_not_there(bench, setups):
             r"is not a CiA 402 drive: .* device profile 401, expected 402; step `identity`",
         ),
         ((0x6502, 0), 0x80, "no cyclic synchronous velocity"),
-        ((0x6075, 0), 1000, r"0x6075:00 says a rated current of 1 A, configured 1.2 A"),
+        ((0x6075, 0), 1000, r"0x6075:00 reads a rated current of 1 A, configured 1.2 A"),
     ],
 )
 def test_another_drive_than_configured(bench, setups, where, value, says):
@@ -141,8 +141,8 @@ def test_another_serial_number(bench, setups):
 @pytest.mark.parametrize(
     ("subindex", "says"),
     [
-        (1, r"0x1018:01 says 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_"),
-        (2, r"0x1018:02 says 0x999, ProductNumber there is 0x402; .* or set "
+        (1, r"0x1018:01 reads 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_"),
+        (2, r"0x1018:02 reads 0x999, ProductNumber there is 0x402; .* or set "
          r"drives\.two_encoder_drive\.any_product to true; step `identity`"),
     ],
 )  # fmt: skip
@@ -235,7 +235,7 @@ def test_a_value_outside_the_eds_never_gets_to_the_bus(bench, setups):
 
 @pytest.mark.parametrize(
     ("cob_id", "says"),
-    [(0x77F, r"another master \(node 127\) is on this bus"), (0x080, "somebody sends SYNC")],
+    [(0x77F, r"another master \(node 127\) is on this bus"), (0x080, "SYNC is being sent")],
 )
 def test_another_master(bench, setups, cob_id, says):
     bench.other_end.send(can.Message(arbitration_id=cob_id, is_extended_id=False, data=b""))

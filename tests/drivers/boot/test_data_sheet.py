@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from common.errors import ConfigurationError
 from drivers.boot.data_sheet import find_object, load_data_sheet
-from errors import ConfigurationError
 
 EDS = Path(__file__).parents[3] / "configs" / "romeo_left_arm" / "drive.eds"
 

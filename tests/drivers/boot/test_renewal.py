@@ -7,8 +7,8 @@ import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from bench.rigs.served_daemon import served_daemon
+from common.errors import DriveError
 from drivers.boot.boot_up import DriveBoot
-from errors import DriveError
 from simulator.objects import key
 
 SERIAL = key(0x1018, 4)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from common.errors import ConfigurationError
 from drivers.boot.required_objects import check_drive, lacks, wanted
 from drivers.settings import DriveProfile
-from errors import ConfigurationError
 
 
 def changed(setup, **fields):

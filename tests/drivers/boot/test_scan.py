@@ -7,12 +7,12 @@ import pytest
 
 from bench.rigs.generated_arms import generate
 from bench.rigs.lines import virtual_line
-from daemon.commands.scan import bus_of, data_sheets, fitting, table
-from daemon.commands.simulated_robot import true_arm
+from common.errors import BusError, ConfigurationError
 from daemon.config.load import load_robot
 from daemon.config.yaml_source import parse_yaml
 from drivers.boot.scan import FoundNode, scan
-from errors import BusError, ConfigurationError
+from programs.contactd.scan import bus_of, data_sheets, fitting, table
+from programs.simulate.simulated_robot import true_arm
 from simulator.arm import SimulatedArm
 from simulator.lockstep import Lockstep
 
@@ -66,6 +66,14 @@ def test_who_answers_is_found_and_nothing_but_reading_is_sent():
     assert {can_id - 0x600 for can_id, _ in bus.sent} == set(range(1, 128))
 
 
+def test_two_nodes_of_one_number_are_named():
+    answer = drive(5, OBJECTS)
+    bus = Bus({5: lambda *what: 2 * answer(*what), 9: drive(9, OBJECTS)})
+    found = quick(bus)
+    assert [one.twice for one in found] == [True, False]
+    assert table(found, {})[-1].startswith("two nodes answer as node 5: ")
+
+
 @pytest.mark.parametrize(
     "noise",
     [
@@ -95,7 +103,7 @@ def test_a_value_of_two_bytes_and_one_in_segments():
     [
         ((0x080, b""), "sends SYNC"),
         ((0x000, b"\x01\x00"), "sends NMT commands"),
-        ((0x603, bytes(8)), "asks node 3 by SDO"),
+        ((0x603, bytes(8)), "sends SDO requests to node 3"),
         ((0x77F, b"\x05"), "node 127 sends heartbeats and answers no SDO"),
     ],
 )
@@ -146,7 +154,7 @@ def test_an_eds_of_another_product_does_not_fit():
     }
     assert fitting(one, sheets) == ["a.eds", "c.eds"]
     assert "none in this folder" in table([one], {})[1]
-    assert table([], sheets)[0].startswith("nobody answers")
+    assert table([], sheets)[0].startswith("no node answers")
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.errors import DriveError, SilentDriveError
 from drivers.boot.sdo import LONGEST_ANSWER, ObjectAccess
-from errors import DriveError, SilentDriveError
 from tests.examples import scaled
 
 NODE = 3
@@ -105,6 +105,11 @@ def test_silence(access):
         SilentDriveError, match=r"does not answer \(SDO timeout 1 ms; object 0x6041"
     ):
         access(lambda _: []).read(0x6041)
+
+
+def test_an_answer_that_waits_is_read_however_late(setups):
+    access = ObjectAccess(Network(lambda _: [upload(0x6041, 0, b"\x37\x02")]), setups[2], 0.0)
+    assert access.read(0x6041) == 0x0237
 
 
 def test_no_transfer_begins_after_the_deadline(access):

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from common.errors import BusError
 from drivers.boot.boot_up import DriveBoot
 from drivers.boot.heard_frames import HeardFrames
 from drivers.boot.sdo_network import sdo_network
 from drivers.can.slcan import SlcanWire
 from drivers.can.socketcand import StreamWire
 from drivers.can.wire import Frame, Wire
-from errors import BusError
 
 Say = Callable[[bytes], object]
 

@@ -70,40 +70,42 @@ def test_each_object_that_another_has_written_is_named(booted, setups):
     assert verify(booted, setups) == {}
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({(0x6060, 0): 1}, "object 0x6060:00 (cyclic synchronous velocity) reads 1, must be 9"),
-        ({(0x6061, 0): 8}, "object 0x6061:00 (mode of operation display) reads 8, must be 9"),
-        ({(0x6061, 0): 0}, None),
-        (
-            {(0x1005, 0): 0x81},
-            "object 0x1005:00 (SYNC on 0x080, none of its own) reads 129, must be 128",
-        ),
-        (
-            {(0x1A00, 2): 0x60770010},
-            "object 0x1A00:02 (current in TPDO 1) reads 0x60770010, must be 0x60780010",
-        ),
-        (
-            {(0x1400, 1): 0x80000203},
-            "object 0x1400:01 (COB-ID of RPDO 1) reads 0x80000203, must be 0x00000203",
-        ),
-        (
-            {(0x1801, 1): 0x00000283},  # the bit of remote requests is the drive's own
-            None,
-        ),
-        (
-            {(0x1803, 1): 0x483},
-            "object 0x1803:01 (a PDO that is off) reads 0x00000483, must be 0x80000000",
-        ),
-        ({(0x1018, 4): 99}, "object 0x1018:04 (serial) reads 0x63, was 0x3"),
-        ({(0x1018, 2): 7}, "object 0x1018:02 (product) reads 0x7, was 0x402"),
-    ],
-)
-def test_what_it_says(booted, setups, changes, words):
-    for where, value in changes.items():
-        booted.drives[NODE_3].objects.values[key(*where)] = value
-    assert verify(booted, setups) == ({NODE_3: [words]} if words else {})
+SAYS = [
+    ({(0x6060, 0): 1}, "object 0x6060:00 (cyclic synchronous velocity) reads 1, must be 9"),
+    ({(0x6061, 0): 8}, "object 0x6061:00 (mode of operation display) reads 8, must be 9"),
+    ({(0x6061, 0): 0}, None),
+    (
+        {(0x1005, 0): 0x81},
+        "object 0x1005:00 (SYNC on 0x080, none of its own) reads 129, must be 128",
+    ),
+    (
+        {(0x1A00, 2): 0x60770010},
+        "object 0x1A00:02 (current in TPDO 1) reads 0x60770010, must be 0x60780010",
+    ),
+    (
+        {(0x1400, 1): 0x80000203},
+        "object 0x1400:01 (COB-ID of RPDO 1) reads 0x80000203, must be 0x00000203",
+    ),
+    (
+        {(0x1801, 1): 0x00000283},  # the bit of remote requests is the drive's own
+        None,
+    ),
+    (
+        {(0x1803, 1): 0x483},
+        "object 0x1803:01 (a PDO that is off) reads 0x00000483, must be 0x80000000",
+    ),
+    ({(0x1018, 4): 99}, "object 0x1018:04 (serial) reads 0x63, was 0x3"),
+    ({(0x1018, 2): 7}, "object 0x1018:02 (product) reads 0x7, was 0x402"),
+]
+
+
+def test_what_it_says(booted, setups):
+    values = booted.drives[NODE_3].objects.values
+    for changes, words in SAYS:
+        before = dict(values)
+        values.update({key(*where): value for where, value in changes.items()})
+        assert verify(booted, setups) == ({NODE_3: [words]} if words else {}), changes
+        values.update(before)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +113,7 @@ def test_what_it_says(booted, setups, changes, words):
     [
         (0x8130, "in fault for heartbeat of the master lost (0x8130)"),
         (0x8220, "in fault for PDO too long (0x8220)"),
-        (0, "in fault, and object 0x603F does not say why"),
+        (0, "in fault of unknown cause: object 0x603F reads 0"),
         (0x2310, None),
     ],
 )

@@ -9,10 +9,10 @@ from typing import get_args
 import pytest
 
 from bench.rigs.lines import LINES
+from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES, INTERFACES, open_bus
 from drivers.can.wire import OpenBus
 from drivers.settings import BusSettings, Interface
-from errors import BusError
 
 
 @contextmanager

@@ -2,8 +2,8 @@
 
 import pytest
 
+from common.errors import ConfigurationError
 from drivers.can.bus_load import bus_load, frame_bits, frame_table, refuse_overload
-from errors import ConfigurationError
 
 
 def stuffed(bits: str) -> int:

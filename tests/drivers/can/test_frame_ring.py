@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.errors import LogError
 from drivers.can.frame_ring import FrameRing, RecordedWire, read_frames
 from drivers.can.virtual import QueueWire
 from drivers.can.wire import ERROR, EXTENDED
-from errors import LogError
 from tests.examples import scaled
 
 FRAME = st.tuples(

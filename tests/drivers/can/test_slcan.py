@@ -13,11 +13,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES, open_bus
 from drivers.can.slcan import SlcanWire
 from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE
 from drivers.settings import BusSettings
-from errors import BusError
 from tests.examples import scaled
 
 

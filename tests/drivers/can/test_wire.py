@@ -11,11 +11,11 @@ from can.interfaces.socketcand.socketcand import convert_can_message_to_ascii_me
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from bench.rigs.message_wire import MessageWire
 from drivers.can.socketcan import RawWire
 from drivers.can.socketcand import StreamWire
 from drivers.can.virtual import QueueWire
 from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, REMOTE
+from tests.drivers.can.message_wire import MessageWire
 
 FRAMES = [(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff\xff\xff\xff")), (0x77F, b"\x05")]
 TPDO = b"\x27\x02\x64\x00\xe8\x03\x00\x0a"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from estimator.contact import Contact
 from estimator.motor_position import Side
 from estimator.residual import Form, forms

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from estimator.contact import Contact, dead_band
 from estimator.estimate import Estimate, Flag
 from estimator.interval import ROW
@@ -324,6 +324,7 @@ class Estimator:
             threshold=threshold,
             thresholded=thresholded,
             level_share=np.ones(len(q)),
+            uncorrected=residuals[0],
             contacts=contacts,
             touched_link=self._touched_link(residuals[0], threshold)
             if np.count_nonzero(thresholded)

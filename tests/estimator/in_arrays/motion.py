@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arrays import Matrix, Vector
+from common.arrays import Matrix, Vector
 from estimator.interval import ROW, TERMS
 from estimator.link_velocity import DELAY_PERIODS, SAMPLES
 from estimator.residual import Form

@@ -1,0 +1,253 @@
+"""Pairs of faults on one arm, judged by the simulated drives: does what the daemon says hold?
+
+The second fault begins while the drives stop for the first. What moves is what the simulated
+motors do, whatever anybody measures.
+"""
+
+import itertools
+import os
+import pickle
+import random
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from bench.rigs.breakable_arm import BreakableArm, start
+from bench.rigs.faults import PLACES, SHOWN, Case
+from daemon.modes.table import Event, Mode
+from drivers.stop_stages import VOID_READINGS
+from drivers.witness import MOVES, STANDS
+from simulator.axis import Axis
+
+#: All pairs are tried at one place: two encoders, current, and seven joints.
+PLACE: Final = PLACES[0]
+#: The second fault begins so many ticks after the first: most arms are on their ramps then.
+LATER_TICKS: Final = 4
+TICKS: Final = 120
+#: So far a motor goes at least that moves on after it was said to stand [rad], in so many ticks; a
+#: link that comes to the end of its gap knocks its motor for a tick.
+GOES_ON_RAD, GOES_ON_TICKS = 0.006, 6
+#: A motor that stood and moves again may be found so late.
+VOID_TICKS: Final = VOID_READINGS + 10
+#: Of cases that differ in their names or lengths, not in what reaches the daemon, one is tried.
+ALIKE: Final = frozenset(
+    {
+        "under-voltage",
+        "another product in its place",
+        "... and slow to boot",
+        "foreign setpoint",
+        "infinite reference",
+        "... for 30 ms",
+        "network down",
+        "stood still for 150 ms",
+        "stood still for 3 s",
+        "60 ms late",
+        "SYNC moved by a tool (0x1005)",
+        "... switched on",
+    }
+)
+#: These disturb the bus, the machine, or joints that the make names: where else is nothing new.
+JOINTLESS: Final = frozenset(
+    {
+        "PDOs missing in turn",
+        "SYNC lost",
+        "foreign SYNC",
+        "foreign NMT command",
+        "ENOBUFS once",
+        "ENOBUFS for 3 ticks",
+        "old frames come back",
+        "error-passive",
+        "bus-off",
+        "... for 80 ms",
+        "... for 400 ms",
+        "unheard for 80 ms",
+        "unheard for 400 ms",
+        "current stuck",
+        "current at its limit",
+        "pushed beyond a limit",
+        "one late tick",
+        "8 late ticks",
+        "stood still for 90 ms",
+        "stood still for 300 ms",
+        "adapter gone",
+    }
+)
+SINGLES: Final = tuple(s.case for s in SHOWN if s.place == PLACE and s.case.name not in ALIKE)
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two faults, the first first, on one joint or on two."""
+
+    first: Case
+    second: Case
+    apart: bool
+
+    def __str__(self) -> str:
+        where = "another joint" if self.apart else "the same joint"
+        return f"{self.first.name} | {self.second.name} ({where})"
+
+
+PAIRS: Final = tuple(
+    Pair(first, second, apart)
+    for first, second in itertools.permutations(SINGLES, 2)
+    for apart in (False, True)
+    if not (apart and JOINTLESS & {first.name, second.name})
+)
+
+
+def sampled(number: int | None, seed: int) -> Sequence[Pair]:
+    """So many of the pairs, by chance; None: all."""
+    return PAIRS if number is None else random.Random(seed).sample(PAIRS, number)
+
+
+@dataclass
+class Verdict:
+    """What was said of a joint and did not hold, each once: joints, in words."""
+
+    proved: list[str] = field(default_factory=list)  # said to stand, and moved
+    reset: list[str] = field(default_factory=list)  # `reset` would have been accepted meanwhile
+    cut: list[str] = field(default_factory=list)  # power taken in motion, without a ramp before it
+
+    @property
+    def good(self) -> bool:
+        """True if everything held."""
+        return not (self.proved or self.reset or self.cut)
+
+
+class Judge:
+    """Compares what the daemon says with what the simulated motors do, tick by tick."""
+
+    def __init__(self, on: BreakableArm) -> None:
+        self._on, self.verdict = on, Verdict()
+        n = len(on.drives)
+        self._moving = [0] * n  # ticks for which a joint that is proved has moved by itself
+        self._at: dict[int, tuple[int, float]] = {}  # joints that were just proved: tick, position
+        self._unproved: set[str] = set()
+        for joint, drive in enumerate(on.rig.arm.drives):
+            self._watch_power(joint, drive.axis)
+
+    def _watch_power(self, joint: int, axis: Axis) -> None:
+        obey, on = axis.on_controlword, self._on
+
+        def watched() -> None:
+            servo = on.rig.arm.servo
+            energised, speed = servo.energised(joint), self._speed(joint)
+            obey()
+            told_first = on.rig.tick.drives.stopped_in_vain(joint)
+            if energised and not servo.energised(joint) and speed >= MOVES and not told_first:
+                self.verdict.cut.append(f"{self._name(joint)} at {speed:.2f} rad/s")
+
+        axis.on_controlword = watched  # type: ignore[method-assign]
+
+    def _speed(self, joint: int) -> float:
+        return abs(float(self._on.rig.arm.plant.theta_dot[joint]))
+
+    def _name(self, joint: int) -> str:
+        return self._on.drives[joint].name
+
+    def see(self) -> None:
+        """Judge a tick."""
+        rig = self._on.rig
+        if rig.mode is not Mode.FAULTED:
+            return
+        unproved = set(rig.last.unproved)
+        for i, drive in enumerate(self._on.drives):
+            if drive.name in unproved:
+                self._moving[i] = 0
+                self._at.pop(i, None)
+                continue
+            here = float(rig.arm.plant.theta[i])
+            if drive.name in self._unproved:
+                self._at[i] = rig.ticks, here
+            if rig.arm.external_torque[i] or self._holds(i):
+                self._at.pop(i, None)  # a hand moves it, or the arm that a hand shakes
+            goes_on = i in self._at and abs(here - self._at[i][1]) >= GOES_ON_RAD
+            if i in self._at and (goes_on or rig.ticks - self._at[i][0] >= GOES_ON_TICKS):
+                del self._at[i]
+            # What stands may be pushed by a hand, and is limp without power.
+            moves = self._speed(i) >= MOVES and self._drives_itself(i)
+            self._moving[i] = self._moving[i] + 1 if moves else 0
+            if goes_on or self._moving[i] == VOID_TICKS:
+                said = f"{drive.name} at {self._speed(i):.2f} rad/s, tick {rig.ticks}"
+                self.verdict.proved.append(said)
+                self.verdict.reset += [] if unproved else [said]
+        self._unproved = unproved
+
+    def end(self) -> None:
+        """Judge a reset after silence: it reads from every drive whether it stands."""
+        rig = self._on.rig
+        moving = self._moving_by_themselves()
+        silenced = rig.mode is Mode.FAULTED and rig.tick.drives.silenced
+        if silenced and moving and not rig.ask(Event.RESET):
+            self.verdict.reset += [f"{name}, in silence" for name in moving]
+
+    def _moving_by_themselves(self) -> list[str]:
+        joints = range(len(self._on.drives))
+        moves = [i for i in joints if self._speed(i) >= MOVES and self._drives_itself(i)]
+        return [self._name(i) for i in moves]
+
+    def _drives_itself(self, joint: int) -> bool:
+        """True for a motor with power that no hand pushes, and that does not hold."""
+        arm = self._on.rig.arm
+        energised = bool(arm.servo.energised(joint))
+        return energised and not arm.external_torque[joint] and not self._holds(joint)
+
+    def _holds(self, joint: int) -> bool:
+        """True for a motor whose velocity loop asks for standstill, and works against its motion:
+        what moves it is another link."""
+        servo = self._on.rig.arm.servo
+        velocity = float(self._on.rig.arm.plant.theta_dot[joint])
+        stands = abs(float(servo.reference[joint])) < STANDS
+        return bool(servo.energised(joint)) and stands and servo.current[joint] * velocity <= 0.0
+
+
+def judged(pair: Pair) -> Verdict:
+    """Make both faults on an arm of its own."""
+    with PLACE.stage() as on:
+        return judged_on(on, pair)
+
+
+def judged_each(pairs: Sequence[Pair]) -> Iterator[tuple[Pair, Verdict]]:
+    """Make each pair on a copy of one booted arm: a process of its own."""
+    with PLACE.stage() as on:
+        for pair in pairs:
+            reader, writer = os.pipe()
+            child = os.fork()
+            if not child:
+                with suppress(BaseException), os.fdopen(writer, "wb") as out:
+                    pickle.dump(judged_on(on, pair), out)
+                os._exit(0)
+            os.close(writer)
+            with os.fdopen(reader, "rb") as source:
+                answer = source.read()
+            os.waitpid(child, 0)
+            # A pair that ends in an exception, or in none, is no good one.
+            yield pair, pickle.loads(answer) if answer else Verdict(["no verdict"])
+
+
+def judged_on(on: BreakableArm, pair: Pair) -> Verdict:
+    """Make both faults on an arm that is off."""
+    start(on, armed=pair.first.armed and pair.second.armed)
+    judge = Judge(on)
+    there = (on.joint + 1) % len(on.drives) if pair.apart else on.joint
+    made = ((pair.first, on.joint, 0), (pair.second, there, LATER_TICKS))
+    with ExitStack() as cleanup:
+        faults: list[tuple[Iterator[None], int]] = []
+        for tick in range(TICKS):
+            for case, joint, begins in made:
+                if tick == begins:
+                    with on.at(joint):
+                        faults.append((case.fault(on), joint))
+                    cleanup.callback(getattr(faults[-1][0], "close", lambda: None))
+            for fault, joint in faults:
+                with on.at(joint):
+                    next(fault, None)
+            if on.rig.tick.fatal:
+                on.silence()
+            else:
+                on.tick()
+                judge.see()
+        judge.end()
+    return judge.verdict

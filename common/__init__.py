@@ -1,0 +1,1 @@
+"""Shared modules of contactd: arrays, elementary functions, errors, files, compiled modules."""

@@ -1,0 +1,99 @@
+"""Compiled modules (decision 0037): which there are, and extensions that are out of date.
+
+A module is compiled if a .pxd with its types lies beside it. The build leaves a record of the
+digests of its sources. `python -m common.compiled` prints what is wrong, else nothing.
+"""
+
+import hashlib
+import importlib
+import json
+import sys
+from pathlib import Path
+
+from common.errors import ProgramError
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("common", "daemon", "drivers", "estimator", "simulator")
+RECORD = "compiled.json"
+
+
+def modules(root: Path = ROOT) -> list[str]:
+    """Paths of the modules to compile, below `root` and without suffix."""
+    folders = [root / name for name in PACKAGES]
+    types = [p for folder in folders for p in folder.rglob("*.pxd")]
+    return sorted(str(path.relative_to(root).with_suffix("")) for path in types)
+
+
+def sources(root: Path = ROOT) -> dict[str, str]:
+    """Digest by module of the sources of its extension: its own, and the types of all."""
+    names = modules(root)
+    types = b"\0".join((root / f"{name}.pxd").read_bytes() for name in names)
+    return {
+        name: hashlib.sha256(types + (root / f"{name}.py").read_bytes()).hexdigest()
+        for name in names
+    }
+
+
+def extensions(root: Path = ROOT) -> list[Path]:
+    """Existing extensions, whether their modules are still compiled or not."""
+    folders = [root / name for name in PACKAGES]
+    return sorted(p for folder in folders for p in folder.rglob("*.so"))
+
+
+def recorded(root: Path = ROOT) -> dict[str, str]:
+    """Digests of the sources that were compiled, by module; empty without a record."""
+    try:
+        built = json.loads((root / RECORD).read_text())["sources"]
+    except (OSError, ValueError, LookupError):
+        return {}
+    return dict(built)
+
+
+def stale(root: Path = ROOT) -> list[str]:
+    """Extensions that were not built from the sources beside them, and where there are others,
+    modules without one; without suffix."""
+    found = {str(path.relative_to(root)).split(".")[0] for path in extensions(root)}
+    if not found:
+        return []
+    built, now = recorded(root), sources(root)
+    return sorted(
+        name
+        for name in found | now.keys()
+        if name not in found or name not in now or built.get(name) != now[name]
+    )
+
+
+def refuse_stale(root: Path = ROOT) -> None:
+    """Raise ProgramError if an extension would run in place of a source that is another."""
+    if wrong := stale(root):
+        raise ProgramError(
+            f"{', '.join(wrong)}: the extension was not built from the source beside it; build it "
+            "anew by `make compiled` (a service: `make install`)"
+        )
+
+
+def uncompiled() -> list[str]:
+    """Modules in use that have types for the compiler, a .pxd, and are run from their source."""
+    ours = [(n, m.__file__) for n, m in sys.modules.items() if n.partition(".")[0] in PACKAGES]
+    files = [(name, Path(file)) for name, file in ours if file and file.endswith(".py")]
+    return sorted(name for name, file in files if file.with_suffix(".pxd").exists())
+
+
+def warning() -> str:
+    """Warning to the user about uncompiled modules in use; empty where all are compiled."""
+    plain = uncompiled()
+    if not plain:
+        return ""
+    return (
+        f"not compiled, a tick takes far longer: {', '.join(plain)} (`make compiled` shows why, "
+        "most often Python's headers, Debian: python3-dev; then, for a service, `make install`)"
+    )
+
+
+if __name__ == "__main__":
+    refuse_stale()
+    for name in modules():
+        importlib.import_module(name.replace("/", "."))
+
+    if text := warning():
+        print(f"contactd: {text}")

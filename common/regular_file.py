@@ -1,0 +1,73 @@
+"""Regular file at a path: opened without ever waiting for it.
+
+Opening a FIFO waits for a process at its other end, and /dev/zero never ends: a daemon that is to
+start, or end, within seconds must not meet one under the name of a file. Every file that is named
+by a configuration, or derived from another name, is opened here.
+"""
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import IO, Final
+
+#: More than any configuration, URDF, EDS or trajectory has.
+LARGEST_TEXT_BYTES: Final = 64 << 20
+
+
+def open_regular(path: Path, *, follow: bool = True) -> IO[bytes]:
+    """Open for reading; without `follow`, no link either.
+
+    Raises OSError, whose `strerror` is one clear word, for anything but a regular file.
+    """
+    return open(str(path), "rb", opener=_opened if follow else _opened_unless_link)
+
+
+def open_text(
+    path: Path, encoding: str = "utf-8", errors: str | None = None, newline: str | None = None
+) -> IO[str]:
+    """The same as text, with the arguments of `open`. Raises OSError for one beyond
+    `LARGEST_TEXT_BYTES` as well."""
+    return open(
+        str(path), encoding=encoding, errors=errors, newline=newline, opener=_opened_unless_large
+    )
+
+
+def read_text(path: Path) -> str:
+    """Text of a UTF-8 file. Raises OSError, UnicodeDecodeError."""
+    with open_text(path) as stream:
+        return stream.read()
+
+
+def _opened_unless_link(path: str, flags: int) -> int:
+    try:
+        return _opened(path, flags | os.O_NOFOLLOW)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, "is a link, not a file", path) from error
+        raise
+
+
+def _opened_unless_large(path: str, flags: int) -> int:
+    file = _opened(path, flags)
+    if os.fstat(file).st_size > LARGEST_TEXT_BYTES:
+        os.close(file)
+        raise OSError(errno.EFBIG, f"is larger than {LARGEST_TEXT_BYTES >> 20} MB", path)
+    return file
+
+
+def _opened(path: str, flags: int) -> int:
+    try:
+        file = os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    except OSError as error:
+        if error.errno == errno.ENXIO:  # a socket
+            raise OSError(errno.EINVAL, "is not a regular file", path) from error
+        raise
+    if stat.S_ISDIR(mode := os.fstat(file).st_mode):
+        why: OSError = IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
+    elif stat.S_ISREG(mode):
+        return file
+    else:
+        why = OSError(errno.EINVAL, "is not a regular file", path)
+    os.close(file)
+    raise why

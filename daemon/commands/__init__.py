@@ -1,1 +1,0 @@
-"""Command lines `contactd` and `contactctl`."""

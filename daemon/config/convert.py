@@ -1,0 +1,180 @@
+"""Plain data as an object of the schema, or one error with file, line, path, value and what is
+allowed."""
+
+import re
+from typing import Any, TypeVar
+
+import msgspec
+
+from common.errors import ConfigurationError
+from daemon.config.yaml_source import Source
+
+T = TypeVar("T", bound=msgspec.Struct)
+# msgspec says "at `key` in `$.drives[...].rpdo`" of a mapping's key, "at `$.bus.port`" of a value.
+_OF_A_KEY = "key` in `"
+# msgspec: "Expected `float` > 0.0", "Expected `array` of length >= 1", "Expected `int`, got `str`".
+_EXPECTED = re.compile(r"Expected `(.+?)`(?:( of length)? (>=|<=|>|<) (\S+))?(?:, got `(.+)`)?")
+_KINDS = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "`true` or `false`",
+    "array": "a list", "object": "a group of fields", "null": "nothing",
+}  # fmt: skip
+_UNSHOWN = ("array", "object", "null")
+_NO_CHOICE = "invalid enum value "
+_SIGNS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
+_SOME = "…"
+LONGEST = 60  # characters of a wrong value that are shown
+_STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
+
+
+def convert(source: Source, kind: type[T]) -> T:
+    """Plain data as an object of `kind`.
+
+    An integer may stand for a float; nothing else is coerced. Raises ConfigurationError: msgspec's
+    message with file, line, path, value and what is allowed.
+    """
+    try:
+        return msgspec.convert(source.data, kind)
+    except msgspec.ValidationError as error:
+        message, _, where = str(error).partition(" - at `")
+        of_a_key = where.startswith(_OF_A_KEY)
+        keys = _keys(where.removeprefix(_OF_A_KEY).rstrip("`"))
+        keys = _named(keys, source.data, kind, str(error))
+        place = _spell(keys, source.data) or "the file"
+        unknown = re.search(r"unknown field `(.+)`", message)
+        if unknown:
+            line = source.line([*keys, unknown.group(1)])
+            known = ", ".join(_fields_at(kind, keys))
+            message = f"unknown key `{unknown.group(1)}`" + (
+                f" (allowed: {known})" if known else ""
+            )
+        else:
+            line = source.line(keys)
+            message = _plain(message)
+            if of_a_key:
+                message += " as a key"
+            if choices := _choices_at(kind, keys, of_a_key):
+                allowed = ", ".join(choices)
+                if message.startswith(_NO_CHOICE) and not of_a_key:
+                    message = f"must be one of {allowed}, not {message.removeprefix(_NO_CHOICE)}"
+                else:
+                    message += f" (allowed: {allowed})"
+            else:
+                message += _value_at(keys, source.data)
+        raise ConfigurationError(f"{source.path}:{line}: {place}: {message}") from error
+
+
+def _plain(message: str) -> str:
+    """msgspec's message without Python's names of types: `must be a number above 0`."""
+    found = _EXPECTED.fullmatch(message)
+    if found is None:
+        return message[:1].lower() + message[1:]
+    kinds, length, sign, bound, got = found.groups()
+    words = " or ".join(_KINDS.get(kind, kind) for kind in kinds.split(" | "))
+    if bound is not None:
+        words += f"{' of length' if length else ''} {_SIGNS[sign]} {bound.removesuffix('.0')}"
+    # What has a short value is shown by that.
+    return f"must be {words}" + (f", not {_KINDS[got]}" if got in _UNSHOWN else "")
+
+
+def _keys(where: str) -> list[str | int]:
+    """Steps of msgspec's `.joints[2].limits`; it writes `[...]` for 'some key of this mapping'."""
+    return [
+        name or (_SOME if index == "..." else int(index)) for name, index in _STEP.findall(where)
+    ]
+
+
+def _named(keys: list[str | int], data: Any, kind: Any, message: str) -> list[str | int]:
+    """Keys with every placeholder replaced by a name: that of the first entry of the mapping whose
+    value alone causes the same refusal."""
+    found: list[str | int] = []
+    for key in keys:
+        inside = _walk(found, data) if key == _SOME else None
+        names = iter(inside) if isinstance(inside, dict) else ()
+        refused = (name for name in names if _refused(_only(data, found, name), kind, message))
+        found.append(next(refused, key))
+    return found
+
+
+def _only(data: Any, keys: list[str | int], key: str) -> Any:
+    """Data whose mapping behind `keys` has this key alone."""
+    if not keys:
+        return {key: data[key]}
+    copy: Any = dict(data) if isinstance(data, dict) else list(data)
+    copy[keys[0]] = _only(data[keys[0]], keys[1:], key)
+    return copy
+
+
+def _refused(data: Any, kind: Any, message: str) -> bool:
+    try:
+        msgspec.convert(data, kind)
+    except msgspec.ValidationError as error:
+        return str(error) == message
+    return False
+
+
+def _walk(keys: list[str | int], data: Any) -> Any:
+    for key in keys:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data
+
+
+def _value_at(keys: list[str | int], data: Any) -> str:
+    value = _walk(keys, data)
+    if isinstance(value, bool):
+        return f", not {str(value).lower()}"
+    if isinstance(value, str):  # it may be the whole text of a file of another kind
+        return f", not {value if len(value) <= LONGEST else value[:LONGEST] + _SOME!r}"
+    return f", not {value!r}" if isinstance(value, (int, float)) else ""
+
+
+def _spell(keys: list[str | int], data: Any) -> str:
+    """Path such as `joints[2] (LElbowRoll).limits.velocity`, with the names of entries."""
+    text = ""
+    for depth, key in enumerate(keys):
+        if isinstance(key, int):
+            entry = _walk(keys[: depth + 1], data)
+            name = entry.get("name") if isinstance(entry, dict) else None
+            text += f"[{key}]" + (f" ({name})" if isinstance(name, str) else "")
+        else:
+            text += ("." if text else "") + key
+    return text
+
+
+def _type_at(kind: Any, keys: list[str | int]) -> Any:
+    """Type expected at the end of `keys`, as msgspec describes it."""
+    node: Any = msgspec.inspect.type_info(kind)
+    for key in keys:
+        node = _struct_of(node)
+        if isinstance(node, msgspec.inspect.StructType):
+            node = next((f.type for f in node.fields if f.encode_name == key), None)
+        elif isinstance(node, msgspec.inspect.DictType):
+            node = node.value_type
+        elif isinstance(node, (msgspec.inspect.ListType, msgspec.inspect.VarTupleType)):
+            node = node.item_type
+    return _struct_of(node)
+
+
+def _struct_of(node: Any) -> Any:
+    """Struct among the choices of a union, where there is one."""
+    if isinstance(node, msgspec.inspect.UnionType):
+        return next((t for t in node.types if hasattr(t, "fields")), node)
+    return node
+
+
+def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
+    """Names that are allowed at the end of `keys`."""
+    node = _type_at(kind, keys)
+    return [f.encode_name for f in node.fields] if hasattr(node, "fields") else []
+
+
+def _choices_at(kind: Any, keys: list[str | int], of_a_key: bool) -> list[str]:
+    """Values, or keys, that are allowed at the end of `keys`; empty if they are not enumerated."""
+    node = _type_at(kind, keys)
+    if of_a_key:
+        node = node.key_type
+    if isinstance(node, msgspec.inspect.EnumType):
+        return [str(choice.value) for choice in node.cls]
+    return [str(choice) for choice in getattr(node, "values", ())]

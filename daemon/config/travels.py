@@ -1,0 +1,34 @@
+"""Worst-case travel of each joint after a fault, as `contactd check` prints it."""
+
+import math
+from typing import Final
+
+from daemon.config.schema import Configuration
+from daemon.faults.following import LATENCY_TICKS, TICKS
+from drivers.heartbeat_watch import HEARTBEATS_MISSED
+from drivers.stop_stages import Travel, worst_travel
+from drivers.witness import FROZEN_READINGS
+
+#: Of what is counted in samples, the first is the one with which the fault begins; the next SYNC
+#: brings it.
+SAMPLED_TICKS: Final = 2
+
+
+def noticing_ticks(c: Configuration) -> int:
+    """Ticks until a drive that does not follow its setpoints is detected, by the slowest of the
+    rules that may be the only one to apply."""
+    heartbeats = max(profile.heartbeat_ms for profile in c.drives.values())
+    lag_ticks = math.ceil(3.0 * c.control.drive_lag_ms / c.period_ms)
+    return max(
+        c.supervisor.stale_ticks,
+        FROZEN_READINGS + SAMPLED_TICKS,  # everything repeats
+        HEARTBEATS_MISSED * math.ceil(heartbeats / c.period_ms) + 1,
+        TICKS + LATENCY_TICKS + lag_ticks + SAMPLED_TICKS,  # it does not follow
+    )
+
+
+def travels(c: Configuration) -> list[Travel]:
+    """Travel of each joint."""
+    return worst_travel(
+        c.joint_drives, c.period_s, noticing_ticks(c), speed_margin=c.supervisor.speed_margin
+    )

@@ -1,0 +1,98 @@
+"""Witness of a hand: the part of the residual that may move an arm that yields.
+
+Learned friction and levels serve to detect contacts, but are no evidence of a person. The arm is
+therefore moved
+
+- by the residual only as far as it is present without the learned friction, too: by the smaller of
+  the two, and not at all where their signs differ;
+- from the stated level on, however far learning has lowered the level in force. The latter counts
+  while a hand is witnessed on the joint, and for ALONE_S after it.
+
+A hand is witnessed where the residual exceeds the stated level, and exceeds the configured one by
+the whole identified friction: the motor is then driven instead of driving, whatever friction is. A
+joint that moves in the direction of its residual without that moves because of an error, or of a
+hand too light to be distinguished from one: after ALONE_S it stands, until a hand is witnessed or
+the residual has been below its level.
+
+Pure; time is an argument; arrays of shape (n,).
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Vector
+from estimator.contact import dead_band
+
+#: Longest time and distance of motion by a push that friction could explain [s], [rad].
+ALONE_S: Final = 0.1
+ALONE_RAD: Final = 0.008
+#: Share of both that leaks per second without such motion.
+LEAK: Final = 0.5
+#: Speed below which a joint that has stopped is settling in its gear [rad/s].
+SETTLES: Final = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class IndependentResidual:
+    """Residual of a tick as far as it is independent of learning [Nm], with the level in force and
+    the stated one [Nm]."""
+
+    agreed: Vector
+    threshold: Vector
+    stated: Vector
+
+
+def agreed(residual: Vector, uncorrected: Vector) -> Vector:
+    """Smaller of the residuals with and without learned friction [Nm]; 0 where their signs
+    differ."""
+    low, high = np.minimum(residual, uncorrected), np.maximum(residual, uncorrected)
+    return np.maximum(low, 0.0) + np.minimum(high, 0.0)
+
+
+def beyond_stated(independent: IndependentResidual) -> Vector:
+    """Thresholded residual [Nm] of a contact that begins, at the stated level."""
+    return dead_band(independent.agreed, independent.stated)
+
+
+class HandWitness:
+    """Watch on one arm while it yields."""
+
+    def __init__(self, contact: Vector, coulomb: Vector, viscous: Vector) -> None:
+        """contact: configured levels [Nm]; coulomb [Nm], viscous [Nm s/rad]: identified friction of
+        motor and link."""
+        self._contact, self._coulomb, self._viscous = contact, coulomb, viscous
+        n = len(coulomb)
+        self._alone_s, self._alone_rad, self._seen_s = np.zeros((3, n))
+        self._stands = np.zeros(n, dtype=np.bool_)
+
+    @property
+    def stands(self) -> bool:
+        """True while a joint is held because it moved without a witnessed hand."""
+        return bool(self._stands.any())
+
+    def begin(self) -> None:
+        """Reset when the arm begins to yield: no hand has been witnessed yet."""
+        self._alone_s[:] = self._alone_rad[:] = self._seen_s[:] = 0.0
+        self._stands[:] = False
+
+    def step(self, independent: IndependentResidual, motor_velocity: Vector, dt: float) -> Vector:
+        """Thresholded residual [Nm] that may move the arm in the next dt [s]."""
+        size, speed = np.abs(independent.agreed), np.abs(motor_velocity)
+        friction = self._coulomb + self._viscous * speed
+        hand = size > np.maximum(independent.stated, self._contact + friction)
+        self._seen_s = np.where(hand, ALONE_S, np.maximum(self._seen_s - dt, 0.0))
+        seen = self._seen_s > 0.0
+        along = (independent.agreed * motor_velocity > 0.0) & (size > independent.threshold) & ~seen
+        moves = along & (speed > SETTLES)
+        kept = np.where(hand, 0.0, 1.0 - LEAK * dt * ~along)
+        self._alone_s = kept * self._alone_s + dt * moves
+        self._alone_rad = kept * self._alone_rad + dt * speed * along
+        gone = size <= independent.threshold
+        alone = (self._alone_s > ALONE_S) | (self._alone_rad > ALONE_RAD)
+        self._stands = ((self._stands & ~gone) | (alone & along)) & ~hand
+        push = dead_band(
+            independent.agreed, np.where(seen, independent.threshold, independent.stated)
+        )
+        return np.where(self._stands, 0.0, push)

@@ -1,0 +1,144 @@
+"""Answers to the packets of the sockets' clients, and refusal of requests overtaken by a stop.
+
+Every packet is answered: one that is not a request, that a door does not take, that came before a
+stop, or that causes an error inside the daemon is refused with the reason. Moments are counted by
+looks at connections and reads: a request that lets the arm move must have been sent after the last
+stop.
+"""
+
+import contextlib
+import select
+import socket
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from common.errors import ContactdError
+from daemon.protocol.doors import refusal as refusal_at
+from daemon.protocol.messages import (
+    AWAITED,
+    COMMANDS,
+    MAX_REQUEST_BYTES,
+    OUTDATED_BY,
+    Command,
+    Reply,
+    Request,
+)
+from daemon.protocol.socket_path import Peer
+from daemon.protocol.strict_json import StrictDecoder
+from daemon.service.connections import Connection, Connections
+from daemon.service.mishaps import error_in_words
+
+SHORT_BYTES: Final = 128  # a stop is no longer; longer packets are decoded in their turn
+SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
+
+Handler = Callable[[Request, Peer], Reply]
+MishapListener = Callable[[bytes, Peer, Exception], None]
+
+
+class Answers:
+    """Answers to all connections of one daemon."""
+
+    def __init__(self, connections: Connections) -> None:
+        self.moment = 0
+        # called with the packet, its sender, and the error that no request should raise
+        self.on_mishap: MishapListener = lambda *_: None
+        self._connections = connections
+        self._served: set[Command] = set()  # stops that were served in this poll
+        self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
+        self._decoder = StrictDecoder(Request)
+
+    def begin_poll(self) -> int:
+        """Begin a poll; returns its first moment."""
+        self._served.clear()
+        return self.next_moment()
+
+    def next_moment(self) -> int:
+        """Count on by one."""
+        self.moment += 1
+        return self.moment
+
+    def is_urgent(self, packet: bytes) -> bool:
+        """True for a short, bare `stop` or `disarm`, the first of its kind in this poll: the arm
+        stops by that one, and a flood of them must not keep others waiting."""
+        if len(packet) > SHORT_BYTES:
+            return False
+        try:
+            request = self._decoder.decode(packet)
+        except Exception:  # it is answered in its turn
+            return False
+        return (
+            request.command in OUTDATED_BY
+            and request == Request(request.command, on_behalf_of=request.on_behalf_of)
+            and request.command not in self._served
+        )
+
+    def answer(
+        self, connection: Connection, packet: bytes | None, after: int, handle: Handler
+    ) -> Reply:
+        """Answer to a packet that was sent after this moment; a packet of None was too long."""
+        try:
+            return self._answered(connection, packet, after, handle)
+        except ContactdError as error:
+            return Reply(ok=False, message=str(error))
+        except Exception as error:
+            return self.mishap(connection, packet or b"", error)
+
+    def mishap(self, connection: Connection, packet: bytes, error: Exception) -> Reply:
+        """Answer to a packet at which the program raised an error."""
+        self.on_mishap(packet, connection.peer, error)
+        return Reply(ok=False, message=f"{error_in_words(error)}; see the daemon's log")
+
+    def _answered(
+        self, connection: Connection, packet: bytes | None, after: int, handle: Handler
+    ) -> Reply:
+        """Carry out a packet. Raises any error in doing so."""
+        if packet is None:
+            return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
+        try:
+            request = self._decoder.decode(packet)
+        except msgspec.DecodeError as error:
+            return Reply(ok=False, message=_no_request(str(error)))
+        refusal = refusal_at(connection.door, request.command)
+        refusal = refusal or self._outdated(request, after, connection)
+        if request.command == "subscribe":
+            refusal = refusal or self._connections.refuse_reader(connection)
+        if refusal:
+            return Reply(ok=False, message=f"{request.command}: {refusal}")
+        reply = handle(request, connection.peer)
+        if request.command in OUTDATED_BY and reply.ok:
+            self._served.add(request.command)
+            self._stopped_at[request.command] = self.next_moment()
+        if request.command == "subscribe" and reply.ok:
+            with contextlib.suppress(OSError):
+                connection.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+            self._connections.set_reading(connection, True)
+        return reply
+
+    def _outdated(self, request: Request, after: int, connection: Connection) -> str:
+        """Reason why a request that lets the arm move is outdated; empty if it is not."""
+        if request.command not in AWAITED:
+            return ""
+        for stop, outdated in OUTDATED_BY.items():
+            if request.command in outdated and after < self._stopped_at[stop]:
+                return f"a {stop} overtook it; ask again"
+        if has_hung_up(connection.socket):
+            return "the client has hung up"
+        return ""
+
+
+def _no_request(problem: str) -> str:
+    """Refusal of a packet that is not a request; with a list of the commands unless it is about one
+    field."""
+    if "`$." in problem and "`$.command" not in problem:
+        return f"not a request: {problem}"
+    known = ", ".join(COMMANDS)
+    return f'not a request: {problem}; expected {{"command": ...}} with one of {known}'
+
+
+def has_hung_up(connected: socket.socket) -> bool:
+    """True if the other end has closed the connection."""
+    looked = select.poll()
+    looked.register(connected, 0)
+    return bool(looked.poll(0))

@@ -1,0 +1,63 @@
+"""Settings, inputs and outcome of the controller's decisions: plain data."""
+
+from dataclasses import dataclass
+
+from common.arrays import Vector
+from daemon.faults.finding import Finding
+from daemon.modes.contact_reactions import AfterQuiet, Reactions
+from daemon.motion.admittance import AllowanceSettings
+from daemon.motion.hand_witness import IndependentResidual, beyond_stated
+from drivers.cia402 import PowerTarget
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerSettings:
+    """Settings of the controller, from the configuration."""
+
+    joints: tuple[str, ...]
+    ends: tuple[str, ...]  # hold, brake or limp, per joint
+    reactions: Reactions
+    quiet_s: float
+    after_quiet: AfterQuiet
+    bounds: AllowanceSettings
+    enable_timeout_s: float
+    stop_timeout_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ControlInput:
+    """Inputs of a decision. Vectors of shape (n,), SI at the link."""
+
+    q: Vector  # measured link position
+    motor_velocity: Vector
+    residual: Vector  # [Nm]
+    thresholded: Vector  # thresholded residual [Nm]
+    touched: str  # description of the contact that lasts; empty without one
+    hit: str  # description of the collision that lasts, likewise
+    operating: tuple[bool, ...]  # which drives are in operation enabled
+    statuswords: tuple[int, ...]
+    findings: tuple[Finding, ...]
+    age_s: Vector | None = None  # of q; None where every sample came in time
+    recent: bool = True  # every sample came in this tick, or just before
+    struck: bool = False  # a collision began in this tick
+    sure: bool = True  # every joint senses, and no residual has just restarted
+    load: str = ""  # description of a load at the hand that explains the whole residual
+    play: Vector | float = 0.0  # distance links may fall down and up in their gaps, (2, n) [rad]
+    # Residual that may move the arm; None: all that is thresholded.
+    independent: IndependentResidual | None = None
+
+    @property
+    def avoided(self) -> Vector:
+        """Thresholded residual (n,) [Nm] that the arm backs away from, none of it due to learning
+        alone."""
+        return self.thresholded if self.independent is None else beyond_stated(self.independent)
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Commands to the drives, and the reference behind them; vectors of shape (n,)."""
+
+    power: tuple[PowerTarget, ...]
+    reset: bool  # ask drives in fault for a reset
+    velocity: Vector  # target velocity [rad/s]
+    reference: Vector  # desired q [rad]

@@ -1,0 +1,39 @@
+"""Notices about learning: learned friction that was discarded, and places of repeated contact."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from daemon.protocol.messages import Notice
+from estimator.estimator import Estimator
+
+#: Number of contacts at one place from which on it is reported.
+OFTEN: Final = 3
+
+
+class LearningNews:
+    """News of one arm, tick by tick."""
+
+    def __init__(self, estimator: Estimator, names: Sequence[str]) -> None:
+        self._estimator, self._names = estimator, tuple(names)
+        self._given_up = [0] * len(self._names)
+        self._met = [0] * len(self._names)
+
+    def step(self) -> tuple[Notice, ...]:
+        """News of this tick; most often none."""
+        estimator = self._estimator
+        given_up, met = estimator.given_up.tolist(), estimator.met.tolist()
+        if given_up == self._given_up and met == self._met:
+            return ()
+        texts = [
+            f"{name}: the learned friction is discarded, the residual is smaller without it"
+            for name, before, now in zip(self._names, self._given_up, given_up, strict=True)
+            if now > before
+        ]
+        texts += [
+            f"{name}: contact at the same place {OFTEN} times, near {estimator.place(i):.2f} rad: "
+            "a cable, a hose, or something in the way?"
+            for i, (name, before, now) in enumerate(zip(self._names, self._met, met, strict=True))
+            if before < OFTEN <= now
+        ]
+        self._given_up, self._met = given_up, met
+        return tuple(Notice(kind="mode", text=text) for text in texts)

@@ -1,0 +1,115 @@
+"""Events of the arm itself: energised, at rest, quiet, at a bound, arrived, timeout. From
+the inputs of a tick to one of the mode table, a function a mode."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from daemon.faults.plausibility import STANDSTILL_SPEED
+from daemon.modes.contact_reactions import AfterQuiet
+from daemon.modes.quiet_timer import QuietTimer
+from daemon.modes.release_stage import Ending
+from daemon.modes.table import Event, Mode, ModeMachine, Trigger
+from daemon.motion.admittance import Allowance
+from daemon.motion.limits import all_finite
+from daemon.motion.motion import Motion
+from daemon.tick.decision import ControlInput, ControllerSettings
+from daemon.tick.refusals import leaves_limits
+from drivers.cia402 import in_words
+
+
+class OwnEvents:
+    """Events of one arm without a person and without a contact."""
+
+    def __init__(
+        self,
+        settings: ControllerSettings,
+        machine: ModeMachine,
+        motion: Motion,
+        quiet: QuietTimer,
+        allowance: Allowance,
+    ) -> None:
+        self._settings, self._machine, self._motion = settings, machine, motion
+        self._quiet, self._allowance = quiet, allowance
+        self._waits: dict[Mode, Callable[[float, ControlInput], Trigger | None]] = {
+            Mode.ENABLING: self._enabling,
+            Mode.STOPPING: self._stopping,
+            Mode.TRACKING: self._tracking,
+            Mode.RETURNING: self._returning,
+        }
+
+    def trigger(self, time_s: float, dt: float, observed: ControlInput) -> Trigger | None:
+        """Event of one tick, dt [s] after the last; None without one."""
+        mode = self._machine.mode
+        if mode in (Mode.ADMITTANCE, Mode.RETRACTING):
+            self._allowance.spend(dt)
+            return self._yielding(mode, observed)
+        self._allowance.recover(dt)
+        if mode is Mode.RELEASING:
+            return self._releasing(dt, observed)
+        waits = self._waits.get(mode)
+        return waits(time_s - self._machine.entered_s, observed) if waits else None
+
+    def _yielding(self, mode: Mode, observed: ControlInput) -> Trigger | None:
+        if bound := self._allowance.bound_reached(observed.q):
+            return Trigger(Event.BOUND, bound)
+        if mode is Mode.RETRACTING and self._motion.under_way:
+            opposed = self._motion.opposed(observed.thresholded)
+            return Trigger(Event.HALT, "pushed against while retracting") if opposed else None
+        if not self._quiet.expired:
+            return None
+        event, reasons = self._when_quiet(observed)
+        return Trigger(event, "; ".join([f"quiet for {self._quiet.quiet_s:.2f} s", *reasons]))
+
+    def _when_quiet(self, observed: ControlInput) -> tuple[Event, list[str]]:
+        """Event after the quiet time, with the reasons why the trajectory does not go on here."""
+        if not self._machine.moving:
+            return Event.SETTLE, []
+        if self._settings.after_quiet is AfterQuiet.RETURN:
+            return Event.RETURN, []
+        q, place, limits = observed.q, self._motion.follower.place, self._motion.limits
+        reasons = leaves_limits(self._settings.joints, q, limits, place)
+        if not reasons:
+            return Event.RESUME, []
+        fits = all_finite(place.nearest(q, limits.lower, limits.upper))
+        return (Event.RETURN if fits else Event.SETTLE), reasons
+
+    def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
+        release = self._motion.giving_way
+        q, push = observed.q, observed.thresholded
+        release.step(q, observed.motor_velocity, push, dt, sure=observed.sure)
+        if not release.end:
+            return None
+        event = Event.BOUND if release.end in (Ending.BOUND, Ending.TIME) else Event.HALT
+        return Trigger(event, release.in_words(self._settings.joints, q, push, observed.residual))
+
+    def _enabling(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
+        if all(observed.operating):
+            return Trigger(Event.ENERGISED, "drives enabled")
+        if elapsed_s <= (patience_s := self._settings.enable_timeout_s):
+            return None
+        drives = zip(self._settings.joints, observed.operating, observed.statuswords, strict=True)
+        late = ", ".join(f"{name} is in {in_words(word)}" for name, on, word in drives if not on)
+        text = f"the drives were not enabled within {patience_s:g} s: {late}"
+        return Trigger(Event.TIMEOUT, text)
+
+    def _stopping(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
+        still = np.abs(observed.motor_velocity) < STANDSTILL_SPEED
+        if observed.recent and still.all() and not self._motion.velocity.any():
+            return Trigger(Event.STANDSTILL, self._machine.cause)
+        if elapsed_s <= (patience_s := self._settings.stop_timeout_s):
+            return None
+        return Trigger(Event.TIMEOUT, f"the arm did not stop within {patience_s:g} s")
+
+    def _tracking(self, _elapsed_s: float, _observed: ControlInput) -> Trigger | None:
+        if not self._motion.follower.finished:
+            return None
+        return Trigger(Event.END, f"{self._motion.follower.place.path.name} came to its end")
+
+    def _returning(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
+        if self._motion.arrived(observed.q):
+            return Trigger(Event.ARRIVED, "back where the trajectory goes on")
+        if elapsed_s <= self._motion.line_duration_s + self._settings.stop_timeout_s:
+            return None
+        text = f"the arm did not get back to its trajectory within {elapsed_s:.1f} s"
+        return Trigger(Event.TIMEOUT, text)

@@ -1,2 +1,0 @@
-"""Trends: what the gears show day by day, gathered and written by a process of its own beside
-`contactd run`."""

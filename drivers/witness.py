@@ -1,0 +1,136 @@
+"""Witness of a standstill: history of one drive's motion by its sensors. Pure.
+
+One sensor may repeat a value, be wrong, or be zero for ever. So a standstill needs two that agree:
+a velocity that was seen to move and then to come down, or positions that were seen to change while
+the motor moved and then to rest. A sample that repeats to the last bit although the motor moves, or
+was commanded to, was not measured. Time is an argument.
+"""
+
+import math
+from copy import copy
+from typing import Final
+
+#: Slower than this a motor stands [rad/s at the link]: a few counts of a coarse velocity.
+STANDS: Final = 0.02
+#: A position rests that goes no further than a creeping motor in so long; some velocities have a
+#: bias.
+STILL_S: Final = 0.2
+STILL_RAD: Final = STANDS * STILL_S
+#: A velocity from here on [rad/s] is a motion, whatever its bias.
+MOVES: Final = 0.1
+#: Beside a velocity that came down, positions need to rest so long only [s].
+PAUSE_S: Final = 0.03
+#: Time until a setpoint shows in a motor that lags [s]; in the drive's samples it takes two ticks.
+LAG_S: Final = 0.05
+#: So many equal readings in a row while the motor moves were not measured.
+FROZEN_READINGS: Final = 10
+#: Times are products of ticks [s].
+ROUNDING_S: Final = 1e-6
+
+
+class Position:
+    """Position sensor of one drive: where it has rested, and when it changed."""
+
+    __slots__ = ("changed_s", "here", "here_s", "value")
+
+    def __init__(self) -> None:
+        self.value = self.here = math.nan
+        self.here_s = self.changed_s = math.nan
+
+    def take(self, now: float, value: float) -> bool:
+        """Take a sample [rad]; NaN is none. True if it is another than the one before."""
+        if math.isnan(value) or value == self.value:
+            return False
+        self.changed_s, self.value = now, value
+        if not abs(value - self.here) <= STILL_RAD:
+            self.here, self.here_s = value, now
+        return True
+
+    @property
+    def known(self) -> bool:
+        """True once there was a sample."""
+        return not math.isnan(self.value)
+
+    def rests(self, now: float, seconds: float) -> bool:
+        """True if it has rested for so long; one that there is not does."""
+        return math.isnan(self.value) or now - self.here_s >= seconds - ROUNDING_S
+
+
+class Witness:
+    """History of one drive's motion sensors and of its last setpoint that was a motion."""
+
+    __slots__ = (
+        "_changed_s",
+        "_commanded_s",
+        "_current",
+        "_moved_s",
+        "_same",
+        "_velocity",
+        "link",
+        "motor",
+    )
+
+    def __init__(self) -> None:
+        self.link, self.motor = Position(), Position()
+        self._velocity = self._current = math.nan
+        self._changed_s = -math.inf  # when any of it was last another than before
+        self._same = 0  # readings since, of a motor that was to move or reported motion
+        self._moved_s = -math.inf  # when its velocity last was a motion
+        self._commanded_s = -math.inf  # when it was last commanded to move
+
+    def copy(self) -> "Witness":
+        """Another with the same history, which goes its own way."""
+        other = copy(self)
+        other.link, other.motor = copy(self.link), copy(self.motor)
+        return other
+
+    def command(self, now: float, velocity: float) -> None:
+        """Take the target velocity [rad/s] in force from now on."""
+        if abs(velocity) >= STANDS:
+            self._commanded_s = now
+
+    def take(
+        self, now: float, velocity: float, current: float, link: float, motor: float = math.nan
+    ) -> None:
+        """Take fresh samples of a motor's velocity and current, and of its positions, SI at the
+        link; NaN is none."""
+        changed = self.link.take(now, link)
+        changed = self.motor.take(now, motor) or changed
+        if velocity != self._velocity and not math.isnan(velocity):
+            self._velocity, changed = velocity, True
+        if current != self._current and not math.isnan(current):
+            self._current, changed = current, True
+        if abs(velocity) >= MOVES:
+            self._moved_s = now
+        if changed:
+            self._changed_s, self._same = now, 0
+        elif max(self._moved_s, self._commanded_s) > self._changed_s:
+            self._same += 1
+
+    @property
+    def repeats(self) -> bool:
+        """True if all readings repeat to the last bit although its motor moves, or has since been
+        commanded to."""
+        return self._same >= FROZEN_READINGS
+
+    def stands(self, now: float, velocity: float) -> bool:
+        """True if all sensors agree that the motor stands, at this velocity [rad/s]."""
+        speed = abs(velocity)
+        if speed < STANDS and self._came_down:
+            return self._rest(now, PAUSE_S)
+        return speed < MOVES and self._follow and self._rest(now, STILL_S)
+
+    @property
+    def _came_down(self) -> bool:
+        """True if its velocity was a motion for as long as its setpoint was."""
+        return self._moved_s > -math.inf and self._moved_s >= self._commanded_s - LAG_S
+
+    @property
+    def _follow(self) -> bool:
+        """True if one of its positions has changed for as long as it moved, or was to."""
+        to_move_s = max(self._moved_s, self._commanded_s) - LAG_S
+        both = (self.link, self.motor)
+        return any(each.known and each.changed_s >= to_move_s for each in both)
+
+    def _rest(self, now: float, seconds: float) -> bool:
+        return self.link.rests(now, seconds) and self.motor.rests(now, seconds)

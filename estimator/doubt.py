@@ -1,0 +1,201 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Doubt in what was learned, raised by contacts that the stated level would not have shown.
+
+A level that learning has lowered is a conclusion, and so is learned friction. A contact that exists
+by these alone may be the arm's own: friction that has changed, a cable, a load. After it the joint
+is back at its stated level, and its friction counts as unknown,
+
+    k' = k + (1 - k) d,    unknown' >= d * unknown before anything was learned
+
+until its motion agrees again: everywhere (d) after half a second of it in each direction in which
+it was interrupted, but where the joint was, `place`, only after it has passed there without that.
+A direction that was not interrupted shows nothing: what rubs one way agrees in the other. Where the
+residual goes on to exceed the lowered level, and follows the sign of the motion in both directions,
+it is friction: what was learned of it is uncertain again, and given up if the residual is smaller
+without it.
+
+A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
+that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
+
+Ordinary Python, which runs as it is; `doubt.pxd` names the types for the compiler.
+"""
+
+import numpy as np
+
+# Each direction that was interrupted owes _HOLDS_S of motion that agrees; then d fades in _FADES_S.
+_HOLDS_S, _FADES_S = 0.5, 0.5
+# A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
+_LASTS_S, _RISES_S = 10.0, 1.0
+# A place is so wide to both sides [rad], and forgotten after so much motion there that agrees.
+_WIDTH, _CLEARS_S = 0.08, 1.0
+# Residual beyond the lowered level in both directions of motion, each for so long, is friction.
+_FLIPS_S = 0.05
+# A rest of so long may change the friction of all joints; within so much motion after it, a contact
+# in doubt raises the doubt of each.
+_RESTED_S, _WARMS_S = 60.0, 60.0
+# Verdicts of `step`.
+AGREES, ENDED, FRICTION = range(3)
+_AGREES, _ENDED, _FRICTION = range(3)  # for the compiler
+
+
+class Doubt:
+    """Doubt d of each joint, `value` (n,), 0 to 1."""
+
+    def __init__(self, n: int) -> None:
+        self.value, self.lasted_s = np.zeros((2, n))
+        # Motion that agrees and is owed, by direction [s]; and the direction in which a contact
+        # began, 0 at rest.
+        self.upwards_owed_s, self.downwards_owed_s = np.zeros((2, n))
+        self.way = np.zeros(n, dtype=np.int64)
+        self.warm_s = np.full(n, _WARMS_S)  # motion since a rest
+        # 1 where the contact that lasts is beyond doubt, and where a place is known.
+        self.beyond, self.placed = np.zeros((2, n), dtype=np.int64)
+        self.rubs = np.zeros(n, dtype=np.int64)  # 1: friction was seen to be another
+        self.moving = np.zeros(n, dtype=np.int64)  # 1 where rotor and link move together
+        self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place
+        # Signed time for which the residual exceeded the lowered level, by direction of motion [s].
+        self.upwards_s, self.downwards_s = np.zeros((2, n))
+        # How often the same place was met, entering it anew; and since when it was left [s].
+        self.met = np.zeros(n, dtype=np.int64)
+        self.away_s = np.zeros(n)
+
+    def at(self, i: int, q: float) -> float:
+        """Doubt of joint i at q [rad]."""
+        if self.placed[i] and self.low[i] - _WIDTH <= q <= self.high[i] + _WIDTH:
+            return 1.0
+        return float(self.value[i])
+
+    def step(
+        self, i: int, touched: bool, q: float, velocity: float, residual: float, believed: float,
+        lowered: float, stated: float, dt: float,
+    ) -> int:  # fmt: skip
+        """Take one tick of joint i, dt [s]; returns a verdict.
+
+        touched: its contact lasts; residual: as it decides [Nm]; believed: what of its size does
+        not depend on what was learned [Nm]; lowered: level in force but for doubt [Nm]; stated:
+        level that only a person or an obstacle exceeds [Nm].
+        """
+        if touched:
+            return self._last(i, velocity, believed, stated, dt)
+        if self.lasted_s[i] > 0.0:
+            self.lasted_s[i] = 0.0
+            if self.beyond[i]:
+                self.beyond[i] = 0
+                return _AGREES
+            self.raise_at(i, q)
+            return _ENDED
+        if self.moving[i]:
+            self.warm_s[i] = min(self.warm_s[i] + dt, _WARMS_S)
+            if self.value[i] > 0.0 or self.placed[i]:
+                return self._compare(i, q, velocity, residual, lowered, dt)
+        return _AGREES
+
+    def rest(self, i: int, still_s: float) -> None:
+        """Take note of a joint that has stood for so long [s]."""
+        if still_s > _RESTED_S:
+            self.warm_s[i] = 0.0
+
+    def cold(self, i: int) -> bool:
+        """True if joint i has moved little since a long rest."""
+        return bool(self.warm_s[i] < _WARMS_S)
+
+    def raise_at(self, i: int, q: float) -> None:
+        """Doubt joint i everywhere, and at q [rad] until it has passed there."""
+        self.value[i] = 1.0
+        self._owe(i, self.way[i])
+        near = self.placed[i] and self.low[i] - 2.0 * _WIDTH <= q <= self.high[i] + 2.0 * _WIDTH
+        self.low[i] = min(self.low[i], q) if near else q
+        self.high[i] = max(self.high[i], q) if near else q
+        self.met[i] = self.met[i] + 1 if near else 1
+        self.placed[i], self.cleared_s[i], self.away_s[i] = 1, 0.0, 0.0
+
+    def raise_all(self, i: int) -> None:
+        """Doubt joint i everywhere, until both directions agree."""
+        self.value[i] = 1.0
+        self._owe(i, 0)
+
+    def reset(self, i: int) -> None:
+        """Forget the contact of joint i that lasts."""
+        self.lasted_s[i], self.beyond[i] = 0.0, 0
+
+    def _owe(self, i: int, way: int) -> None:
+        """Let joint i owe motion that agrees in the direction of `way`, in both where that is 0."""
+        self.upwards_s[i] = self.downwards_s[i] = 0.0
+        if way >= 0:
+            self.upwards_owed_s[i] = _HOLDS_S
+        if way <= 0:
+            self.downwards_owed_s[i] = _HOLDS_S
+
+    def _last(self, i: int, velocity: float, believed: float, stated: float, dt: float) -> int:
+        if self.lasted_s[i] == 0.0:
+            self.way[i] = 0
+            if self.moving[i]:
+                self.way[i] = 1 if velocity > 0.0 else -1
+        self.lasted_s[i] += dt
+        if believed > stated:
+            self.beyond[i] = 1
+        if not self.beyond[i] and self.lasted_s[i] > _LASTS_S:
+            self.value[i] = min(self.value[i] + dt / _RISES_S, 1.0)
+        return _AGREES
+
+    def _compare(
+        self, i: int, q: float, velocity: float, residual: float, lowered: float, dt: float
+    ) -> int:
+        """Hold motion against what was learned."""
+        here = self.placed[i] and self.low[i] - _WIDTH <= q <= self.high[i] + _WIDTH
+        agrees = abs(residual) <= lowered
+        if here:
+            self._pass(i, q, agrees, dt)
+        else:
+            self.away_s[i] += dt
+        if self.value[i] <= 0.0:
+            return _AGREES
+        if agrees:
+            self._agree(i, velocity, dt)
+            return _AGREES
+        if not here or self.value[i] >= 1.0:
+            self.value[i] = 1.0
+            if velocity > 0.0:
+                self.upwards_owed_s[i] = _HOLDS_S
+            else:
+                self.downwards_owed_s[i] = _HOLDS_S
+        signed = dt if residual > 0.0 else -dt
+        if velocity > 0.0:
+            self.upwards_s[i] += signed
+        else:
+            self.downwards_s[i] += signed
+        if self.upwards_s[i] > _FLIPS_S and self.downwards_s[i] < -_FLIPS_S:
+            return self._rub(i)
+        if self.upwards_s[i] < -_FLIPS_S and self.downwards_s[i] > _FLIPS_S:
+            return self._rub(i)
+        return _AGREES
+
+    def _agree(self, i: int, velocity: float, dt: float) -> None:
+        """Take motion that agrees."""
+        if velocity > 0.0:
+            self.upwards_owed_s[i] = max(self.upwards_owed_s[i] - dt, 0.0)
+        else:
+            self.downwards_owed_s[i] = max(self.downwards_owed_s[i] - dt, 0.0)
+        if self.upwards_owed_s[i] <= 0.0 and self.downwards_owed_s[i] <= 0.0:
+            self.value[i] = max(self.value[i] - dt / _FADES_S, 0.0)
+            if self.value[i] <= 0.0:
+                self.rubs[i] = 0
+
+    def _rub(self, i: int) -> int:
+        """Friction is another."""
+        self.raise_all(i)
+        self.rubs[i] = 1
+        return _FRICTION
+
+    def _pass(self, i: int, q: float, agrees: bool, dt: float) -> None:
+        """Pass through the place of joint i."""
+        if agrees:
+            self.cleared_s[i] += dt
+            if self.cleared_s[i] > _CLEARS_S:
+                self.placed[i] = self.met[i] = 0
+            return
+        if self.away_s[i] > 0.0:
+            self.met[i] += 1
+        self.cleared_s[i] = self.away_s[i] = 0.0
+        self.low[i], self.high[i] = min(self.low[i], q), max(self.high[i], q)

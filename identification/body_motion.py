@@ -1,0 +1,124 @@
+"""Regressors of the fits of bodies: torques that each unit of each parameter would add, and the
+rest without it, joint by joint.
+
+With the model's parameters pi_0, the regressor Y of the links' torques, and friction and rotor as
+in `regression`,
+
+    r_nl + Y (pi - pi_0) = -tau_mu - B theta_ddot                                       filtered
+
+so that torques, alignment and gap are those of the estimator.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from common.errors import LogError
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from estimator.transmission import Transmission, resting
+from identification.body_rows import JointRows
+from identification.log_intervals import (
+    Intervals,
+    Mask,
+    intervals,
+    locate,
+    low_pass,
+)
+from identification.motion_log import MotionLog
+from identification.regression import GAIN, regression, weights_of
+from identification.sticking import held
+from identification.touches import near, touches
+
+OFFSET = 5
+"""Column of `JointRows.friction` that a current adds which is off all the time."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyMotion:
+    """Log of a motion in intervals; matrices (N, n), filtered where a fit compares them."""
+
+    rows: Intervals
+    regressor: Matrix
+    """Y (N, n, n, 10), filtered; the last axes are joint and parameter of what it moves"""
+    sticking: Matrix
+    """z - s of `sticking.held`"""
+    cut: Mask
+    """current at its limit"""
+
+    def touched(self, joints: list[JointRows], d: Vector, friction: list[Vector]) -> Mask:
+        """(N, n) where something else acted than a fit explains."""
+        found = [
+            touches(self.rows, one.left(d, x), one.clean, max(float(x[0]), 0.0))
+            for one, x in zip(joints, friction, strict=True)
+        ]
+        return np.stack(found, axis=1)
+
+
+def body_motion(
+    log: MotionLog,
+    model: Model,
+    settings: EstimatorSettings,
+    max_current: Vector,
+    sign_width: float,
+    shortest_s: float,
+) -> BodyMotion:
+    """Motion of a log; max_current (n,) [A]. Raises LogError for one of less than `shortest_s`."""
+    if log.measured_s + log.period_s < shortest_s - 1e-6:
+        raise LogError(
+            f"the log is too short: {log.measured_s:.1f} s, at least {shortest_s:g} s of motion"
+        )
+    rows = intervals(log, model, settings)
+    q_ddot = np.diff(rows.ends[:, 1], axis=0, prepend=rows.ends[:1, 1]) / rows.dt[:, None]
+    q_ddot[rows.first] = 0.0
+    moving = zip(rows.q, rows.q_dot, q_ddot, strict=True)
+    Y = np.array([model.regressor(*each) for each in moving])
+    sticking, _ = held(rows, sign_width)
+    cut = np.abs(rows.current) > 0.98 * max_current
+    return BodyMotion(rows, low_pass(Y, rows, GAIN), sticking, cut)
+
+
+def rows_of_joints(
+    motion: BodyMotion,
+    bodies: Matrix,
+    t: Transmission,
+    settings: EstimatorSettings,
+    touched: Mask,
+    offset: Mask,
+) -> list[JointRows]:
+    """Rows of each joint, for parameters whose torques are bodies (N, n, p); with the friction of
+    `t` to see the gap by, and without what is near what was `touched` (N, n). Joints of `offset`
+    (n,) may have a current that is off all the time."""
+    rows = motion.rows
+    where = locate(rows, t, settings)
+    found = regression(rows, t, where, motion.sticking)
+    spoilt = near(rows, touched)
+    # Friction, rotor, the link's friction in the gap, an offset of the current, and what is held
+    # after a reversal.
+    beside = found.nuisance[:, :, 1:] * np.stack([offset, np.ones_like(offset)], axis=1)
+    friction = -np.concatenate([found.columns[:, :, :5], beside], axis=2)
+    joints = []
+    for i in range(len(t.joints)):
+        rest = resting(rows.theta_dot[:, i])
+        clean = weights_of(rows, i, where, motion.cut[:, i], rest)
+        joints.append(
+            JointRows(
+                -found.r_nl[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt,
+                late=float(where.late[i]),
+            )
+        )  # fmt: skip
+    return joints
+
+
+def with_friction(t: Transmission, friction: list[Vector]) -> Transmission:
+    """The transmission with sums of friction, and rotors, of a fit; divided between motor and link
+    as before."""
+    found = np.maximum(np.array([x[:3] for x in friction]), 0.0)
+    new = {"rotor_inertia": found[:, 2]}
+    for k, kind in enumerate(("coulomb", "viscous")):
+        link, motor = getattr(t, f"link_{kind}"), getattr(t, f"motor_{kind}")
+        share = link / np.where(link + motor > 0.0, link + motor, 1.0)
+        new[f"link_{kind}"] = share * found[:, k]
+        new[f"motor_{kind}"] = (1.0 - share) * found[:, k]
+    return replace(t, **new)

@@ -1,0 +1,74 @@
+"""Both borders of a gap in motion, by the torque that the motor passes on.
+
+At a border, which is the one that the torque pushes at,
+
+    q - theta = middle - alpha sign(torque) - compliance torque - lateness q_dot
+
+so that neither what the gear bends nor a link encoder that is late is taken for a way through the
+gap, whatever masses the model has.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Matrix, Vector
+
+Mask = NDArray[np.bool_]
+
+_CARRIES = 0.1  # of the largest torque
+_RARE = 0.03  # of the rows; a border met more rarely is not believed
+_FEWEST = 200
+_AS_WIDE, _GIVE = 0.2, 0.0005  # of the half-gap, and [rad]: another one is no mere bending
+_CLEAR = 0.15  # of the half-gap, that rows may scatter by
+_SOFTEST = 0.005  # [rad/Nm]
+_BETTER = 0.9  # times the scatter, for which an encoder is late
+_LEAST_S = 0.0005  # of its lateness: less is interpolation
+_FAR = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Borders:
+    """Borders of one joint."""
+
+    middle: float
+    """of q - theta [rad]"""
+    half_gap: float
+    """[rad]"""
+    late_s: float
+    """of the link encoder behind the motor's"""
+
+
+def borders(apart: Vector, torque: Vector, q_dot: Vector, half_gap: float) -> Borders | None:
+    """Borders by apart (N,) = q - theta [rad], torque (N,) [Nm] and q_dot (N,); None where they do
+    not show, or are not those of this half-gap."""
+    carries = np.abs(torque) > _CARRIES * np.abs(torque).max()
+    side = np.sign(torque)
+    used = carries & (np.abs(np.gradient(apart)) <= np.median(np.abs(np.gradient(apart))))
+    rarer = min(np.count_nonzero(used & (side > 0.0)), np.count_nonzero(used & (side < 0.0)))
+    if used.sum() < _FEWEST or rarer < _RARE * used.sum():
+        return None
+    columns = np.stack([np.ones_like(apart), -side, -torque, -q_dot], axis=1)
+    found, scatter = _fitted(columns[:, :3], apart, used, carries)
+    late, scatter_late = _fitted(columns, apart, used, carries)
+    if scatter_late < _BETTER * scatter and abs(late[3]) > _LEAST_S:
+        found, scatter = late, scatter_late
+    if (
+        abs(found[1] - half_gap) > _AS_WIDE * half_gap + _GIVE
+        or scatter > _CLEAR * half_gap + _GIVE
+        or abs(found[2]) > _SOFTEST
+    ):
+        return None
+    return Borders(float(found[0]), float(found[1]), float(found[3]) if len(found) > 3 else 0.0)
+
+
+def _fitted(columns: Matrix, apart: Vector, used: Mask, tested: Mask) -> tuple[Vector, float]:
+    """Coefficients by the used rows, once more without those that lie far off; and how far the
+    tested ones scatter [rad]."""
+    found, *_ = np.linalg.lstsq(columns[used], apart[used], rcond=None)
+    left = np.abs(apart - columns @ found)
+    near = used & (left <= _FAR * np.median(left[used]) + 1e-9)
+    found, *_ = np.linalg.lstsq(columns[near], apart[near], rcond=None)
+    left = np.abs(apart - columns @ found)
+    return found, 1.4826 * float(np.median(left[tested]))

@@ -1,0 +1,66 @@
+"""Errors of encoders that repeat with a turn, as columns of a fit of phi.
+
+An encoder that sits off its axis, or a magnet that is not round, reads a little too far and too
+little again within each of its turns: low harmonics, some 0.5 mrad at the link where the encoder is
+the link's. Left in phi they look like borders that wander.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+
+ORDERS = (1, 2)
+_LEAST_TURN = 0.25  # of a period: over less of it, a harmonic is a straight line
+REPORTED = 0.0001
+"""Amplitude [rad] at the link above which an error is reported."""
+
+
+@dataclass(frozen=True, slots=True)
+class Harmonic:
+    """Error that repeats so many times with each turn of an encoder."""
+
+    encoder: Literal["link", "motor"]
+    order: int
+    amplitude: float
+    """[rad] at the link: half of what it spans over the turns that were made"""
+
+    def __str__(self) -> str:
+        return (f"{self.encoder} encoder off by {1e3 * self.amplitude:.2g} mrad, "
+                f"{self.order} x per turn")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Turns:
+    """Columns (N, 2 k) of the harmonics that the motion shows: cosine and sine of each."""
+
+    columns: Matrix
+    of: tuple[tuple[Literal["link", "motor"], int], ...]
+
+    def harmonics(self, solution: Vector, used: Matrix) -> tuple[Harmonic, ...]:
+        """Harmonics worth reporting, of coefficients (2 k,), over rows `used` (M, 2 k)."""
+        found = []
+        for place, (encoder, order) in enumerate(self.of):
+            pair = slice(2 * place, 2 * place + 2)
+            size = 0.5 * float(np.ptp(used[:, pair] @ solution[pair]))
+            if size > REPORTED:
+                found.append(Harmonic(encoder, order, size))
+        return tuple(found)
+
+
+def turns(q: Vector, theta: Vector, gear: float) -> Turns:
+    """Columns for link and motor positions (N,) [rad at the link] and a gear of so many turns of
+    the motor for one of the link; 0 where it is not known, then of the link alone."""
+    angles: list[tuple[Literal["link", "motor"], Vector]] = [("link", q)]
+    if abs(gear) > 1.0:
+        angles.append(("motor", gear * theta))
+    columns, of = [np.empty((len(q), 0))], []
+    for encoder, angle in angles:
+        for order in ORDERS:
+            if order * float(np.ptp(angle)) < _LEAST_TURN * 2.0 * np.pi:
+                continue
+            columns.append(np.stack([np.cos(order * angle), np.sin(order * angle)], axis=1))
+            of.append((encoder, order))
+    return Turns(np.concatenate(columns, axis=1), tuple(of))

@@ -1,0 +1,209 @@
+"""Friction and rotor inertia by least squares on the residual, (8)-(11) with their misprints
+corrected: `docs/estimator.md` has the table.
+
+    r_nl = low_pass(d(M q_dot)/dt - beta - tau_M) = -tau_mu - B theta_ddot         engaged
+    r_nl = low_pass(d(M q_dot)/dt - beta)         = -tau_mu                        in the gap
+
+Engaged, motor and link friction rub together and only their sum K_theta can be found (the columns
+of the two have a condition number in the thousands). Link friction K_q shows alone only in the
+gap, and there poorly.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from common.errors import LogError
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from estimator.transmission import Transmission
+from identification.coupling import coupled
+from identification.friction_errors import with_what_is_believed
+from identification.friction_fit import FrictionFit, adopt
+from identification.friction_verdict import Verdict, verdict_on, wider
+from identification.log_intervals import (
+    Intervals,
+    Mask,
+    intervals,
+    locate,
+    play,
+)
+from identification.motion_log import MotionLog
+from identification.regression import (
+    COLUMNS,
+    GAIN,
+    Solution,
+    regression,
+    solve_joint,
+)
+from identification.setpoint_steps import (
+    NO_SETPOINTS,
+    OR_MASSES,
+    STEP_GAIN,
+    STEPS,
+    hidden,
+    missed,
+    stepping,
+)
+from identification.sticking import held
+from identification.touches import near
+
+SHORTEST_S = 10.0
+"""Least motion [s] unless less is asked for."""
+_ROUNDS = 3
+_SHOWS = 0.3
+"""Least change of gravity that is compared, as a share of Coulomb friction."""
+_NOTHING = (
+    "it came out as nothing, which no rotor is: a current that is later than "
+    "estimator.current_delay_ms hides it; B keeps its value"
+)
+_UNFILTERED = (
+    "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
+    "between two steps: B keeps its value"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Reconstruction:
+    """r_nl and its reconstruction (14), (N, n) [Nm], and phi (N, n) [rad], for plots."""
+
+    time_s: Vector
+    r_nl: Matrix
+    reconstructed: Matrix
+    phi: Matrix
+    touched: tuple[str, ...]
+    """Joints that a person touched"""
+    discarded_s: float
+    """discarded because of these touches [s]"""
+    late: Vector
+    """Delay of each link encoder behind the motor's (n,) [s]; 0 where that does not show"""
+
+
+def identify_friction(
+    log: MotionLog,
+    model: Model,
+    transmission: Transmission,
+    settings: EstimatorSettings,
+    max_current: Vector,
+    shortest_s: float = SHORTEST_S,
+    *,
+    weighed: bool = False,
+) -> tuple[list[FrictionFit], Reconstruction]:
+    """Coefficients of every joint from contact-free motion.
+
+    transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
+    weighed: the model has identified masses.
+    Raises LogError for a log of less than `shortest_s`.
+    """
+    if log.measured_s + log.period_s < shortest_s - 1e-6:
+        raise LogError(
+            f"the log is too short: {log.measured_s:.1f} s, at least {shortest_s:g} s of motion"
+        )
+    rows = intervals(log, model, settings)
+    cut: Mask = np.abs(rows.current) > 0.98 * max_current
+    touched = np.zeros_like(cut)
+    sticking, unknown = held(rows, transmission.sign_width)
+    # Each round sees the gap with the friction of the one before, and what the one before could not
+    # explain.
+    for _ in range(_ROUNDS):
+        where = locate(rows, transmission, settings)
+        found = regression(rows, transmission, where, sticking)
+        alpha, spoilt = transmission.half_gap.tolist(), near(rows, touched)
+        solved = [
+            solve_joint(i, found, rows, alpha[i], where, cut, spoilt, unknown) for i in range(log.n)
+        ]
+        touched = np.stack([one.touched for one in solved], axis=1)
+        moved = play(rows, where.late).tolist()
+        fits = [
+            _judged(log.joints[i], i, one, rows, transmission, cut, moved[i], settings)
+            for i, one in enumerate(solved)
+        ]
+        transmission = adopt(transmission, fits)
+    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed)
+    fits = _uncoupled(fits, solved, rows, transmission.sign_width)
+    if log.setpoint is None:
+        fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]
+    else:
+        quick = regression(rows, transmission, where, sticking, STEP_GAIN)
+        fits = _doubted(fits, *missed(quick, solved, rows), weighed=weighed)
+    shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
+    by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
+    discarded_s = float(rows.dt @ near(rows, touched))
+    return fits, Reconstruction(
+        rows.time_s, found.r_nl, shown, where.phi, by_hand, discarded_s, where.late
+    )
+
+
+def _uncoupled(
+    fits: list[FrictionFit], solved: list[Solution], rows: Intervals, sign_width: float
+) -> list[FrictionFit]:
+    """Fits, in which those are refused whose motors turn each other's joint, too."""
+    left, weight = (
+        np.stack([getattr(s, name) for s in solved], axis=1) for name in ("left", "weight")
+    )
+    coulomb = np.array([s.coefficients[0] for s in solved])
+    pairs = coupled(left, weight, coulomb, rows, sign_width, GAIN)
+    new = list(fits)
+    for i, j in pairs.items():
+        if fits[i].verdict in (Verdict.GOOD, Verdict.BAD_FIT):
+            about = (f"the residual follows the motion of {fits[j].joint}, and the other way "
+                     "round: one motor turns both, and the friction of either is not its own. "
+                     "Give positions and currents of the joints, not of the motors")  # fmt: skip
+            new[i] = replace(fits[i], verdict=Verdict.COUPLED, reason=about)
+    return new
+
+
+def _doubted(
+    fits: list[FrictionFit], more: Vector, error: Vector, *, weighed: bool
+) -> list[FrictionFit]:
+    """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
+    and without the B of those that step."""
+    why = STEPS if weighed else f"{STEPS}; {OR_MASSES}"
+    new = []
+    per_joint = zip(fits, stepping(more, error), hidden(more, error), strict=True)
+    for fit, steps, share in per_joint:
+        errors = dict(fit.errors)
+        if "B" in errors:
+            errors["B"] = float(np.hypot(errors["B"], share * fit.values["B"]))
+        doubt = fit.rotor_doubt or (why if steps else "")
+        new.append(replace(fit, errors=errors, rotor_doubt=doubt))
+    return new
+
+
+def _judged(
+    name: str,
+    i: int,
+    solved: Solution,
+    rows: Intervals,
+    t: Transmission,
+    cut: Mask,
+    play_of_joint: float,
+    settings: EstimatorSettings,
+) -> FrictionFit:
+    shows = float(np.ptp(rows.gravity[:, i])) >= _SHOWS * solved.coefficients[0]
+    gravity = solved.gravity if shows else float("nan")
+    verdict, reason = verdict_on(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
+    if about := wider(play_of_joint, float(t.half_gap[i])):
+        verdict, reason = Verdict.WRONG_GAP, about
+    known = np.isfinite(solved.errors)
+    doubt = "" if settings.current_delay_ms > 0.0 else _UNFILTERED
+    if not doubt and known[2] and solved.coefficients[2] <= solved.errors[2]:
+        doubt = _NOTHING
+    noise = {c: float(solved.errors[k]) for k, c in enumerate(COLUMNS) if known[k]}
+    return FrictionFit(
+        joint=name,
+        verdict=verdict,
+        reason=reason,
+        values={c: float(solved.coefficients[k]) for k, c in enumerate(COLUMNS) if known[k]},
+        errors=noise,
+        noise=noise,
+        seconds=float(rows.dt.sum()),
+        r2=solved.r2,
+        condition=solved.condition,
+        gravity_scale=gravity,
+        offset=solved.offset,
+        rotor_doubt=doubt,
+        stiction=solved.stiction,
+        stiction_error=solved.stiction_error,
+    )

@@ -1,0 +1,61 @@
+"""Errors of friction that no log shows: those of masses and torque constants.
+
+A fit is as good as ever where the model's inertial torque is a share too large: rotor and friction
+take it. So stated errors bear it, beside the noise.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.friction_fit import FrictionFit
+from identification.log_intervals import Intervals, low_pass
+from identification.regression import COLUMNS, GAIN, Regression, Solution
+
+_BY_URDF, _IDENTIFIED = 0.03, 0.01
+"""Least shares by which masses are believed to be off."""
+_CONSTANT_OFF = 0.015
+"""Least share by which a torque constant is believed to be off."""
+_NEAR_REST = 0.002
+"""Share of Coulomb friction that may seem to depend on speed, as it is lower near rest."""
+
+
+def with_what_is_believed(
+    fits: list[FrictionFit],
+    solved: list[Solution],
+    found: Regression,
+    rows: Intervals,
+    *,
+    weighed: bool,
+) -> list[FrictionFit]:
+    """Fits whose errors include those that a log cannot show: the torque constant's own, which is
+    the one that gravity shows, as masses may be right; the model's inertial torque, which comes out
+    as rotor and friction, off by as much as gravity is, or by the least error of a URDF's masses,
+    or of those that were `weighed`; and Coulomb friction that is taken for viscous."""
+    scales = np.array([fit.gravity_scale for fit in fits])
+    shown = scales[np.isfinite(scales)]
+    least = _IDENTIFIED if weighed else _BY_URDF
+    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least)
+    inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
+    new = []
+    for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
+        columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
+        weighted = one.weight[:, None] * columns
+        bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
+        errors = dict(fit.errors)
+        constant_off = max(_CONSTANT_OFF, _shown_off(fit.gravity_scale))
+        for k, name in enumerate(COLUMNS[:3]):
+            if name in errors:
+                parts = (errors[name], off * bias[k], constant_off * fit.values[name])
+                errors[name] = float(np.linalg.norm(parts))
+        if "K_theta_v" in errors:
+            speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
+            near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed
+            errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
+        new.append(replace(fit, errors=errors))
+    return new
+
+
+def _shown_off(gravity_scale: float) -> float:
+    """Share by which gravity shows a torque constant to be off, unless it is masses."""
+    return abs(gravity_scale - 1.0) if np.isfinite(gravity_scale) else 0.0

@@ -1,0 +1,132 @@
+"""Friction found of one joint, how well it is known, and the transmission with it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimator.transmission import Transmission, stiction_range
+from identification.friction_verdict import Verdict
+from identification.sticking import SURE
+
+WIDE = 0.15
+"""Width of the interval of a friction over it, beyond which it is worth to know it better."""
+_95 = 1.96  # standard errors in half of a 95 % interval
+_MATTERS = 0.1
+_SURE = 6.0
+"""Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
+and it was up to four of them off the truth."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionFit:
+    """Coefficients fitted to one joint's motion; SI at the link side."""
+
+    joint: str
+    verdict: Verdict
+    reason: str
+    """Explanation with the figures; empty when good."""
+    values: dict[str, float]
+    """Coefficients by names of `COLUMNS`; those that were not fitted are missing."""
+    errors: dict[str, float]
+    """Standard errors: `noise`, and what masses and torque constants that may be wrong make."""
+    noise: dict[str, float]
+    """Part of them that a longer motion makes smaller, from the scatter between blocks of 1 s"""
+    seconds: float
+    """of the motion"""
+    r2: float
+    """R2 on held-out motion, of the friction alone (14)."""
+    condition: float
+    """Condition number of the scaled columns that count while engaged."""
+    gravity_scale: float
+    """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
+    gravity hardly changes."""
+    offset: float
+    """Torque [Nm] that the current shows all the time, and nothing takes."""
+    rotor_doubt: str
+    """Reason why B is not that of the rotor, and what to do; empty where it is."""
+    stiction: float
+    """Share of K_theta_s that near rest is what the last motion left; NaN where it did not show"""
+    stiction_error: float
+    """Its standard error"""
+
+    @property
+    def rotor_trusted(self) -> bool:
+        """True where B may be used."""
+        return not self.rotor_doubt
+
+    @property
+    def stiction_known(self) -> bool:
+        """True where `stiction` showed clearly."""
+        return self.stiction_error < SURE
+
+    @property
+    def unsure(self) -> float:
+        """Width of the 95 % interval of the friction over it, the wider of Coulomb and viscous."""
+        return self.unsure_after(self.seconds)
+
+    def unsure_after(self, seconds: float) -> float:
+        """The same of a motion like this one, but so long: noise goes with the root of its length,
+        what masses and torque constant make stays."""
+        shorter = self.seconds / seconds
+        widths = [
+            np.sqrt(self.errors[name] ** 2 - (1.0 - shorter) * self.noise[name] ** 2) / size
+            for name, size in self._sizes()
+        ]
+        return float(2.0 * _95 * max(widths))
+
+    def seconds_for(self, width: float) -> float:
+        """Length [s] of a motion like this one after which `unsure` is `width`; infinite where what
+        masses and torque constant make is wider."""
+        needed = []
+        for name, size in self._sizes():
+            noise = self.noise[name] ** 2
+            left = (0.5 * width / _95 * size) ** 2 - (self.errors[name] ** 2 - noise)
+            needed.append(self.seconds * noise / left if left > 0.0 else float("inf"))
+        return max(needed)
+
+    def _sizes(self) -> list[tuple[str, float]]:
+        """Coulomb and viscous friction, by which their errors count; viscous friction that is a
+        tenth of the other at 1 rad/s does not matter."""
+        least = max(_MATTERS * self.values["K_theta_s"], 1e-9)
+        return [(name, max(self.values[name], least)) for name in ("K_theta_s", "K_theta_v")]
+
+    def link_friction(self, name: str) -> float | None:
+        """K_q_s or K_q_v where the gap showed it clearly, else None."""
+        value = self.values.get(name)
+        return value if value is not None and value > _SURE * self.errors[name] else None
+
+
+_ADOPTED = (
+    *("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous"),
+    *("gap_coulomb", "gap_viscous", "least_stiction", "most_stiction"),
+    *("rotor_inertia", "contact_stiffness", "contact_damping"),
+)
+
+
+def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
+    """The transmission with what was identified; joints that are not good keep what they have.
+
+    The sum K_theta is divided: the link gets K_q where the gap showed it clearly, else its old
+    share; the rotor gets the rest, K_theta - K_q, so that `motor_*` is the rotor's own.
+    """
+    new = {name: getattr(t, name).copy() for name in _ADOPTED}
+    for i, fit in enumerate(fits):
+        if fit.verdict is not Verdict.GOOD:
+            continue
+        v = fit.values
+        for kind, letter in (("coulomb", "s"), ("viscous", "v")):
+            whole = v[f"K_theta_{letter}"]
+            link, rotor = new[f"link_{kind}"][i], new[f"motor_{kind}"][i]
+            share = link / (link + rotor) if link + rotor > 0.0 else 0.0
+            alone = fit.link_friction(f"K_q_{letter}")
+            link = min(share * whole if alone is None else alone, whole)
+            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
+            new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
+        if fit.stiction_known:
+            least, most = stiction_range(fit.stiction)
+            new["least_stiction"][i], new["most_stiction"][i] = least, most
+        if fit.rotor_trusted:
+            new["rotor_inertia"][i] = v["B"]
+        new["contact_stiffness"][i] = v.get("K_phi_p", 0.0)
+        new["contact_damping"][i] = v.get("K_phi_d", 0.0)
+    return replace(t, **new)

@@ -1,0 +1,102 @@
+"""Verdict on a joint's friction: whether it may be used, the reason, and advice."""
+
+from enum import StrEnum
+
+import numpy as np
+
+from common.arrays import Vector
+from identification.regression import Solution
+
+LOWEST_R2 = 0.9
+HIGHEST_CONDITION = 100.0
+SLOWEST = 0.15
+"""A joint whose speed never exceeds this [rad/s] was not excited."""
+TURNS = 4
+"""A joint that turns round fewer times was not excited."""
+GRAVITY_TOLERANCE = 0.3
+_GRAVITY_OFF = 0.05
+WIDEST_PLAY = 2.5
+"""Half-gaps; two are the gap itself."""
+GIVE = 0.006
+"""Motion that bending gears, late encoders and drift may add [rad]."""
+_MOST_CUT = 0.05
+
+
+class Verdict(StrEnum):
+    """Verdict on a joint's coefficients; everything but `good` keeps the old ones."""
+
+    GOOD = "good"
+    NOT_EXCITED = "not excited"
+    ILL_CONDITIONED = "ill conditioned"
+    BAD_FIT = "fits badly"
+    SATURATED = "current saturated"
+    WRONG_GRAVITY = "current and gravity disagree"
+    WRONG_GAP = "the gap is wider"
+    COUPLED = "coupled with another joint"
+    SWINGS = "swings by itself"
+
+
+def verdict_on(
+    theta_dot: Vector, cut: float, gravity: float, solved: Solution
+) -> tuple[Verdict, str]:
+    """Verdict and reason for a motion (N,) [rad/s] whose current was `cut` off for a share of the
+    time; gravity: as `FrictionFit.gravity_scale`."""
+    if about := unexcited(theta_dot):
+        return Verdict.NOT_EXCITED, about
+    if about := saturated(cut):
+        return Verdict.SATURATED, about
+    if not solved.condition < HIGHEST_CONDITION:
+        about = (f"condition number {solved.condition:.0f}: a longer motion (`--seconds`), or more "
+                 "range and speed (`limits`)")  # fmt: skip
+        return Verdict.ILL_CONDITIONED, about
+    if abs(gravity - 1.0) > GRAVITY_TOLERANCE:
+        about = (f"the motor gives {gravity:.2f} times the torque that the URDF asks for: check "
+                 "`torque_constant` and the payload; where the URDF's masses are wrong, run "
+                 "`contactd identify masses`")  # fmt: skip
+        return Verdict.WRONG_GRAVITY, about
+    if solved.r2 < LOWEST_R2:
+        return Verdict.BAD_FIT, _poor(solved.r2, gravity)
+    return Verdict.GOOD, ""
+
+
+def unexcited(theta_dot: Vector) -> str:
+    """Reason why a motion (N,) [rad/s] shows nothing of its joint, or ""."""
+    speed = np.abs(theta_dot)
+    turns = int(np.count_nonzero(np.diff(np.sign(theta_dot[speed > 0.05]))))
+    if speed.max() >= SLOWEST and turns >= TURNS:
+        return ""
+    return (f"fastest {speed.max():.2g} rad/s, turned round {turns} times: allow it more range or "
+            "speed (`limits`)")  # fmt: skip
+
+
+def saturated(cut: float) -> str:
+    """Reason why a current that was `cut` off for a share of the time is too little, or ""."""
+    if cut <= _MOST_CUT:
+        return ""
+    return (f"the current was at its limit {cut:.0%} of the time: less acceleration (`limits`), or "
+            "more current")  # fmt: skip
+
+
+def _poor(r2: float, gravity: float) -> str:
+    """Reason and advice for a friction that explains too little of the remaining torque."""
+    about = f"R2 {r2:.3f} on held-out motion, at least {LOWEST_R2}: "
+    if abs(gravity - 1.0) > _GRAVITY_OFF:
+        return (f"{about}gravity fits at {gravity:.2f}: check masses or `torque_constant`, or run "
+                "`contactd identify masses`")  # fmt: skip
+    return (
+        f"{about}hands off, and nothing in its way? Else masses or `torque_constant`: run "
+        "`contactd identify masses`; or a friction that is none (a spring, a hose): friction.png "
+        "shows the residual"
+    )
+
+
+def wider(moved: float, half_gap: float) -> str:
+    """Reason why the gap cannot be right, where link and rotor usually move `moved` [rad] against
+    each other, or "": a hand that stopped short of a border makes a half-gap too small."""
+    if moved <= WIDEST_PLAY * half_gap + GIVE:
+        return ""
+    return (
+        f"in this motion link and rotor moved by {1e3 * moved:.3g} mrad against each other; a "
+        f"half-gap of {1e3 * half_gap:.3g} mrad lets them move by {2e3 * half_gap:.3g}: identify "
+        "the gap again, which also shows whether the link encoder is late"
+    )

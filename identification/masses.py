@@ -1,0 +1,302 @@
+"""Masses, centres and inertias of the joints' bodies, by least squares on the residual.
+
+Motion determines only some combinations of the parameters (the base parameters); the others stay as
+near to the URDF as bodies that can exist allow: `possible_bodies`. All joints are fitted at once,
+and the friction of each anew: `body_motion`.
+"""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Matrix, Vector
+from estimator.body_inertia import BodyInertia
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from estimator.transmission import Transmission
+from identification.body_motion import (
+    OFFSET,
+    BodyMotion,
+    body_motion,
+    rows_of_joints,
+    with_friction,
+)
+from identification.body_rows import BodiesFit, JointRows, fitted, unbent, without_bodies
+from identification.coupling import coupled
+from identification.friction_verdict import saturated, unexcited, wider
+from identification.log_intervals import Mask, play
+from identification.motion_log import MotionLog
+from identification.possible_bodies import possible, prior
+from identification.regression import GAIN, HELD_OUT
+from identification.touches import near
+
+SHORTEST_S = 20.0
+"""Least motion [s] unless less is asked for."""
+_ROUNDS = 3
+_WORSE = 1.1  # times |r| by the URDF, held out, that is no fit
+_WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
+_UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
+_MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
+_POSES = 200
+_CARRIES = 2.0  # times what gravity may be off by the URDF: of less, no share is unlikely
+_UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
+
+
+class MassesVerdict(StrEnum):
+    """Verdict on one joint; unless all are `good`, all keep their masses."""
+
+    GOOD = "good"
+    AS_GOOD = "the URDF is as good"
+    NOT_EXCITED = "not excited"
+    SATURATED = "current saturated"
+    WRONG_GAP = "the gap is wider"
+    COUPLED = "coupled with another joint"
+    WRONG_GRAVITY = "current and gravity disagree"
+    WORSE = "worse on held-out motion"
+    SWINGS = "swings by itself"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassesFit:
+    """Result for one joint: rms of |r| [Nm] on motion that was not fitted, by the URDF's bodies and
+    by those found, with friction fitted alike."""
+
+    joint: str
+    verdict: MassesVerdict
+    reason: str
+    """Explanation with the figures; empty where it is good."""
+    body: BodyInertia | None
+    """None where the URDF has no mass between this joint and the next"""
+    by_urdf: float
+    by_this: float
+
+    @property
+    def good(self) -> bool:
+        """True where masses found, or the URDF's, are right."""
+        return self.verdict in (MassesVerdict.GOOD, MassesVerdict.AS_GOOD)
+
+
+@dataclass(frozen=True, slots=True)
+class Masses:
+    """Fits of all joints, which are used together or not at all."""
+
+    fits: list[MassesFit]
+    determined: int
+    """Combinations of the `parameters` that the motion determines better than the URDF does"""
+    parameters: int
+    touched: tuple[str, ...]
+    """Joints that a person touched"""
+    discarded_s: float
+    """discarded because of these touches [s]"""
+    late: Vector
+    """Delay of each link encoder behind the motor's (n,) [s]; 0 where that does not show"""
+    offset: Vector
+    """Torque (n,) [Nm] that the current shows all the time, and nothing takes; 0 of none"""
+
+    @property
+    def usable(self) -> bool:
+        """True if every joint is good."""
+        return all(fit.verdict is MassesVerdict.GOOD for fit in self.fits)
+
+
+@dataclass(frozen=True, slots=True)
+class _Arm:
+    """Nominal parameters (k, 10) of the bodies that have a mass, and their joints (k,)."""
+
+    nominal: Matrix
+    massive: NDArray[np.int64]
+    lower: Vector
+    upper: Vector
+    """(n,) limits of the joints [rad]"""
+
+
+def identify_masses(
+    log: MotionLog,
+    model: Model,
+    transmission: Transmission,
+    settings: EstimatorSettings,
+    max_current: Vector,
+    limits: tuple[Vector, Vector],
+    shortest_s: float = SHORTEST_S,
+) -> Masses:
+    """Bodies of all joints from contact-free motion.
+
+    model: by the URDF alone; transmission: half-gaps as identified, and friction to begin with;
+    max_current (n,) [A]; limits: lower and upper (n,) [rad], between which gravity is to be known.
+    Raises LogError for a log of less than `shortest_s`.
+    """
+    width = transmission.sign_width
+    motion = body_motion(log, model, settings, max_current, width, shortest_s)
+    by_urdf = model.parameters()
+    massive = np.flatnonzero(by_urdf[:, 0] > 0.0)  # what has no mass in the URDF gets none
+    arm = _Arm(np.array([possible(row) for row in by_urdf[massive]]), massive, *limits)
+    bodies = motion.regressor[:, :, massive].reshape(len(motion.rows.dt), log.n, -1)
+    made_possible = bodies @ (arm.nominal - by_urdf[massive]).ravel()
+    whole, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
+
+    def rounds(offset: Mask) -> tuple[list[JointRows], BodiesFit, Mask, Transmission]:
+        """Rows and fit; each round sees the gap with the friction of the one before, and what it
+        could not explain."""
+        t, touched = transmission, np.zeros_like(motion.cut)
+        for _ in range(_ROUNDS):
+            joints = rows_of_joints(motion, bodies, t, settings, touched, offset)
+            joints = [
+                replace(one, torque=one.torque - made_possible[:, i])
+                for i, one in enumerate(joints)
+            ]
+            fit = fitted(joints, whole, arm.nominal, period_s)
+            touched = motion.touched(joints, *unbent(joints, whole, arm.nominal, period_s))
+            t = with_friction(t, fit.friction)
+        return joints, fit, touched, t
+
+    # A current that is off all the time looks like gravity, and the other way round: only motion
+    # that was not fitted separates them.
+    none, every = np.zeros(log.n, dtype=np.bool_), np.ones(log.n, dtype=np.bool_)
+    joints, fit, touched, known = rounds(none)
+    left = _rms(_held_out(joints, arm.nominal, period_s)[1])
+    with_offset = _rms(_held_out(rounds(every)[0], arm.nominal, period_s)[1])
+    offset = with_offset < _WORTH * left
+    if offset.any():
+        joints, fit, touched, known = rounds(offset)
+    gravity = _gravity(model, arm, fit)
+    reasons = _reasons(log, motion, joints, fit, known, gravity)
+    return Masses(
+        _judged(log.joints, joints, arm, period_s, fit, reasons),
+        _determined(arm.nominal, fit),
+        arm.nominal.size,
+        tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
+        float(motion.rows.dt @ near(motion.rows, touched)),
+        np.array([one.late for one in joints]),
+        np.array([x[OFFSET] for x in fit.friction]),
+    )
+
+
+Reason = tuple[MassesVerdict, str]
+
+
+def _reasons(
+    log: MotionLog,
+    motion: BodyMotion,
+    joints: list[JointRows],
+    fit: BodiesFit,
+    t: Transmission,
+    gravity: tuple[Vector, Vector, Vector],
+) -> list[Reason]:
+    """Why joints cannot be judged by how well they fit; `good` where nothing is against it."""
+    left = np.stack(
+        [one.left(fit.difference, x) for one, x in zip(joints, fit.friction, strict=True)], axis=1
+    )
+    weight = np.stack([one.weight for one in joints], axis=1)
+    late = np.array([one.late for one in joints])
+    coulomb, moved = t.engaged_coulomb, play(motion.rows, late)
+    pairs = coupled(left, weight, coulomb, motion.rows, t.sign_width, GAIN)
+    found: list[Reason] = []
+    for i in range(log.n):
+        share, before, scale = (float(values[i]) for values in gravity)
+        if about := unexcited(motion.rows.theta_dot[:, i]):
+            found.append((MassesVerdict.NOT_EXCITED, about))
+        elif about := saturated(float(motion.cut[:, i].mean())):
+            found.append((MassesVerdict.SATURATED, about))
+        elif about := wider(float(moved[i]), float(t.half_gap[i])):
+            found.append((MassesVerdict.WRONG_GAP, about))
+        elif i in pairs:
+            about = (f"the residual follows the motion of {log.joints[pairs[i]]}, and the other "
+                     "way round: give positions and currents of the joints, not of the "
+                     "motors")  # fmt: skip
+            found.append((MassesVerdict.COUPLED, about))
+        elif share > _UNKNOWN and before > _MATTERS * coulomb[i]:
+            about = (f"the motion leaves {share:.0%} of gravity's possible error within the "
+                     f"limits, {before:.2g} Nm: let it and those behind it move "
+                     "further")  # fmt: skip
+            found.append((MassesVerdict.NOT_EXCITED, about))
+        elif before > _MATTERS * coulomb[i] and not 1.0 < _UNLIKELY * scale < _UNLIKELY**2:
+            about = (f"the motor carries {scale:.2g} times the gravity by the URDF: check sign and "
+                     "unit of the current, and `torque_constant`")  # fmt: skip
+            found.append((MassesVerdict.WRONG_GRAVITY, about))
+        else:
+            found.append((MassesVerdict.GOOD, ""))
+    return found
+
+
+def _judged(
+    names: tuple[str, ...],
+    joints: list[JointRows],
+    arm: _Arm,
+    period_s: float,
+    fit: BodiesFit,
+    reasons: list[Reason],
+) -> list[MassesFit]:
+    """Fits with their verdicts, by the errors at the end of the motion, which was not fitted, and
+    by those at its beginning."""
+    by_urdf, by_this = _held_out(joints, arm.nominal, period_s)
+    worth = bool((_rms(by_this) < _WORTH * _rms(by_urdf)).any())
+    place = {int(joint): k for k, joint in enumerate(arm.massive)}
+    fits = []
+    for i, against in enumerate(reasons):
+        verdict, reason = against
+        worse = ~(by_this[:, i] <= _WORSE * by_urdf[:, i])  # NaN, too: too little counted
+        if verdict is MassesVerdict.GOOD and worse.any():
+            k, verdict = int(np.argmax(worse)), MassesVerdict.WORSE
+            reason = (f"|r| {by_this[k, i]:.3g} Nm, by the URDF {by_urdf[k, i]:.3g}, on the "
+                      f"{('last', 'first')[k]} third of the motion by a fit to the rest: a longer "
+                      "motion (`--seconds`) that leads everywhere")  # fmt: skip
+        elif verdict is MassesVerdict.GOOD and not worth:
+            verdict = MassesVerdict.AS_GOOD
+        body = BodyInertia.of(fit.parameters[place[i]]) if i in place else None
+        fits.append(
+            MassesFit(
+                joint=names[i], verdict=verdict, reason=reason, body=body,
+                by_urdf=float(_rms(by_urdf)[i]), by_this=float(_rms(by_this)[i]),
+            )
+        )  # fmt: skip
+    return fits
+
+
+def _rms(parts: Matrix) -> Vector:
+    return np.asarray(np.sqrt(np.square(parts).mean(axis=0)))
+
+
+def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tuple[Matrix, Matrix]:
+    """rms [Nm] of the residual by nominal bodies and by found ones, (2, n): of the end of the
+    motion by a fit to the rest, and of its beginning."""
+    size = len(joints[0].torque)
+    place = np.arange(size) / size
+    by_nominal, by_found = [], []
+    for tested in (place >= 1.0 - HELD_OUT, place < HELD_OUT):
+        fit = fitted(joints, ~tested, nominal, period_s)
+        none = np.zeros_like(fit.difference)
+        usual = without_bodies(joints, ~tested)
+        pairs = zip(joints, usual, strict=True)
+        by_nominal.append([one.rms(none, x, tested) for one, x in pairs])
+        pairs = zip(joints, fit.friction, strict=True)
+        by_found.append([one.rms(fit.difference, x, tested) for one, x in pairs])
+    return np.array(by_nominal), np.array(by_found)
+
+
+def _gravity(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector, Vector]:
+    """Errors of gravity at each joint (n,) over poses within the limits: standard deviation after
+    the fit, as a share of before; that before [Nm]; and gravity found over that by the URDF, 1
+    where the latter is little beside its error."""
+    drawn = np.random.default_rng(0).uniform(arm.lower, arm.upper, (_POSES, model.n))
+    none = np.zeros(model.n)
+    Y = np.array([model.regressor(q, none, none)[:, arm.massive] for q in drawn])
+    Y = Y.reshape(_POSES, model.n, -1)
+
+    def deviation(information: Matrix) -> Vector:
+        covariance = np.linalg.inv(information)
+        return np.asarray(np.sqrt(np.einsum("kij,jl,kil->i", Y, covariance, Y) / _POSES))
+
+    before, after = deviation(prior(arm.nominal)), deviation(fit.information)
+    nominal, found = (Y @ values.ravel() for values in (arm.nominal, fit.parameters))
+    size = np.square(nominal).mean(axis=0)
+    scale = (found * nominal).mean(axis=0) / np.maximum(size, 1e-12)
+    scale = np.where(np.sqrt(size) > _CARRIES * before, scale, 1.0)
+    return after / np.maximum(before, 1e-12), before, scale
+
+
+def _determined(nominal: Matrix, fit: BodiesFit) -> int:
+    """Number of directions of the parameters that motion determines better than the pull does."""
+    root = np.linalg.cholesky(np.linalg.inv(prior(nominal)))
+    return int(np.count_nonzero(np.linalg.eigvalsh(root.T @ fit.of_motion @ root) > 1.0))

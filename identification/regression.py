@@ -1,0 +1,260 @@
+"""Columns, weights and bounded least squares of one joint's friction, (8) to (11)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from common.arrays import Matrix, Vector
+from estimator.link_velocity import SAMPLES
+from estimator.transmission import Transmission, penetration, resting, smooth_sign
+from identification.log_intervals import (
+    Intervals,
+    Located,
+    Mask,
+    around,
+    low_pass,
+    memory,
+)
+from identification.sticking import sticking_share
+from identification.touches import touches
+
+GAIN = 25.0
+"""K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that a light rotor's inertia comes
+out 15 to 30 % low; with 8, gravity and acceleration can no longer be separated."""
+HELD_OUT = 0.3
+"""Share of the motion, at its end, that R2 is measured on and the coefficients are not fitted to.
+The coefficients that are answered are fitted to all of it."""
+BLOCK_S = 1.0
+IMPACT_S = 0.05
+"""Before and after rotor and link meet, or part. They bounce faster than drives sample,
+and the rotor of a light joint comes out 6 % too small where that counts."""
+
+COLUMNS = (
+    *("K_theta_s", "K_theta_v", "B"),
+    *("K_q_s", "K_q_v", "K_phi_s", "K_phi_v"),
+    *("K_phi_p", "K_phi_d"),
+)
+_ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
+_OFFSET = 1  # of the nuisance
+_WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
+_APART = 10.0  # condition number up to which the gap separates the two link frictions
+_REWEIGHTED = 20
+_GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Regression:
+    """Measurements and columns of the least squares, all filtered alike: r_nl (N, n) [Nm], columns
+    (N, n, 9) and nuisance columns (N, n, 3), and what drives were asked for (N, n) [rad/s2]."""
+
+    r_nl: Matrix
+    columns: Matrix
+    nuisance: Matrix
+    asked: Matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Fit of one joint, by `COLUMNS`; columns that were not used are zero with an error of NaN."""
+
+    coefficients: Vector
+    errors: Vector
+    r2: float
+    condition: float
+    """Condition number of the three columns that count while engaged"""
+    gravity: float
+    """Share of the model's gravity in the motor's torque, by its constant: 1 where they agree"""
+    offset: float
+    """Torque [Nm] that the current shows all the time, and nothing takes"""
+    touched: Mask
+    """(N,) True where something else than friction acted"""
+    stiction: float
+    """Share of the Coulomb friction that sticks, and its standard error"""
+    stiction_error: float
+    left: Vector
+    """(N,) [Nm] that this friction does not explain, and how much each row counts, (N,)"""
+    weight: Vector
+
+
+def regression(
+    rows: Intervals, t: Transmission, where: Located, held: Matrix, gain: float = GAIN
+) -> Regression:
+    """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
+    border, and every column passes the filter of r_nl.
+
+    held (N, n): z - s(theta_dot) of `sticking.held`. The nuisance is what errors of the masses, an
+    offset of the current and stiction add: a share of gravity, as far as the motor carries it, a
+    constant and what is held after a reversal. Friction and rotor are not to answer for them.
+    """
+    phi, apart = where.phi, where.gap.astype(np.float64)
+    together = 1.0 - apart
+
+    def sign(v: Matrix) -> Matrix:
+        return smooth_sign(v, t.sign_width)
+
+    phi_dot = rows.q_dot - rows.theta_dot
+    columns = [
+        *(-sign(rows.theta_dot) * together, -rows.theta_dot * together),
+        -rows.theta_ddot * together,
+        *(-sign(rows.q_dot) * apart, -rows.q_dot * apart),
+        *(-sign(phi_dot) * apart, -phi_dot * apart),
+        *(penetration(phi, t.half_gap) * together, phi_dot * together),
+    ]
+    r_nl = rows.inertial - t.torque_constant * rows.current * together
+    nuisance = np.stack([rows.gravity * together, -together, -held * together], axis=2)
+    return Regression(
+        low_pass(r_nl, rows, gain),
+        low_pass(np.stack(columns, axis=2), rows, gain),
+        low_pass(nuisance, rows, gain),
+        low_pass(rows.asked * together, rows, gain),
+    )
+
+
+def solve_joint(
+    i: int,
+    found: Regression,
+    rows: Intervals,
+    half_gap: float,
+    where: Located,
+    cut: Mask,
+    spoilt: Mask,
+    unknown: Matrix,
+) -> Solution:
+    """Coefficients of joint i. cut (N, n): samples whose current was at its limit; spoilt (N,):
+    those near a touch, which are not fitted; unknown (N, n): how far what is held near rest is not
+    known, 0 to 1.
+
+    Columns of the gap are used where the joint was in its gap at all; those of the relative
+    friction K_phi and of the spring only if motion that was not fitted is explained better.
+    """
+    y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
+    gap = where.gap[:, i]
+    clean = weights_of(rows, i, where, cut[:, i], resting(rows.theta_dot[:, i]))
+    weight = clean * ~spoilt
+    train = np.arange(len(y)) < (1.0 - HELD_OUT) * len(y)
+    used = np.zeros(len(COLUMNS), dtype=np.bool_)
+    used[_ENGAGED] = True
+    candidates = []
+    if float(weight @ gap) > _GAP_SHARE * weight.sum() > 0.0:
+        used[_LINK] = _condition(A[:, _LINK], weight) < _APART
+        candidates.append(_RELATIVE)
+    if half_gap > 0.0:
+        candidates.append(_SPRING)
+    r2 = _held_out(A, N, y, weight, used, train)
+    # A gear bends by what gravity is: its spring would take the place of a wrong torque constant.
+    _, beside = _lsq(A, N, y, weight, used)
+    for pair in candidates:
+        more = used.copy()
+        more[pair] = True
+        if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
+            used, r2 = more, better
+    coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
+    left = _unexplained(A, N, y, weight, used)
+    touched = touches(rows, left, clean, float(coefficients[0]))
+    # Once more with the rows near rest, which all others had to do without.
+    _, nuisance = _lsq(A, N, y, weight, used)
+    stiction, stiction_error = sticking_share(
+        y - A @ coefficients - N[:, :2] @ nuisance[:2],
+        coefficients[0] * N[:, 2],
+        weights_of(rows, i, where, cut[:, i], unknown[:, i]) * ~spoilt,
+        rows.time_s,
+    )
+    return Solution(
+        coefficients=coefficients, errors=errors, r2=r2, condition=condition,
+        gravity=1.0 - float(beside[0]), offset=float(beside[_OFFSET]), touched=touched,
+        stiction=stiction, stiction_error=stiction_error, left=left, weight=weight,
+    )  # fmt: skip
+
+
+def weights_of(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
+    """Weight of each row (N,), 0 to 1: less by `rest` (N,), where Coulomb friction may have any
+    value; not around a meeting of rotor and link; not while the current is cut off; not while the
+    filter remembers any of these."""
+    gap = where.gap[:, i]
+    met = where.unclear[:, i] | np.diff(gap, prepend=gap[0])
+    # The link's velocity is a difference of positions: it spreads an impact, beside which friction
+    # in the gap is nothing, as far as it reaches.
+    spread = around(rows, met, (SAMPLES - 1) * rows.period_s)
+    shaken = around(rows, met, IMPACT_S) & ~gap
+    doubt = np.maximum(rest, spread | shaken | cut | rows.first)
+    # doubt[k] = max(doubt[k], memory * doubt[k - 1]), in logarithms.
+    forgotten = np.log(max(memory(rows, GAIN), 1e-3)) * np.arange(len(doubt))
+    with np.errstate(divide="ignore"):
+        doubt = np.exp(np.maximum.accumulate(np.log(doubt) - forgotten) + forgotten)
+    return np.asarray(1.0 - doubt)
+
+
+def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[Vector, Vector]:
+    """Bounded least squares: coefficients of A (9, unused ones 0, used ones >= 0), and of N."""
+    X = np.hstack([A[:, used], N]) * weight[:, None]
+    scale = np.sqrt(np.square(X).mean(axis=0))
+    scale[scale < 1e-12] = np.inf
+    lower = np.where(np.arange(X.shape[1]) < used.sum(), 0.0, -np.inf)
+    # As many rows as columns have the same solution: X = Q R, R from the eigenvectors of X^T X.
+    values, vectors = np.linalg.eigh((X / scale).T @ (X / scale))
+    kept = values > 1e-12 * values[-1]
+    R = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+    b = vectors[:, kept].T @ ((X / scale).T @ (y * weight)) / np.sqrt(values[kept])
+    with np.errstate(invalid="ignore"):  # of a joint that stood, whose columns are next to nothing
+        solution = lsq_linear(R, b, (lower, np.inf)).x / scale
+    full = np.zeros(A.shape[1])
+    full[used] = solution[: used.sum()]
+    return full, solution[used.sum() :]
+
+
+def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
+    """Remainder of y after the fit of least absolute deviations (by reweighting): unlike that of
+    least squares it does not bend towards a touch, which would hide there."""
+    smallest = 1e-3 * float(np.abs(y).max()) + 1e-12
+    left, steep = y, np.ones_like(y)
+    for _ in range(_REWEIGHTED):
+        coefficients, nuisance = _lsq(A, N, y, weight * steep, used)
+        left = y - A @ coefficients - N @ nuisance
+        steep = 1.0 / np.sqrt(np.maximum(np.abs(left), smallest))
+    return left
+
+
+def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask) -> float:
+    """R2 of the friction alone, (14), on rows that were not fitted; an offset of the current is no
+    fault of it."""
+    w2, rest = np.square(weight[~train]), y[~train]
+    if w2.sum() < 10.0 or weight[train].sum() < 10.0:
+        return float("-inf")
+    solution, nuisance = _lsq(A[train], N[train], y[train], weight[train], used)
+    explained = A[~train] @ solution + N[~train, _OFFSET] * nuisance[_OFFSET]
+    spread = float((w2 * np.square(rest - np.average(rest, weights=w2))).sum())
+    missed = float((w2 * np.square(rest - explained)).sum())
+    return 1.0 - missed / spread if spread > 0.0 else float("-inf")
+
+
+def solve(
+    A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
+) -> tuple[Vector, Vector, float]:
+    """Coefficients (9,), standard errors, NaN of columns that are not used, and the condition
+    number while engaged, of the whole motion."""
+    errors = np.full(A.shape[1], np.nan)
+    X = np.hstack([A[:, used], N]) * weight[:, None]
+    scale = np.sqrt(np.square(X).mean(axis=0))
+    seen = scale > 1e-12
+    count = int(used.sum())
+    if weight.sum() < 50.0 or not seen[:count].all():
+        return np.zeros(A.shape[1]), errors, float("inf")
+    coefficients, _ = _lsq(A, N, y, weight, used)
+    X = X[:, seen] / scale[seen]
+    # What is left is alike for long, so rows are not independent: take blocks (sandwich).
+    inverse = np.linalg.pinv(X.T @ X)
+    left = (y * weight - X @ (inverse @ (X.T @ (y * weight))))[:, None] * X
+    block = (time_s // BLOCK_S).astype(np.int64)
+    starts = np.flatnonzero(np.diff(block, prepend=block[0] - 1))
+    sums = np.add.reduceat(left, starts, axis=0)
+    variance = np.diag(inverse @ (sums.T @ sums) @ inverse)
+    errors[used] = np.sqrt(variance[:count]) / scale[:count]
+    return coefficients, errors, _condition(A[:, _ENGAGED], weight)
+
+
+def _condition(A: Matrix, weight: Vector) -> float:
+    """Condition number of the weighted columns, each scaled to the same size."""
+    X = A * weight[:, None]
+    scale = np.sqrt(np.square(X).mean(axis=0))
+    return float(np.linalg.cond(X / scale)) if (scale > 1e-12).all() else float("inf")

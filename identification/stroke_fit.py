@@ -1,0 +1,221 @@
+"""Fit of a joint's gap to strokes of its motor:
+
+    phi = q - theta = c + c' t - side alpha - kappa tau       where the gear carries
+    tau = tau_M - friction of the rotor as it is inside the gap, each way
+
+side is that of the torque: +1 where the motor pushes its link up. The bending of the gear, kappa
+tau, is separated from the gap by the torque, which rises from nothing as the motor runs into a
+border; so alpha comes out as it is at zero torque. Errors of the motor's encoder that repeat with
+its turn are columns of the fit where the motor turns far enough to show them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from identification.bending import STIFFEST, USUAL, USUALLY
+from identification.encoder_errors import Harmonic, turns
+from identification.stroke_samples import Samples, free_torque
+
+_BLOCK_S = 0.2  # samples of a plateau that count as one
+_TURN = 0.6  # of a motor's turn, in which its harmonics show
+_ENCODERS = 3e-5  # [rad]: what no scatter shows of them
+_STEP = 0.3  # of an encoder, by which the mean over a way may be off
+_LATE_S = 0.002  # by which the current may be later than the positions, unseen
+_PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
+_UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeFit:
+    """alpha by strokes, and the terms of its interval."""
+
+    alpha: float
+    compliance: float
+    """[rad/Nm]"""
+    bent: float
+    """[rad], of what phi spans on either side"""
+    error: float
+    """standard error of alpha [rad]"""
+    scatter: float
+    rarer: float
+    """share of the border that was met less"""
+    harmonics: tuple[Harmonic, ...]
+    coulomb: float
+    """of the rotor [Nm]"""
+    unsure: float
+    """[rad] of what the gear bent, where that friction is not known, or the torque does not show
+    what it bends"""
+    hidden: float
+    """[rad]: `_hidden`"""
+    noise: float
+    """of the torque over what it pushes its link with at the weaker border"""
+
+    @property
+    def confidence(self) -> float:
+        """Half the 95 % interval of alpha [rad]."""
+        repeats = sum(harmonic.amplitude for harmonic in self.harmonics)
+        seen = float(np.hypot(2.0 * self.error, self.hidden))
+        return seen + _UNSURE * (self.bent + repeats) + self.unsure + _ENCODERS
+
+
+def fitted(
+    seen: Samples, drift: float, middle: float, half: float, gear: float, *, integrated: bool
+) -> StrokeFit | None:
+    """Fit of all strokes, begun from drift [rad/s], middle and half of the range of phi [rad];
+    None where the gear carried nothing at one of the borders. gear and integrated as of
+    `from_strokes`.
+    """
+    center = middle + drift * seen.time_s
+    alpha, fit = half, None
+    for _ in range(6):
+        free, offset, off = free_torque(seen, seen.phi - center, alpha)
+        load = seen.torque - offset - seen.direction * free
+        rows = _carried(seen, seen.phi - center, alpha, load, off)
+        if rows is None:
+            break
+        # As far as theta drifts, phi does: the motor's place is given by the middle of the gap.
+        rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
+        fit, center = _solved(seen, rows, gear, off, integrated=integrated)
+        fit = replace(fit, coulomb=float(np.median(free)))
+        if abs(fit.alpha - alpha) < 1e-6:
+            break
+        alpha = max(fit.alpha, 0.25 * half)
+    return fit
+
+
+@dataclass(frozen=True, slots=True)
+class _Carried:
+    """Rows in which the gear carried: blocks of plateaus, and samples of the ways into them."""
+
+    time_s: Vector
+    phi: Vector
+    theta: Vector
+    side: Vector
+    load: Vector
+    """tau [Nm]"""
+    stroke: Vector
+    direction: Vector
+    noise: float
+    """of the torque over its mean at the weaker border; infinite where it pushes the wrong way"""
+
+
+def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float) -> _Carried | None:
+    side = -np.sign(phi)
+    outer = np.abs(phi) > 0.5 * alpha
+    plateau = seen.late & outer & (np.abs(seen.follows) < 0.25)
+    if not plateau.any() or len(np.unique(side[plateau])) < 2:
+        return None
+    usual = {way: float(np.median((load * side)[plateau & (side == way)])) for way in (-1.0, 1.0)}
+    noise = 1.4826 * float(np.median(np.abs(np.diff(seen.torque)))) / np.sqrt(2.0)
+    enough = 0.3 * np.where(side > 0.0, usual[1.0], usual[-1.0])
+    into = seen.late & ~plateau & outer & (side == seen.direction)
+    # What a link that falls through its gap seems to load, friction being no better known, is none.
+    into &= load * side > np.maximum(enough, max(4.0 * noise, off))
+    block = np.round(seen.time_s / _BLOCK_S)
+    keys = np.where(plateau, block, -1.0 - np.arange(len(phi)))
+    rows = plateau | into
+    _, of = np.unique(np.stack([keys, side, seen.stroke])[:, rows], axis=1, return_inverse=True)
+    count = np.bincount(of.ravel()).astype(np.float64)
+
+    def mean(values: Vector) -> Vector:
+        return np.bincount(of.ravel(), weights=values[rows]) / count
+
+    return _Carried(
+        time_s=mean(seen.time_s),
+        phi=mean(seen.phi),
+        theta=mean(seen.theta),
+        side=mean(side),
+        load=mean(load),
+        stroke=np.round(mean(seen.stroke.astype(np.float64))),
+        direction=mean(seen.direction),
+        noise=noise / weakest if (weakest := min(usual.values()) + off) > 0.0 else float("inf"),
+    )
+
+
+def _solved(
+    seen: Samples, rows: _Carried, gear: float, off: float, *, integrated: bool
+) -> tuple[StrokeFit, Vector]:
+    """The fit, and the middle of the gap (N,) over the samples' time.
+
+    off: what the rotor's friction may be other than was taken off the load [Nm]. The gear bends by
+    that one way as the motor goes up, the other way as it goes down; where the motor lets its link
+    down, too, that is not alpha.
+    """
+    origin = _origin(rows.time_s, rows.stroke, integrated=integrated)
+    repeats = turns(np.zeros_like(rows.theta), rows.theta, gear)
+    turned = abs(gear) * float(np.ptp(rows.theta)) / (2.0 * np.pi)
+    harmonic = repeats.columns if turned > _TURN else np.empty((len(rows.theta), 0))
+    plain = origin(rows.time_s)
+    rubs = rows.direction[:, None] if off > 0.0 else np.empty((len(rows.theta), 0))
+    X = np.column_stack([-rows.side, -rows.load, plain, harmonic, rubs])
+    # A gear's compliance is known that far: it decides where the torque shows little.
+    weak = 1e-4  # [rad]: scatter of phi that goes with it
+    prior = np.zeros((2 if off > 0.0 else 1, X.shape[1]))
+    prior[0, 1] = weak / USUALLY
+    prior[1:, -1] = weak / (off * USUAL) if off > 0.0 else 0.0
+    A = np.vstack([X, prior])
+    y = np.concatenate([rows.phi, prior[:, 1] * USUAL])
+    solution, *_ = np.linalg.lstsq(A, y, rcond=None)
+    if solution[1] < 0.0:
+        A[:, 1] = 0.0
+        solution, *_ = np.linalg.lstsq(A, y, rcond=None)
+    left = rows.phi - X @ solution
+    inverse = np.linalg.pinv(A.T @ A)
+    places = np.round(rows.theta / max(float(np.ptp(rows.theta)) / 12.0, 1e-9))
+    clusters = (rows.stroke, 100.0 * rows.side + places)
+    variance = max(_sandwich(X, left, of, inverse) for of in clusters)
+    scatter = float(np.sqrt(np.square(left).mean()))
+    # What the prior leaves open.
+    variance += inverse[0, 0] * weak**2
+    load = float(np.median(np.abs(rows.load)))
+    upper = float((rows.side > 0.0).mean())
+    own = 2 + plain.shape[1]
+    fit = StrokeFit(
+        alpha=float(solution[0]),
+        compliance=float(solution[1]),
+        bent=float(solution[1]) * load,
+        error=float(np.sqrt(variance)),
+        scatter=scatter,
+        rarer=min(upper, 1.0 - upper),
+        harmonics=repeats.harmonics(solution[own : own + harmonic.shape[1]], harmonic)
+        if turned > _TURN else (),
+        coulomb=float("nan"),
+        unsure=USUAL * load if solution[1] < STIFFEST else 0.0,
+        hidden=_hidden(seen),
+        noise=rows.noise,
+    )  # fmt: skip
+    center = origin(seen.time_s) @ solution[2:own]
+    return fit, center
+
+
+def _hidden(seen: Samples) -> float:
+    """Error of alpha that no sample shows [rad]: the motor goes on between two samples, and between
+    the current's instant and theirs; and encoders count steps."""
+    speed = float(np.median(np.abs(np.gradient(seen.theta, seen.time_s))))
+    period = float(np.median(np.diff(seen.time_s)))
+    # A motor at one speed reads evenly, too: an encoder's step shows where it stays for samples.
+    step = seen.resolution if seen.resolution > 1.5 * speed * period else 0.0
+    return speed * (_LATE_S + max(period - _PERIOD_S, 0.0)) + _STEP * step
+
+
+def _origin(time_s: Vector, stroke: Vector, *, integrated: bool) -> Callable[[Vector], Matrix]:
+    """Columns of the middle of phi over time: a constant and a line; for a sum of velocities, whose
+    errors add up, a polygon with as many corners as every other stroke."""
+    count = len(np.unique(stroke)) // 2 + 1
+    if not integrated or count < 3:
+        return lambda t: np.stack([np.ones_like(t), t - float(time_s.mean())], axis=1)
+    knots = np.linspace(float(time_s.min()), float(time_s.max()), count)
+    eye = np.eye(len(knots))
+    return lambda t: np.stack([np.interp(t, knots, row) for row in eye], axis=1)
+
+
+def _sandwich(X: Matrix, left: Vector, of: Vector, inverse: Matrix) -> float:
+    """Variance of the first coefficient, rows of one cluster being alike."""
+    names, place = np.unique(of, return_inverse=True)
+    sums = np.zeros((len(names), X.shape[1]))
+    np.add.at(sums, place.ravel(), left[:, None] * X)
+    few = len(names) / max(len(names) - 2.0, 1.0)
+    return few * float((inverse @ (sums.T @ sums) @ inverse)[0, 0])

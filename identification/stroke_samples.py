@@ -1,0 +1,165 @@
+"""Strokes of a motor that turns slowly to and fro: their steady parts, and the torque held."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Vector
+from identification.gap_result import resolution, smoothed
+
+FASTEST = 0.045
+"""[rad/s]: beyond, impacts and the swing of the link are not slow any more."""
+_BEGIN_S = 0.15  # of a stroke: the motor's friction turns round
+_FEWEST = 5  # samples, each way
+_FEWEST_FREE = 5  # samples inside the gap
+_FEWEST_WARM = 6  # strokes
+_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
+_SHOWN = 1.0  # [rad], over which gravity would be more than friction
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Steady parts of the strokes; all (N,)."""
+
+    time_s: Vector
+    phi: Vector
+    theta: Vector
+    torque: Vector
+    direction: Vector
+    """of the motor, +-1"""
+    follows: Vector
+    """speed of phi over the motor's: 0 where the link comes along, -1 where it stays"""
+    stroke: NDArray[np.int64]
+    late: NDArray[np.bool_]
+    """Not in the beginning of a stroke"""
+    resolution: float
+    """of the coarser encoder [rad]"""
+
+
+def stroking(theta_dot: Vector) -> bool:
+    """True where a motor turned at one slow speed whenever it turned, as for `from_strokes`."""
+    speed = np.abs(smoothed(theta_dot, 9))
+    fast = float(np.percentile(speed, 90.0))
+    moving = speed[speed > 0.3 * fast]
+    return 0.005 < fast < FASTEST and float((moving > 0.7 * fast).mean()) > 0.7
+
+
+def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: Vector) -> Samples:
+    period = float(np.median(np.diff(time_s)))
+    v = smoothed(theta_dot, 9)
+    fast = float(np.percentile(np.abs(v), 90.0))
+    direction = np.where(np.abs(v) > 0.8 * fast, np.sign(v), 0.0)
+    pause = np.diff(time_s, prepend=time_s[0]) > 3.0 * period
+    edges = np.flatnonzero((np.diff(direction, prepend=direction[0]) != 0.0) | pause)
+    phi = q - theta
+    slope = np.gradient(smoothed(phi, 7), time_s)
+    rows: list[NDArray[np.int64]] = []
+    stroke: list[NDArray[np.int64]] = []
+    late: list[NDArray[np.bool_]] = []
+    least = 0.3 / period
+    for a, b in itertools.pairwise([0, *edges.tolist(), len(v)]):
+        if not direction[a] or b - a < least:
+            continue
+        # A stroke that a lost sample cut in two goes on.
+        before = rows[-1][-1] if rows else None
+        goes_on = before is not None and direction[before] == direction[a]
+        stroke.append(np.full(b - a, stroke[-1][-1] + (not goes_on) if rows else 0))
+        late.append(np.arange(b - a) > _BEGIN_S / period)
+        rows.append(np.arange(a, b))
+    if not rows:
+        none = np.empty(0, dtype=np.int64)
+        rows, stroke, late = [none], [none], [none.astype(np.bool_)]
+    at = np.concatenate(rows)
+    return Samples(
+        time_s=time_s[at] - time_s[0],
+        phi=smoothed(phi, 3)[at],
+        theta=theta[at],
+        torque=smoothed(torque, 3)[at],
+        direction=direction[at],
+        follows=slope[at] / np.where(v[at] == 0.0, 1.0, v[at]),
+        stroke=np.concatenate(stroke),
+        late=np.concatenate(late),
+        resolution=max(resolution(q), resolution(theta)),
+    )
+
+
+def whole_strokes(seen: Samples) -> list[NDArray[np.int64]]:
+    """Rows of each stroke that ends at a turn: the last may go back to the middle only."""
+    rows = [np.flatnonzero(seen.stroke == k) for k in range(int(seen.stroke[-1]) + 1)]
+    short = len(rows) > 1 and len(rows[-1]) < 0.7 * max(len(own) for own in rows)
+    return rows[:-1] if short else rows
+
+
+def balance(
+    time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: Vector, slope: float
+) -> float:
+    """Link position [rad] at which the load of a log of strokes would be nothing, where it grows
+    by `slope` [Nm/rad]; NaN where so little gravity does not show beside friction."""
+    held = held_by(steady(time_s, q, theta, theta_dot, torque), slope)
+    if held is None or abs(slope) * _SHOWN < held.friction:
+        return float("nan")
+    return held.at - held.torque / slope
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Torque of the motor while its link came along: a line over the link's position, and friction
+    of motor and link."""
+
+    at: float
+    """middle of the positions [rad]"""
+    torque: float
+    """there [Nm]"""
+    reach: float
+    """change of that from the middle to either end [Nm]"""
+    friction: float
+
+
+def held_by(seen: Samples, slope: float | None = None) -> Held | None:
+    """Torque that the motor held; None where it did not carry its link both ways. slope: of the
+    load over the link's position [Nm/rad], None where the torque shows it."""
+    carried = seen.late & (np.abs(seen.follows) < 0.25)
+    if min((carried & (seen.direction == way)).sum() for way in (-1.0, 1.0)) < _FEWEST:
+        return None
+    q = (seen.phi + seen.theta)[carried]
+    at, torque = 0.5 * float(q.min() + q.max()), seen.torque[carried]
+    columns = [np.ones_like(q), seen.direction[carried]]
+    if slope is None:
+        columns.append(q - at)
+    else:
+        torque = torque - slope * (q - at)
+    found, *_ = np.linalg.lstsq(np.stack(columns, axis=1), torque, rcond=None)
+    steep = float(found[2]) if slope is None else slope
+    return Held(at, float(found[0]), 0.5 * abs(steep) * float(np.ptp(q)), abs(float(found[1])))
+
+
+def free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[Vector, float, float]:
+    """Torque (N,) of the motor inside the gap on its way up [Nm], which is that down but for its
+    sign, and changes as the motor warms; an offset of the current, which both ways have in common
+    [Nm]; and how far the first may be off: a link that fell through was not seen there."""
+    even = np.ones_like(phi)
+    inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
+    ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
+    if min(int(one.sum()) for one in ways) >= _FEWEST_FREE:
+        up, down = (float(np.median(seen.torque[one])) for one in ways)
+        warms = _warming(seen, inside, 0.5 * (up + down))
+        return 0.5 * (up - down) + warms, 0.5 * (up + down), 0.0
+    if inside.sum() >= _FEWEST_FREE:
+        return float(np.median((seen.torque * seen.direction)[inside])) * even, 0.0, 0.0
+    held = held_by(seen)
+    whole = held.friction if held is not None else 0.0
+    return _ROTORS * whole * even, 0.0, (1.0 - _ROTORS) * whole
+
+
+def _warming(seen: Samples, inside: NDArray[np.bool_], offset: float) -> Vector:
+    """Change (N,) of the motor's friction over time [Nm], a line through that of the strokes; 0
+    where they are too few."""
+    friction = (seen.torque - offset) * seen.direction
+    strokes = [inside & (seen.stroke == k) for k in np.unique(seen.stroke[inside])]
+    if len(strokes) < _FEWEST_WARM:
+        return np.zeros_like(friction)
+    t, level = np.array([(seen.time_s[k].mean(), np.median(friction[k])) for k in strokes]).T
+    slope = float(np.polyfit(t, level, 1)[0])
+    return slope * (seen.time_s - float(np.median(seen.time_s[inside])))

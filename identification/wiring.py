@@ -1,0 +1,255 @@
+"""Check that motor velocity, link position and current of a joint agree in sign and scale, with
+each other and with the URDF's gravity. A wrong sign is positive feedback once the arm is moved."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Vector
+from estimator.model import Model
+from identification.motion_log import MotionLog
+
+SCALE_TOLERANCE = 0.05
+GRAVITY_TOLERANCE = 0.25
+_BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be off
+LEAST_MOTION = 0.005
+"""[rad] the motor must have turned."""
+_PIECE = 0.012  # [rad]: less than the link is to move
+_WHOLE = 0.75  # of the same
+_FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
+_STEADY = 0.08  # change of the ratio of link and motor while the gear carries
+# Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
+_SURE, _ALIKE = 0.025, 0.06
+
+
+OTHER_WAY = (
+    "the link goes the other way than the motor: link_sign or motor_sign is -1 in its `wiring` "
+    "(motor_sign, where `identify zero` found the link's)"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WiringResult:
+    """Result of moving one joint to and fro; passed when nothing is wrong or undetermined."""
+
+    joint: str
+    problems: tuple[str, ...]
+    undetermined: tuple[str, ...] = ()
+    """Required quantities that this motion does not show, with what to do"""
+    notes: tuple[str, ...] = ()
+    """Checks that were not possible, with the reason"""
+    follows: float = float("nan")
+    """Link motion over motor motion while the gear is engaged: 1"""
+    friction: float = float("nan")
+    """Half the difference of the torques both ways [Nm]; positive"""
+    held: float = float("nan")
+    """Their mean [Nm]: gravity by K_c * current"""
+    gravity: float = float("nan")
+    """Gravity by the URDF [Nm]"""
+
+    @property
+    def passed(self) -> bool:
+        return not self.problems and not self.undetermined
+
+
+def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> WiringResult:
+    """Check of one joint, by a log in which only this joint was driven, slowly, both ways, through
+    its gap."""
+    name = log.joints[joint]
+    q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
+    theta = np.cumsum(velocity * steps)
+    turned = float(np.ptp(theta))
+    if turned < LEAST_MOTION:
+        about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
+                 "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
+        return WiringResult(joint=name, problems=(about,))
+    problems = [*_position_disagrees(log, joint, theta)]
+    strokes = _strokes(q, velocity, steps)
+    if not follows_both_ways(log, joint):
+        moved = np.ptp(log.link_position, axis=0)
+        other = int(np.argmax(moved))
+        about = (f"the motor turned {1e3 * turned:.3g} mrad, and its link did not follow it both "
+                 f"ways (it moved {1e3 * moved[joint]:.2g} mrad)")  # fmt: skip
+        if other != joint and moved[other] > _PIECE:
+            about += f"; {log.joints[other]} moved {1e3 * moved[other]:.3g}: are they swapped?"
+        else:
+            about += (f": wrong link_position object or scale, or a half-gap of more than "
+                      f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
+        return WiringResult(joint=name, problems=(*problems, about))
+    engaged = np.zeros(len(q), dtype=np.bool_)
+    for stroke in strokes:
+        engaged[stroke.rows] |= stroke.carried
+    follows, (least, most) = _follows(strokes), _between(strokes)
+    notes, undetermined = list[str](), list[str]()
+    if follows < 0.0:
+        problems.append(OTHER_WAY)
+    elif abs(follows - 1.0) > SCALE_TOLERANCE + most - least:
+        problems.append(
+            f"the link moves {follows:.3f} times as far as the motor reports: gear, or a scale"
+        )
+    elif abs(follows - 1.0) > SCALE_TOLERANCE:
+        undetermined.append(
+            f"the link moves {least:.3f} times as far as the motor reports one way, {most:.3f} "
+            "times another: it floats in its gap, which hides whether gear and scales are right; "
+            "once more, with a finger that slows the link a little or in a pose in which it weighs"
+        )
+    friction, held, gravity = _torques(log, joint, model, torque_constant, engaged)
+    noise = _noise(torque_constant * log.current[:, joint])
+    if friction < -2.0 * noise:
+        problems.append(
+            f"torque is {-2 * friction:.3g} Nm less in the direction of motion than against it: "
+            "the sign of the current is wrong"
+        )
+    elif friction < 2.0 * noise:
+        notes.append("too little friction to see the sign of the current")
+    off, allowed = abs(held - gravity), GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
+    if off > allowed:
+        problems.append(
+            f"the current holds {in_Nm(held)}, gravity is {in_Nm(gravity)} by the URDF: "
+            "torque_constant, link_offset, masses, or another joint than this one moved"
+        )
+    elif abs(gravity) < abs(friction):
+        look = " or find swapped drives: did this joint move?"
+        notes.append(f"too little gravity in this pose to check K_c{look * (log.n > 1)}")
+    return WiringResult(joint=name, problems=tuple(problems), undetermined=tuple(undetermined),
+                  notes=tuple(notes), follows=follows, friction=friction, held=held,
+                  gravity=gravity)  # fmt: skip
+
+
+def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
+    """The motor's own position against its velocity."""
+    if log.motor_position is None:
+        return []
+    position = log.motor_position[:, joint] - log.motor_position[0, joint]
+    turned = theta - theta[0]
+    scale = float(position @ turned / (turned @ turned))
+    if abs(scale - 1.0) <= SCALE_TOLERANCE:
+        return []
+    return [f"motor_position changes {scale:.3g} times as much as by motor_velocity: a scale"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Stroke:
+    """Piece of one way of the motor in which the gear carries: a link without load may bounce ahead
+    of the motor and wait for it, and friction may hold one that fell to the other border."""
+
+    rows: slice
+    turned: float
+    """by the motor [rad], > 0"""
+    way: float
+    """of the link in the direction of the motor [rad]"""
+    steady: bool
+    """The link moved alike in both halves"""
+    upward: bool
+
+    @property
+    def carried(self) -> bool:
+        """True where the gear took the link along, whatever sign or scale is configured."""
+        return self.steady and abs(self.way) > 0.5 * self.turned
+
+
+def follows_both_ways(log: MotionLog, joint: int) -> bool:
+    """True where the motor went so far in both directions that its link came along."""
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
+    strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    return {s.upward for s in strokes if s.carried} == {True, False}
+
+
+def scale_unsure(log: MotionLog, joint: int) -> bool:
+    """True where the link followed by a share that an encoder's error over so short a way, or a
+    link that bounces or floats, may make, or by another one each way: move it once more."""
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
+    strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    least, most = _between(strokes)
+    off = abs(_follows(strokes) - 1.0)
+    return _SURE < off < _BOUNCES or (off <= _SURE and most - least > _ALIKE)
+
+
+def _between(strokes: list["_Stroke"]) -> tuple[float, float]:
+    """Least and largest motion of the link over that of the motor on whole ways on which the gear
+    carried; all of them where none was whole."""
+    carried = [s for s in strokes if s.carried]
+    ratios = [s.way / s.turned for s in carried if s.turned > _WHOLE * _PIECE]
+    ratios = ratios or [s.way / s.turned for s in carried]
+    return min(ratios, default=float("nan")), max(ratios, default=float("nan"))
+
+
+def _follows(strokes: list["_Stroke"]) -> float:
+    """Motion of the link over that of the motor where the gear carried; NaN where it never did."""
+    carried = [s for s in strokes if s.carried]
+    turned = sum(s.turned for s in carried)
+    return sum(s.way for s in carried) / turned if turned else float("nan")
+
+
+def in_Nm(torque: float) -> str:
+    """A torque [Nm] for people: what is below a mNm is none."""
+    return f"{round(torque, 3) + 0.0:.3g} Nm"
+
+
+def goes_against(log: MotionLog, joint: int) -> bool:
+    """True where the link went the other way than the motor, in a log that ends when they are too
+    far apart."""
+    way = np.diff(log.link_position[:, joint])
+    return bool(way @ (log.motor_velocity[1:, joint] * np.diff(log.time_s)) < 0.0)
+
+
+def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
+    """The last piece of `_PIECE` that was carried of every way, or its end if none was."""
+    fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
+    direction = np.where(fast, np.sign(velocity), 0.0)
+    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
+    ways = []
+    for a, b in itertools.pairwise(edges):
+        if direction[a] and b - a >= 10:
+            turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
+    longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
+    strokes = []
+    for a, turned, way in ways:
+        whole = float(turned[-1])
+        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
+            continue
+        piece = min(0.5 * whole, _PIECE)
+        found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
+                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
+        strokes.append(next((s for s in found if s.carried), found[0]))
+    return strokes
+
+
+def _stroke(
+    first: int, turned: Vector, way: Vector, begin: float, end: float, upward: bool
+) -> _Stroke:
+    """Motion of motor and link while the motor turned from `begin` to `end`."""
+    a, middle, b = np.searchsorted(turned, [begin, 0.5 * (begin + end), end]).tolist()
+    b = min(b, len(turned) - 1)
+    early = (way[middle] - way[a]) / max(turned[middle] - turned[a], 1e-9)
+    late = (way[b] - way[middle]) / max(turned[b] - turned[middle], 1e-9)
+    return _Stroke(
+        rows=slice(first + a, first + b + 1),
+        turned=float(turned[b] - turned[a]),
+        way=float(way[b] - way[a]),
+        steady=bool(abs(late - early) < _STEADY),
+        upward=upward,
+    )
+
+
+def _torques(
+    log: MotionLog, joint: int, model: Model, torque_constant: float, engaged: NDArray[np.bool_]
+) -> tuple[float, float, float]:
+    """Half the difference and the mean of the torques both ways, and the URDF's gravity [Nm]."""
+    torque, velocity = torque_constant * log.current[:, joint], log.motor_velocity[:, joint]
+    ways = [engaged & (velocity > 0.0), engaged & (velocity < 0.0)]
+    if not all(way.any() for way in ways):
+        return float("nan"), float("nan"), float("nan")
+    up, down = (float(np.median(torque[way])) for way in ways)
+    rows = np.flatnonzero(engaged)[:: max(1, int(engaged.sum()) // 50)]
+    gravity = float(np.mean([model.gravity(log.link_position[k])[joint] for k in rows]))
+    return 0.5 * (up - down), 0.5 * (up + down), gravity
+
+
+def _noise(torque: Vector) -> float:
+    """Noise of single samples [Nm], from the differences between neighbours."""
+    return float(1.4826 * np.median(np.abs(np.diff(torque))) / np.sqrt(2.0))

@@ -1,0 +1,1 @@
+"""Programs beside the daemon: one folder a program, and what they share."""

@@ -1,0 +1,256 @@
+"""Blocking client of the control socket, with contactd's own types for its messages.
+
+The command lines use it; it imports nothing heavy, so that they start at once. The connection is
+that of `contactd_client`, which programs outside take.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+import msgspec
+
+from common.errors import ControlError, TrajectoryError
+from contactd_client.connection import ANSWER_S, Connection, patience_s
+from contactd_client.paths import usual_socket_path
+from daemon.motion.trajectory_file import refuse_shapes, rows_of, slopes
+from daemon.protocol.bounds import PLAUSIBLE
+from daemon.protocol.lease import LONGEST_S
+from daemon.protocol.messages import (
+    MAX_REQUEST_BYTES,
+    Command,
+    Header,
+    Reply,
+    Request,
+    Snapshot,
+    State,
+    Status,
+    format_refusal,
+    printable,
+)
+
+T = TypeVar("T")
+
+
+class Client:
+    """One connection to the daemon, from construction to `close`.
+
+    Raises UnreachableError if there is no daemon, this user may not ask it, or it does not answer
+    within `timeout_s` [s]; ControlError for an answer that is not understood.
+    """
+
+    def __init__(self, path: Path | None = None, timeout_s: float = ANSWER_S) -> None:
+        self.path = path or usual_socket_path()
+        self._timeout_s = timeout_s
+        self._connection = Connection(self.path, timeout_s)
+        self._replies = msgspec.json.Decoder(Reply)
+        self._states = msgspec.json.Decoder(State)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._connection.close()
+
+    def request(self, command: Command) -> Reply:
+        """Send `command` and wait for the answer, which may be a refusal."""
+        return self.ask(Request(command))
+
+    def ask(self, request: Request) -> Reply:
+        """Send a request with its arguments and wait for the answer, which may be a refusal."""
+        patience = patience_s(request.command, self._timeout_s)
+        return self._decode(
+            self._replies, self._connection.exchange(msgspec.json.encode(request), patience)
+        )
+
+    def demand(self, command: Command) -> Reply:
+        """Ask for `command`. Raises ControlError, with every reason, where it is refused."""
+        reply = self.request(command)
+        if not reply.ok:
+            raise ControlError(reply.refusal)
+        return reply
+
+    def ask_status(self) -> Status:
+        """The daemon's Status. Raises ControlError where it is refused."""
+        reply = self.request("status")
+        if reply.status is None:
+            raise ControlError(reply.refusal)
+        return reply.status
+
+    def arm(self, lease_s: float | None = None, *, detached: bool = False) -> Reply:
+        """Arm the arm; the answer may be a refusal.
+
+        The arm stays armed for `lease_s` [s], 0.5 s unless given: `renew` well before. It ends at
+        once when this connection does. `detached` is for people at a command line: the lease
+        (600 s) outlives the connection, and every process of the same user prolongs it by arming
+        again.
+
+        Raises ControlError unless 0 < lease_s <= 86400.
+        """
+        return self.ask(Request("arm", lease_s=_a_lease(lease_s), detached=detached))
+
+    def renew(self, lease_s: float | None = None) -> Reply:
+        """Keep what this connection armed for another `lease_s` [s], 0.5 s unless given.
+
+        Refused once the arm is not armed any more, whatever disarmed it. Raises
+        ControlError unless 0 < lease_s <= 86400.
+        """
+        return self.ask(Request("renew", lease_s=_a_lease(lease_s)))
+
+    def payload(
+        self, mass: float | None = None, com: Sequence[float] | None = None, *, name: str = ""
+    ) -> Reply:
+        """Announce the payload in the hand: a mass [kg] with its centre `com` (3,) [m] in the frame
+        of the URDF's last link (by default the tool point), or the `name` of one in the
+        configuration; neither, or 0 kg: nothing. The answer may be a refusal."""
+        place = None if com is None else list(com)
+        if name or place is not None:  # the daemon refuses what does not go together
+            return self.ask(Request("payload", name=name or None, mass=mass, com=place))
+        return self.ask(Request("payload", mass=mass or 0.0))
+
+    def go(
+        self,
+        pose: str = "",
+        targets: Mapping[str, float] | None = None,
+        *,
+        speed: float | None = None,
+        plan: bool = False,
+        planned_from: Sequence[float] | None = None,
+        attended: bool = False,
+    ) -> Reply:
+        """Move in a straight line through joint space to a `pose` of the configuration, or to
+        `targets`, positions by joint [rad]; other joints stay. `speed` [rad/s] is that of the joint
+        that goes furthest, 0.2 unless given. Nothing avoids a collision.
+
+        With `plan` nothing moves; the reply's `way` is what would. `planned_from` (n,) [rad] is
+        the `way.start` of such a reply: where the arm stands elsewhere by now it is refused. Also
+        while the arm is not armed, a contact halts it. Where it is `attended`, it halts when this
+        connection ends or asks nothing for 2 s. The answer may be a refusal.
+        """
+        return self.ask(
+            Request(
+                "go",
+                pose=pose or None,
+                targets=dict(targets) if targets else None,
+                speed=speed,
+                plan=plan,
+                planned_from=None if planned_from is None else list(planned_from),
+                attended=attended,
+            )
+        )
+
+    def load_trajectory(
+        self,
+        joints: Sequence[str],
+        times: Sequence[float],
+        positions: Sequence[Sequence[float]],
+        velocities: Sequence[Sequence[float]] | None = None,
+        *,
+        name: str = "trajectory",
+        from_here: bool = False,
+        motors_only: bool = False,
+    ) -> None:
+        """Hand a trajectory to the daemon, which checks every row against the arm's limits.
+
+        `joints` names k joints, all others hold; `times` (m,) [s] rise; `positions` and
+        `velocities` (m, k) [rad, rad/s] at the link, rows of numbers or arrays; 2 <= m <= 60000.
+        Between the samples runs a cubic Hermite spline; without velocities they are the slopes
+        of parabolas through the neighbours. The arm must stand within 0.05 rad of the first row
+        when it starts, unless `from_here` makes all rows displacements. With `motors_only` the
+        motors run at the path's velocity and no loop closes over the links: a motor that is to
+        stand does so, while a hand moves its link through the gap.
+
+        Nothing moves until `start_loaded`; the trajectory lives as long as this connection, unless
+        another loads one. Raises TrajectoryError, whose `row` is the first that is refused.
+        """
+        refuse_shapes(len(joints), times, positions, velocities)
+        if velocities is None:
+            velocities = slopes(times, positions)
+        rows = rows_of(times, positions, velocities)
+        for i, numbers in enumerate(rows):
+            if not all(abs(x) <= PLAUSIBLE for x in numbers):
+                raise TrajectoryError(f"{numbers} must be numbers of at most {PLAUSIBLE:g}", row=i)
+        header = Header(
+            name=printable(name)[-64:],
+            joints=list(joints),
+            from_here=from_here,
+            motors_only=motors_only,
+        )
+        self._load(Request("load", header=header))
+        for chunk in _chunks(rows):
+            self._load(Request("load", rows=chunk))
+
+    def start_loaded(self, *, attended: bool = False) -> Reply:
+        """Run what `load_trajectory` handed over; the answer may be a refusal. Where it is
+        `attended`, it halts when this connection ends, or asks nothing for 2 s."""
+        return self.ask(Request("start", loaded=True, attended=attended))
+
+    def _load(self, request: Request) -> None:
+        reply = self.ask(request)
+        if not reply.ok:
+            text = "; ".join(reply.reasons) or reply.message
+            raise TrajectoryError(text, row=reply.row)
+
+    def subscribe(self) -> tuple[Snapshot, Iterator[State]]:
+        """Snapshot, and an iterator over every State from then on.
+
+        The iterator never ends by itself: it raises UnreachableError when the daemon is gone or
+        silent. A reader that is too slow misses States: look at their `tick`.
+        """
+        reply = self.request("subscribe")
+        if not reply.ok or reply.snapshot is None:
+            raise ControlError(reply.refusal)
+        if refusal := format_refusal(reply.snapshot.format):
+            raise ControlError(f"the daemon speaks another version: its States are {refusal}")
+        return reply.snapshot, self._iterate()
+
+    def waits(self, timeout_s: float) -> bool:
+        """True once a message, or the connection's end, waits to be read; False where neither came
+        within `timeout_s` [s]."""
+        return self._connection.waits(timeout_s)
+
+    def packet(self) -> bytes:
+        """Next message, as it was sent."""
+        return self._connection.packet()
+
+    def _iterate(self) -> Iterator[State]:
+        while True:
+            yield self._decode(self._states, self.packet())
+
+    @staticmethod
+    def _decode(decoder: msgspec.json.Decoder[T], packet: bytes) -> T:
+        try:
+            return decoder.decode(packet)
+        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise ControlError(f"the daemon speaks another version: {error}") from error
+
+
+def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
+    """The rows, rounded to 1e-9 (below the resolution of drives), in chunks that fit a request."""
+    chunk: list[list[float]] = []
+    room = limit = MAX_REQUEST_BYTES - len(msgspec.json.encode(Request("load", rows=[])))
+    for row in rows:
+        short = [round(number, 9) for number in row]
+        size = len(msgspec.json.encode(short)) + 1
+        if size > room:
+            yield chunk
+            chunk, room = [], limit
+        chunk.append(short)
+        room -= size
+    yield chunk
+
+
+def _a_lease(lease_s: float | None) -> float | None:
+    if lease_s is not None and not 0.0 < lease_s <= LONGEST_S:  # nor NaN
+        raise ControlError(f"{lease_s} is not a lease: more than 0, at most {LONGEST_S:g} s")
+    return lease_s

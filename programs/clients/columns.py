@@ -1,0 +1,137 @@
+"""Columns: many consecutive States, or estimates, as arrays with one row per tick.
+
+A replay hands the samples of a whole batch to the estimator and compares what comes out with what
+was recorded, array by array. Words of a State are codes here, and what is missing or of
+another length is NaN, or a code that no estimate has: it equals nothing, like a damaged field.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Matrix
+from daemon.protocol.messages import State
+from daemon.tick.telemetry import ESTIMATED, FLAG_NAMES, SIDE_NAMES
+from estimator.estimate import EstimateRows, Flag, SampleRows
+
+SIDES: Final = {name: side for side, name in SIDE_NAMES.items()}
+NO_LINK: Final = -1  # code of no touched link
+STRANGE: Final = -2  # code of words that no estimate has
+Columns = dict[str, NDArray[Any]]
+"""Estimated fields by name, (ticks, n) or (ticks,). "beside" is a code for the names of the
+variants, and each of them has a column "beside NAME"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Joints and names of the residuals beside, to which the columns' shapes and codes belong."""
+
+    joints: tuple[str, ...]
+    beside: tuple[str, ...]
+
+    def samples(self, states: Sequence[State]) -> SampleRows:
+        """Samples in these States."""
+
+        def column(name: str) -> Matrix:
+            return self._matrix([getattr(state, name) for state in states])
+
+        return SampleRows(
+            current=column("current"),
+            link_position=column("link_position"),
+            motor_velocity=column("motor_velocity"),
+            motor_position=self._matrix([state.motor_position or () for state in states]),
+            fresh=np.array([state.fresh for state in states], dtype=np.bool_),
+            interval_s=np.array([state.interval_s for state in states]),
+        )
+
+    def recorded(self, states: Sequence[State]) -> Columns:
+        """Estimated fields of these States."""
+        columns: Columns = {
+            field: self._matrix([getattr(state, field) or () for state in states])
+            for field in ESTIMATED
+            if getattr(states[0], field) is not None  # recorded before there was such a field
+        }
+        links = {name: link for link, name in enumerate(self.joints)} | {"": NO_LINK}
+        variants = set(self.beside)
+        return {
+            **columns,
+            "side": self._sides(states),
+            "touched_link": _codes(links.get(state.touched_link, STRANGE) for state in states),
+            "beside": _codes(0 if state.beside.keys() == variants else STRANGE for state in states),
+            **{
+                f"beside {name}": self._matrix([state.beside.get(name, ()) for state in states])
+                for name in self.beside
+            },
+            "flags": _codes(_flags_code(tuple(state.flags)) for state in states),
+        }
+
+    def _sides(self, states: Sequence[State]) -> NDArray[np.int8]:
+        codes = map(SIDES.__getitem__, chain.from_iterable(state.side for state in states))
+        shape = len(states), len(self.joints)
+        return np.fromiter(codes, np.int8, shape[0] * shape[1]).reshape(shape)
+
+    def replayed(self, made: EstimateRows) -> Columns:
+        """The same fields of estimates."""
+        return {
+            **{field: getattr(made, name) for field, name in ESTIMATED.items()},
+            "side": made.side,
+            "touched_link": made.touched_link,
+            "beside": np.zeros(len(made.flags), dtype=np.int64),
+            **{f"beside {name}": made.beside[name] for name in self.beside},
+            "flags": made.flags,
+        }
+
+    def in_words(self, columns: Columns, field: str, row: int) -> object:
+        """Value of a State's field in a row, as State has it."""
+        if field == "beside":
+            return {name: columns[f"beside {name}"][row].tolist() for name in self.beside}
+        values = columns[field][row]
+        if field == "side":
+            return [SIDE_NAMES[side] for side in values.tolist()]
+        if field == "touched_link":
+            return "" if values == NO_LINK else self.joints[values]
+        if field == "flags":
+            return [FLAG_NAMES[flag] for flag in Flag(int(values))]
+        return values.tolist()
+
+    def _matrix(self, rows: Sequence[Sequence[float]]) -> Matrix:
+        """Rows (ticks, n); NaN for one of another length."""
+        n = len(self.joints)
+        nothing = [np.nan] * n
+        whole = [row if len(row) == n else nothing for row in rows]
+        flat = np.fromiter(chain.from_iterable(whole), np.float64, n * len(rows))
+        return flat.reshape(len(rows), n)
+
+
+def first_difference(recorded: Columns, replayed: Columns) -> tuple[int, str] | None:
+    """Row and name of the State's field that differs first, of several in one row the first in the
+    columns' order; None where every bit is the same."""
+    first: tuple[int, str] | None = None
+    for name, column in recorded.items():
+        other = column != replayed[name]
+        rows = np.flatnonzero(other.any(axis=1) if other.ndim > 1 else other)
+        if rows.size and (first is None or rows[0] < first[0]):
+            first = int(rows[0]), "beside" if name.startswith("beside ") else name
+    return first
+
+
+def _codes(codes: Iterator[int]) -> NDArray[np.int64]:
+    return np.array(list(codes), dtype=np.int64)
+
+
+def _flags_code(names: tuple[str, ...]) -> int:
+    """Flags of these names, which State lists in their order; STRANGE if it does not."""
+    if names not in _FLAGS:
+        return STRANGE
+    return _FLAGS[names]
+
+
+def _every_flag() -> Iterator[Flag]:
+    return (Flag(code) for code in range(2 * max(FLAG_NAMES)))
+
+
+_FLAGS: Final = {tuple(FLAG_NAMES[one] for one in flags): int(flags) for flags in _every_flag()}

@@ -1,0 +1,252 @@
+"""Live dashboard for a person, as rich renderables.
+
+They are made from messages alone: nothing here reads a socket, a clock or a terminal. `Dashboard`
+fits 100 x 30 characters, and 80 x 24 with narrower bars.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Snapshot, State
+from programs.clients.sensed import not_sensing, sensing_for_s
+from programs.clients.shown import (
+    MODE_STYLES,
+    SIDE_STYLES,
+    clock,
+    drive_text,
+    not_seen_to_stand,
+    strain_style,
+)
+
+SHOWN_LAG_S = 0.5
+SHOWN_SILENCE_S = 0.5
+WINDOW_TICKS = 1000
+EVENTS_KEPT = 12
+WIDE = 96  # columns from which the bars are wide and the drives' states shown
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Summary of the last thousand ticks and of the last events, beside the present State."""
+
+    lateness_p50_us: float = 0.0
+    lateness_max_us: float = 0.0
+    work_max_us: float = 0.0
+    events: tuple[tuple[float, str, str], ...] = ()  # time [s], kind, text; newest last
+
+
+@dataclass(slots=True)
+class History:
+    """Bounded past of the States."""
+
+    _timing: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=WINDOW_TICKS))
+    _events: deque[tuple[float, str, str]] = field(
+        default_factory=lambda: deque(maxlen=EVENTS_KEPT)
+    )
+
+    def add(self, state: State) -> None:
+        """Keep the timing and the events of one tick."""
+        self._timing.append((state.timing.lateness_us, state.timing.work_us))
+        self._events.extend((state.time_s, event.kind, event.text) for event in state.notices)
+
+    def summary(self) -> Summary:
+        """Summary so far; all zero before the first State."""
+        if not self._timing:
+            return Summary()
+        lateness = sorted(late for late, _ in self._timing)
+        return Summary(
+            lateness_p50_us=lateness[len(lateness) // 2],
+            lateness_max_us=lateness[-1],
+            work_max_us=max(work for _, work in self._timing),
+            events=tuple(self._events),
+        )
+
+
+@dataclass(slots=True)
+class Lag:
+    """Lag of the States that are read behind the daemon: by how much more of our time has passed
+    between two of them than of theirs, at most. A reader that is slow, on a busy machine or
+    over a slow terminal, shows the past."""
+
+    _least: float = math.inf
+
+    def of(self, now_s: float, time_s: float) -> float:
+        """Lag [s] of a State of the daemon's `time_s` that is read at `now_s` of our clock."""
+        offset = now_s - time_s
+        self._least = min(self._least, offset)
+        return offset - self._least
+
+
+@dataclass(frozen=True, slots=True)
+class Dashboard:
+    """One frame of `contactctl watch`, laid out for the console that prints it."""
+
+    snapshot: Snapshot
+    state: State
+    summary: Summary
+    lag_s: float = 0.0  # of the picture
+    silent_s: float = 0.0  # since the State came
+
+    def _not_live(self) -> Text | None:
+        if self.silent_s < SHOWN_SILENCE_S:
+            return None
+        text = f" NOT LIVE: nothing for {self.silent_s:.1f} s; all below is what was then"
+        return Text(text, "bold red")
+
+    def _lagging(self) -> Text | None:
+        if self.lag_s < SHOWN_LAG_S:
+            return None
+        text = f" this picture is {self.lag_s:.1f} s old: the terminal or this machine is too slow"
+        return Text(text, "bold yellow")
+
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> Iterator[RenderableType]:
+        wide = options.max_width >= WIDE
+        state = self.state
+        yield _headline(state, stale=self.silent_s >= SHOWN_SILENCE_S)
+        doubts = [
+            self._not_live(),
+            self._lagging(),
+            not_seen_to_stand(state, " "),
+            self._not_sensing(),
+        ]
+        doubt_lines = [
+            line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)
+        ]
+        yield from doubt_lines
+        yield Text(f" {state.cause}", no_wrap=True, overflow="crop")
+        yield Text()
+        yield self._joints(wide, options.ascii_only)
+        yield Text()
+        yield self._loop(wide)
+        rows_left = (options.height or console.height) - len(state.setpoint) - 7 - len(doubt_lines)
+        if state.flags:
+            flags = f" estimator: {'; '.join(state.flags)}"
+            yield Text(flags, "yellow", no_wrap=True, overflow="crop")
+            rows_left -= 1
+        for time_s, kind, text in list(self.summary.events)[-max(rows_left, 1) :]:
+            style = {"fault": "bold red", "contact": "bright_cyan"}.get(kind, "")
+            line = Text(f" {time_s:9.2f} s  {kind:8}", "dim", no_wrap=True, overflow="crop")
+            yield line.append(text, style)
+
+    def _joints(self, wide: bool, ascii_only: bool) -> Table:
+        state = self.state
+        beside = next(iter(state.beside), None)
+        table = Table(box=None, padding=(0, 1, 0, 0), header_style="bold")
+        table.add_column(" joint", no_wrap=True, overflow="crop")
+        table.add_column("rad", justify="right", no_wrap=True, overflow="crop")
+        table.add_column("gap", no_wrap=True, overflow="crop")
+        table.add_column("side", no_wrap=True, overflow="crop")
+        table.add_column("residual", no_wrap=True, overflow="crop")
+        table.add_column("Nm", justify="right", no_wrap=True, overflow="crop")
+        table.add_column("of", justify="right", no_wrap=True, overflow="crop")
+        if beside:
+            table.add_column(beside, justify="right", no_wrap=True, style="dim")
+        if wide:
+            table.add_column("drive", no_wrap=True, overflow="crop")
+        for i, joint in enumerate(self.snapshot.joints):
+            residual, threshold = state.residual[i], state.threshold[i]
+            touched = "bold bright_cyan" if joint == state.touched_link else ""
+            row: list[RenderableType] = [
+                Text(f" {joint}", touched if state.fresh[i] else "dim"),
+                f"{state.link_position[i]:+.3f}",
+                gap_bar(state.phi[i], self.snapshot.half_gap[i], 4 if wide else 3),
+                Text(state.side[i], SIDE_STYLES.get(state.side[i], "")),
+                residual_bar(residual, threshold, 7 if wide else 5, ascii_only),
+                Text(f"{residual:+.2f}", strain_style(residual, threshold)),
+                f"{threshold:.2f}",
+            ]
+            if beside:
+                row.append(f"{state.beside[beside][i]:+.2f}")
+            if wide:
+                row.append(drive_text(state.drives[i]))
+            table.add_row(*row)
+        return table
+
+    def _not_sensing(self) -> Text:
+        words = not_sensing(self.state, self.snapshot.joints)
+        return Text(f" {words}" if words else "", "bold red")
+
+    def _loop(self, wide: bool) -> Text:
+        summary, timing = self.summary, self.state.timing
+        period_us = 1e6 * self.snapshot.period_s
+        late = "red" if summary.lateness_max_us > 0.2 * period_us else ""
+        line = Text(" loop  late p50 ", no_wrap=True, overflow="crop")
+        line.append(f"{summary.lateness_p50_us / 1e3:.2f}, ")
+        line.append(f"max {summary.lateness_max_us / 1e3:.2f} ms", late)
+        busy = "red" if summary.work_max_us > period_us else ""
+        line.append("   work max ").append(f"{summary.work_max_us / 1e3:.2f} ms", busy)
+        line.append(f" of {period_us / 1e3:.0f}   missed ")
+        line.append(str(timing.missed), "red" if timing.missed else "")
+        if wide and (senses_s := sensing_for_s(self.state)) is not None:
+            line.append(f"   all sense {clock(senses_s)}", "dim")
+        return line
+
+
+def gap_bar(phi: float, half_gap: float, half_width: int) -> Text:
+    """Picture `[--o--|-----]` of phi between the borders of its gap; o on a border if beyond it."""
+    if half_gap <= 0.0:
+        return Text("no gap".center(2 * half_width + 3), "dim")
+    cells = ["[", *("-" * half_width), "|", *("-" * half_width), "]"]
+    reach = half_width + 1
+    if abs(phi) >= half_gap:
+        at = reach if phi > 0.0 else -reach
+    else:
+        at = round(phi / half_gap * half_width)
+    bar = Text("".join(cells), "dim")
+    bar.right_crop(len(cells) - (reach + at))
+    bar.append("o", "bold cyan" if abs(at) < reach else "bold")
+    return bar.append("".join(cells[reach + at + 1 :]), "dim")
+
+
+def residual_bar(residual: float, threshold: float, half_width: int, ascii_only: bool) -> Text:
+    """A bar from the middle to the residual; `:` marks the thresholds, half-way to either end."""
+    full = "#" if ascii_only else "█"
+    middle = "|" if ascii_only else "│"
+    mark = ":" if ascii_only else "┊"
+    scale = 2.0 * threshold if threshold > 0.0 else 1.0
+    filled = min(half_width, round(abs(residual) / scale * half_width))
+    marks = [mark if i == round(half_width / 2) else " " for i in range(1, half_width + 1)]
+    side = full * filled + "".join(marks[filled:])
+    other = "".join(marks)
+    style = strain_style(residual, threshold)
+    bar = Text()
+    if residual < 0.0:
+        return bar.append(side[::-1], style).append(middle).append(other, "dim")
+    return bar.append(other[::-1], "dim").append(middle).append(side, style)
+
+
+def last_known(state: State) -> str:
+    """Last known state of a daemon that was lost, and what to do where the arm may still move."""
+    text = f"last known: {state.mode}{', armed' if state.armed else ''}"
+    if state.mode == Mode.OFF and not state.unproved:
+        return text
+    return f"{text}; use the emergency stop if the arm moves"
+
+
+def _headline(state: State, *, stale: bool) -> Text:
+    line = Text(no_wrap=True, overflow="crop")
+    if stale:
+        line.append(f" was {state.mode.upper()} ", "white on grey30")
+        line.append(f"  {'was armed' if state.armed else 'was not armed'}", "dim")
+        return line.append(f"   {clock(state.time_s)}   tick {state.tick}", "dim")
+    line.append(f" {state.mode.upper():^10} ", MODE_STYLES.get(state.mode, "reverse"))
+    line.append("  ")
+    line.append(*(("ARMED", "bold bright_cyan") if state.armed else ("not armed", "dim")))
+    line.append(f"   {clock(state.time_s)}   tick {state.tick}")
+    if state.mode in (Mode.ADMITTANCE, Mode.RETRACTING):
+        then = "then it goes on" if state.moving else "then it holds"
+        line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
+    elif state.mode == Mode.RETURNING:
+        line.append("   goes back to its trajectory", "bright_cyan")
+    elif state.moving:
+        line.append("   trajectory runs")
+    return line

@@ -1,0 +1,219 @@
+"""Replay of a recording: the estimator on its samples again, compared with it bit by bit.
+
+In batches of consecutive States: decoded, turned into arrays, stepped through, compared as arrays.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import Final
+
+from common.errors import ContactdError, LogError
+from daemon.config.load import parse_configuration
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Snapshot, State
+from estimator.estimator import Estimator
+from programs.clients.columns import Columns, Layout, first_difference
+from programs.clients.recorder import read_log
+
+SAME_ESTIMATOR = 6
+"""Format from which on the estimator computes what it does now: those before believed something
+else of friction near rest, or learned otherwise."""
+
+_UNKNOWN: Final = object()  # payload before the first State
+
+BATCH: Final = 32  # States at once; of more, the decoded ones leave the processor's cache
+
+
+def incomparable(snapshot: Snapshot) -> str:
+    """Reason why nothing after such a snapshot is compared; follows the file's name."""
+    if not snapshot.memory:
+        return "is made of the frames of a black box: there was no estimate to compare with"
+    return (
+        f"is of format {snapshot.format}, by {snapshot.program}, whose estimator computed "
+        "something else: replay it with that version"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """First field that came out different."""
+
+    tick: int
+    field: str
+    recorded: object
+    replayed: object
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Result of a replay: states compared, stretches without a gap, and the first difference."""
+
+    states: int
+    skipped: int  # after a gap, before the next snapshot
+    stretches: int
+    difference: Difference | None
+    broken: str  # reason why the recording ends early; empty if it is whole
+    older: str = ""  # reason why nothing is compared; empty if it can be
+
+    @property
+    def identical(self) -> bool:
+        """Every state was compared and came out the same, bit by bit."""
+        return self.difference is None and self.states > 0
+
+
+def replay(
+    path: Path,
+    heed: Callable[[Snapshot | list[State]], None] = lambda batch: None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Replay:
+    """Compare every State of `path` with what the present estimator makes of its samples.
+
+    `heed` gets all that is read. Of an estimator that computed something else nothing is compared.
+    Raises LogError if there is nothing to read; a recording that breaks off is compared up to
+    there.
+    """
+    run = _Run(path)
+    broken, read = "", 0
+    try:
+        for batch in batches(path, progress):
+            heed(batch)
+            if isinstance(batch, Snapshot):
+                run.restart(batch)
+            else:
+                read += len(batch)
+                run.compare(batch)
+    except LogError as error:
+        if not read:
+            raise
+        broken = str(error)
+    if not read:
+        raise LogError(f"{path} is a recording without any state")
+    older = f"{path} {run.older}" if run.older else ""
+    return Replay(run.states, run.skipped, run.stretches, run.difference, broken, older)
+
+
+def batches(
+    path: Path, progress: Callable[[float], None] = lambda share: None
+) -> Iterator[Snapshot | list[State]]:
+    """Snapshots of a recording, and what lies between them in batches.
+
+    Raises LogError like `read_log`, after all that came whole.
+    """
+    states: list[State] = []
+    broken: LogError | None = None
+    try:
+        for message in read_log(path, progress):
+            if isinstance(message, State):
+                states.append(message)
+            if states and (message is not states[-1] or len(states) == BATCH):
+                yield states
+                states = []
+            if isinstance(message, Snapshot):
+                yield message
+    except LogError as error:
+        broken = error
+    if states:
+        yield states
+    if broken is not None:
+        raise broken
+
+
+def alike(states: list[State]) -> Iterator[list[State]]:
+    """Stretches of the States with one payload, in which something is learned, or nothing."""
+    for _, same in groupby(states, lambda state: (state.payload, state.recognised is None)):
+        yield list(same)
+
+
+def resets(mode: str, states: list[State]) -> frozenset[int]:
+    """Rows at which the arm begins to hold, `mode` before them: the tick resets its estimator
+    then."""
+    modes = [mode, *(state.mode for state in states)]
+    changes = enumerate(pairwise(modes))
+    return frozenset(k for k, of in changes if of == (Mode.ENABLING, Mode.HOLDING))
+
+
+class _Run:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.older = ""
+        self.states = self.skipped = self.stretches = 0
+        self.difference: Difference | None = None
+        self._estimator: Estimator | None = None
+        self._layout = Layout((), ())
+        self._tick = -1
+        self._mode = ""
+        self._payload: object = _UNKNOWN
+
+    def restart(self, snapshot: Snapshot) -> None:
+        self._estimator = None
+        if self.older or snapshot.format < SAME_ESTIMATOR or not snapshot.memory:
+            self.older = self.older or incomparable(snapshot)
+            return
+        # These load pinocchio:
+        from daemon.assembly import build_estimator  # noqa: PLC0415
+        from daemon.config.dynamics import model_of  # noqa: PLC0415
+
+        where = f"the snapshot after tick {snapshot.tick}"
+        try:
+            configuration = parse_configuration(
+                snapshot.configuration, "the recorded configuration", snapshot.identified
+            )
+            joints = tuple(configuration.joint_names)
+            if len(joints) != len(snapshot.joints):
+                raise LogError(f"{len(snapshot.joints)} joints, {len(joints)} in its configuration")
+            model = model_of(configuration, snapshot.urdf)
+            self._estimator = build_estimator(configuration, model)
+            where = f"the estimator's memory after tick {snapshot.tick}"
+            self._estimator.restore(snapshot.memory)
+        except (
+            ContactdError, LookupError, TypeError, ValueError, OverflowError, AttributeError
+        ) as error:  # fmt: skip
+            raise LogError(f"{self._path}: {where} is damaged: {error}") from error
+        beside = tuple(variant.name for variant in configuration.estimator.beside)
+        self._layout = Layout(joints, beside)
+        self._payload = _UNKNOWN
+        self._tick, self._mode = snapshot.tick, ""
+        self.stretches += 1
+
+    def compare(self, states: list[State]) -> None:
+        whole = self._without_gap(states)
+        self.skipped += len(states) - len(whole)
+        if self._estimator is not None and whole:
+            for same in alike(whole):
+                self._step(self._estimator, same)
+        if len(whole) < len(states):
+            # The estimator's memory of the gap is lost until the next snapshot.
+            self._estimator = None
+
+    def _step(self, estimator: Estimator, states: list[State]) -> None:
+        """Compare States that are `alike`."""
+        if (payload := states[0].payload) != self._payload:
+            estimator.carry(payload)
+            self._payload = payload
+        estimator.freeze_learning(states[0].recognised is not None)
+        samples = self._layout.samples(states)
+        made = estimator.run(samples, resets(self._mode, states))
+        self.states += len(states)
+        self._tick, self._mode = states[-1].tick, states[-1].mode
+        if self.difference is None:
+            self.difference = self._first_difference(states, self._layout.replayed(made))
+
+    def _without_gap(self, states: list[State]) -> list[State]:
+        """The States that follow on the last one, up to the first gap."""
+        if self._estimator is None:
+            return []
+        steps = zip(states, range(self._tick + 1, self._tick + 1 + len(states)), strict=True)
+        gap = next((k for k, (state, tick) in enumerate(steps) if state.tick != tick), len(states))
+        return states[:gap]
+
+    def _first_difference(self, states: list[State], replayed: Columns) -> Difference | None:
+        found = first_difference(self._layout.recorded(states), replayed)
+        if found is None:
+            return None
+        row, field = found
+        recorded = getattr(states[row], field)
+        return Difference(
+            states[row].tick, field, recorded, self._layout.in_words(replayed, field, row)
+        )

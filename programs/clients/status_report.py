@@ -1,0 +1,159 @@
+"""Report of `contactctl status` for a person, as rich renderables made of the message alone."""
+
+from pathlib import Path
+
+from rich.console import RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from daemon.protocol.lease import in_words
+from daemon.protocol.messages import Check, Grant, Status, Trajectory
+from programs.clients.payload import payload_in_words
+from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
+from programs.clients.sensitivity import sensitivity_lines
+from programs.clients.shown import (
+    MODE_STYLES,
+    SIDE_STYLES,
+    clock,
+    drive_text,
+    not_seen_to_stand,
+    strain_style,
+)
+from programs.clients.user_names import user_name
+
+
+def status_report(status: Status, socket: Path | None = None) -> RenderableType:
+    """Report of `contactctl status`, of the daemon at this control socket."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold", no_wrap=True, overflow="crop")
+    table.add_column()
+    permission = _permission(status)
+    mode = Text(f" {status.mode.upper()} ", MODE_STYLES.get(status.mode, ""))
+    table.add_row("mode", Text.assemble(mode, "  ", permission))
+    if doubt := not_seen_to_stand(status):
+        table.add_row("", doubt)
+    if words := not_sensing(status, status.joints):
+        table.add_row("", Text(words, "bold red"))
+    table.add_row("cause", Text(_cause(status)))  # Text: brackets in it are no rich markup
+    if status.advice:
+        table.add_row("to do", Text(status.advice, "yellow"))
+    table.add_row("arming needs", _checks(status.checks))
+    table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
+    if status.changed:
+        table.add_row("", Text(_changed(status), "yellow"))
+    table.add_row("trajectory", Text(_trajectory(status.trajectory)))
+    if status.gears:
+        table.add_row("gears", Text("\n".join(status.gears), "yellow"))
+    if status.hand:
+        table.add_row("payload", Text(payload_in_words(status)))
+    if status.recognised:
+        table.add_row("", Text(status.recognised, "yellow"))
+    missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
+    work = f"work at most {status.work_max_us / 1e3:.2f} ms"
+    table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")
+    if (senses_s := sensing_for_s(status)) is not None:
+        table.add_row("sensing", f"every joint, for {clock(senses_s)}")
+    if words := lost_samples(status):
+        table.add_row("samples", Text(words, "yellow"))
+    table.add_row("real time", _grants(status.realtime))
+    uptime = clock(status.uptime_s)
+    table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
+    if socket is not None:
+        table.add_row("socket", Text(str(socket)))
+    frame = Table.grid()
+    frame.add_row(table)
+    frame.add_row("")
+    frame.add_row(_joints(status))
+    if status.sensitivity is not None:
+        frame.add_row("")
+        frame.add_row(Text("\n".join(sensitivity_lines(status.sensitivity))))
+    return frame
+
+
+def _changed(status: Status) -> str:
+    """Files that differ from those it runs by, and when they are taken up."""
+    if status.not_taken_up:
+        return f"not taken up: {status.not_taken_up}"
+    names = ", ".join(status.changed)
+    return f"changed since it was read: {names}; taken up before the drives are enabled"
+
+
+def _permission(status: Status) -> Text:
+    """Permission: armed or not, by whom and for how long."""
+    if not status.armed:
+        return Text("not armed")
+    text = Text("armed", "bold bright_cyan")
+    if permit := status.permit:
+        user = user_name(permit.uid)
+        behalf = f" on behalf of {permit.on_behalf_of}" if permit.on_behalf_of else ""
+        more = "" if permit.detached else ", while its program says so"
+        left = in_words(permit.left_s)
+        text.append(f" by {user} (pid {permit.pid}){behalf} for another {left}{more}", "not bold")
+    return text
+
+
+def _checks(checks: list[Check]) -> Text:
+    return Text("\n").join(Text(str(c), "" if c.passed else "yellow") for c in checks)
+
+
+def _grants(grants: list[Grant]) -> Text:
+    """One line per grant; those not achieved stand out."""
+    lines = [Text(grant.text, "" if grant.achieved else "yellow") for grant in grants]
+    return Text("\n").join(lines)
+
+
+def _cause(status: Status) -> str:
+    """Cause of the mode, and how long ago it was: it may be over since."""
+    if status.since_s is None:
+        return status.cause
+    ago_s = max(status.uptime_s - status.since_s, 0.0)
+    units = ((7200.0, 3600.0, "h"), (120.0, 60.0, "min"))
+    size, unit = next(((size, unit) for least, size, unit in units if ago_s >= least), (1.0, "s"))
+    return f"{status.cause} ({ago_s // size:.0f} {unit} ago)"
+
+
+def _trajectory(trajectory: Trajectory) -> str:
+    if not trajectory.name:
+        return "none configured: `contactctl start FILE.csv` runs one"
+    words = {
+        "ready": "would begin with `contactctl start`",
+        "running": "runs",
+        "interrupted": "goes on once the arm is released",
+        "paused": "paused: `contactctl start` goes on with it, `contactctl stop` forgets it",
+    }
+    end = "" if trajectory.duration_s is None else f" of {trajectory.duration_s:.1f}"
+    at = "" if trajectory.state == "ready" else f" at {trajectory.time_s:.1f}{end} s"
+    if trajectory.attended:
+        words["paused"] = "paused, and forgotten when the program that began it ends"
+    return f"{trajectory.name}{at}: {words[trajectory.state]}"
+
+
+def _joints(status: Status) -> RenderableType:
+    table = Table(box=None, padding=(0, 1), header_style="bold")
+    for name in ("joint", "rad", "Nm", "of", "side", "age", "drive"):
+        justify = "right" if name in {"rad", "Nm", "of", "age"} else "left"
+        table.add_column(name, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    # Before the first samples there are joints, but nothing known about them.
+    rows = zip(
+        status.joints,
+        status.link_position,
+        status.residual,
+        status.threshold,
+        status.side,
+        status.age_ticks,
+        status.drives,
+        strict=False,
+    )
+    for joint, position, residual, threshold, side, age, drive in rows:
+        table.add_row(
+            Text(joint),
+            f"{position:+.3f}",
+            Text(f"{residual:+.2f}", strain_style(residual, threshold)),
+            f"{threshold:.2f}",
+            Text(side, SIDE_STYLES.get(side, "")),
+            Text(str(age), "yellow" if age else "dim"),
+            drive_text(drive),
+        )
+    if not table.row_count:
+        return Text(f"{len(status.joints)} joints, no samples from the drives yet", "yellow")
+    return table

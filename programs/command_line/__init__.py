@@ -1,0 +1,1 @@
+"""Command lines: options, questions, sentences and output that several programs share."""

@@ -1,0 +1,149 @@
+"""Options that all commands of `contactctl` take, before or after the command; types of paths and
+numbers for both command lines."""
+# ruff: noqa: PLC0415 - the client is imported by the command that needs it
+
+import math
+import os
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from common.errors import ContactdError, LogError
+from programs.command_line.sentences import could_not_say, read_to_the_end, say
+
+if TYPE_CHECKING:
+    from programs.clients.client import Client
+
+
+class _Path(click.Path):
+    """Path that is not empty: of a script whose variable is, it would be the folder one is in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value. Raises UsageError for an empty one."""
+        if os.fspath(value) == "":
+            raise click.UsageError(f"{_named(param)} is empty", ctx)
+        return super().convert(value, param, ctx)
+
+
+def _named(param: click.Parameter | None) -> str:
+    """Name of an option or argument, as help shows it."""
+    if isinstance(param, click.Argument):
+        return (param.metavar or param.human_readable_name).strip("[]").rstrip(".")
+    return param.opts[-1] if param is not None else "the path"
+
+
+# `readable=False`: click's own check would end with another message and exit status than ours. The
+# code that opens the file knows what it was for.
+PATH: Final = _Path(path_type=Path, readable=False)
+SOCKET: Final = click.option(
+    "--socket",
+    type=PATH,
+    metavar="PATH",
+    help="Control socket, instead of the default.",
+)
+"""Option --socket of `contactd` commands, after their name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options given before the command."""
+
+    socket: Path | None
+    json: bool
+
+    def connect(self) -> "Client":
+        """New connection to the daemon. Raises UnreachableError."""
+        from programs.clients.client import Client
+
+        return Client(self.socket)
+
+
+def _take_json(ctx: click.Context, _: click.Parameter, given: bool) -> None:
+    if given:
+        ctx.obj = replace(ctx.obj, json=True)
+
+
+def _take_socket(ctx: click.Context, _: click.Parameter, given: Path | None) -> None:
+    if given is not None:
+        ctx.obj = replace(ctx.obj, socket=given)
+
+
+class Command(click.Command):
+    """Command that takes the common options, too, so that they may stand before or after it."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.params += [socket_option(_take_socket), json_option(_take_json)]
+
+
+def socket_option(callback: Any = None) -> click.Option:
+    """Option --socket."""
+    return click.Option(
+        ["--socket"],
+        type=PATH,
+        metavar="PATH",
+        help="The daemon's control socket. Without it $CONTACTD_SOCKET, else that of the service, "
+        "/run/contactd/control, else your own daemon's: $XDG_RUNTIME_DIR/contactd.sock or "
+        "/tmp/contactd-UID.sock.",
+        callback=callback,
+        expose_value=callback is None,
+    )
+
+
+def json_option(callback: Any = None) -> click.Option:
+    """Option --json."""
+    return click.Option(
+        ["--json", "as_json"],
+        is_flag=True,
+        help="Answer in one line of JSON, for programs.",
+        callback=callback,
+        expose_value=callback is None,
+    )
+
+
+class Group(click.Group):
+    """Group that lists its commands in the order of a session, and turns an error of ours into one
+    line on stderr and its exit status."""
+
+    command_class = Command
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Commands in the order in which they were defined."""
+        return list(self.commands)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; an error of ours sets the exit status."""
+        _open_closed_streams()
+        try:
+            with read_to_the_end():
+                return super().invoke(ctx)
+        except ContactdError as error:
+            say(f"contactctl: {error}", err=True)
+            ctx.exit(error.exit_code)
+        except OSError as error:
+            if not (text := could_not_say(error)):
+                raise
+            say(f"contactctl: {text}", err=True)
+            ctx.exit(LogError.exit_code)
+
+
+def _open_closed_streams() -> None:
+    """Open streams that the caller closed (`contactctl stop >&-`): a closed stdout must not make a
+    command fail, nor a socket take its file descriptor."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115 - as long as the program runs
+
+
+class Range(click.FloatRange):
+    """Number between bounds; nan, which passes every comparison of `FloatRange`, is refused."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert a value. Raises BadParameter with value and range; click adds the option."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{number} is not in the range {self._describe_range()}.", param, ctx)
+        return number

@@ -1,0 +1,62 @@
+"""Sentence for a person: at a terminal it goes on in the next line between two words, where the
+terminal alone would cut one in two. Files, pipes and the journal get it in one line."""
+
+import errno
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+import click
+
+UNREAD: Final = 141  # as shells report it of a program that a closed pipe ended
+
+
+def say(text: str, *, err: bool = False, dim: bool = False) -> None:
+    """Print one sentence or more, each line of `text` for itself; what a line is indented by, its
+    continuation is, too. With `err` on stderr."""
+    if (sys.stderr if err else sys.stdout).isatty():
+        width = shutil.get_terminal_size().columns
+        text = "\n".join(folded(line, width) for line in text.splitlines())
+    click.echo(click.style(text, dim=True) if dim else text, err=err)
+
+
+def could_not_say(error: OSError) -> str:
+    """The reason why an answer could not be written, where it is the disk (`> /dev/full`); empty if
+    the error is another, or of a file with a name."""
+    if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        return ""
+    return f"the answer cannot be written: {error.strerror}"
+
+
+@contextmanager
+def read_to_the_end() -> Iterator[None]:
+    """Block whose answer goes to stdout. Once its reader has closed the pipe (`| head -1`) the
+    program ends with a status of its own, independent of the command's result."""
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except BrokenPipeError:
+        # What is left in the buffer is flushed once more at exit, and must go somewhere.
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        sys.exit(UNREAD)
+
+
+def folded(line: str, width: int) -> str:
+    """Line in as many of `width` columns as its words take."""
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.fill(
+        line.lstrip(),
+        width,
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

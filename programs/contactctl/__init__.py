@@ -1,0 +1,1 @@
+"""`contactctl`: commands to a running daemon, over its control socket."""

@@ -1,0 +1,425 @@
+"""`contactctl`: the command line for a person who operates the arm.
+
+Everything heavy is imported by the command that needs it, so that the others start at once.
+"""
+# ruff: noqa: PLC0415
+
+import math
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from common.errors import TrajectoryError, UnreachableError
+from common.new_file import refuse_suffix
+from daemon.protocol.bounds import FASTEST, SLOWEST
+from daemon.protocol.lease import LONGEST_S, PERSON_S, SHORTEST_S
+from programs.command_line.options import PATH, Group, Options, Range, json_option, socket_option
+from programs.contactctl.hand import hand
+from programs.contactctl.live_states import record_csv, record_states, show_live, stream_json
+from programs.contactctl.replies import (
+    answer,
+    carry_out,
+    print_json,
+    take_up_changes,
+    until_it_senses,
+)
+
+
+@click.group(
+    cls=Group,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    params=[socket_option(), json_option()],
+)
+@click.version_option(package_name="contactd", prog_name="contactctl")
+@click.pass_context
+def main(ctx: click.Context, socket: Path | None, as_json: bool) -> None:
+    """Control contactd, the daemon that detects contact on a robot arm.
+
+    A session usually is: enable, arm, start; then pause or stop; then disable. This program
+    is not a certified safety function: keep the hardware emergency stop within reach.
+
+    Exit status: 0 done, 1 refused or not done, 2 usage, 65 a file is bad or cannot be written,
+    69 the daemon cannot be reached, 141 the reader closed the pipe before the end (`| head`).
+    """
+    ctx.obj = Options(socket, as_json)
+
+
+_no_wait = click.option("--no-wait", is_flag=True, help="Return at once, before it is done.")
+_no_wait_to_stand = click.option(
+    "--no-wait",
+    is_flag=True,
+    help="Return at once, before it is done; with exit status 1 if a joint commanded to stop is "
+    "not confirmed at standstill yet.",
+)
+
+
+@main.command()
+@_no_wait
+@click.pass_obj
+def enable(options: Options, no_wait: bool) -> None:
+    """Energise the drives; the arm holds where it stands, and senses contact, so that `arm` may
+    follow.
+
+    Where the daemon's files were changed since it read them, it takes them up first: `reload`.
+    """
+    take_up_changes(options)
+    carry_out(options, "enable", wait=not no_wait)
+    if not no_wait:
+        until_it_senses(options)
+
+
+@main.command()
+@click.option(
+    "--lease",
+    "lease_s",
+    type=Range(min=SHORTEST_S, max=LONGEST_S),
+    default=PERSON_S,
+    show_default=True,
+    metavar="S",
+    help="How long it stays armed, in seconds, unless you arm again.",
+)
+@click.pass_obj
+def arm(options: Options, lease_s: float) -> None:
+    """Let the arm yield to contact. Refused, with every reason, while it cannot be trusted.
+
+    Shows each check as passed or failed, then the smallest contact that is detected: the torque of
+    each joint and, in this pose, the force at the tool, in motion and at rest. Arming again renews
+    the lease; while another holder has it, it is refused. When the lease runs out the arm is
+    disarmed, and holds if it is being guided.
+    """
+    with options.connect() as client:
+        reply = client.arm(lease_s, detached=True)
+    answer(options, reply)
+
+
+@main.command()
+@click.argument("file", required=False, type=PATH, metavar="[FILE.csv]")
+@click.option(
+    "--from-here",
+    is_flag=True,
+    help="Run the file as displacements, from wherever the arm stands.",
+)
+@click.option(
+    "--speed",
+    type=Range(min=0.01, max=1),
+    default=1.0,
+    show_default=True,
+    metavar="X",
+    help="Run the file slower, at this share of its speed.",
+)
+@click.pass_obj
+def start(options: Options, file: Path | None, from_here: bool, speed: float) -> None:
+    """Start a trajectory: the arm moves.
+
+    Without a file: what was paused goes on; else the configured trajectory begins. A file has a
+    column time_s [s] and one for each joint that moves [rad]; it is checked against every limit
+    before anything moves, and the arm must stand where it begins.
+    """
+    if file is None:
+        if from_here or speed != 1.0:
+            raise click.UsageError("--from-here and --speed are about a file")
+        carry_out(options, "start")
+        return
+    from daemon.motion.trajectory_file import read_trajectory
+
+    with options.connect() as client:
+        trajectory = read_trajectory(file, client.ask_status().joints)
+        try:
+            client.load_trajectory(
+                trajectory.joints,
+                [time_s / speed for time_s in trajectory.times],
+                trajectory.positions,
+                name=file.name,
+                from_here=from_here,
+            )
+        except TrajectoryError as error:
+            raise trajectory.placed(error) from error
+        answer(options, client.start_loaded())
+
+
+@main.command()
+@_no_wait
+@click.pass_obj
+def pause(options: Options, no_wait: bool) -> None:
+    """Halt the trajectory; the arm stays armed. `start` goes on with it, `stop` forgets it."""
+    carry_out(options, "pause", wait=not no_wait)
+
+
+@main.command()
+@_no_wait_to_stand
+@click.pass_obj
+def disarm(options: Options, no_wait: bool) -> None:
+    """Stop yielding to contact. Contacts are still reported, and collisions still reacted to.
+
+    An arm that is being guided stops. Exit status 1 if it is not confirmed at standstill.
+    """
+    carry_out(options, "disarm", wait=not no_wait)
+
+
+@main.command()
+@_no_wait_to_stand
+@click.pass_obj
+def stop(options: Options, no_wait: bool) -> None:
+    """Stop the arm at once, and disarm it. Works in every mode.
+
+    Exit status 1, with their names, if joints are not confirmed at standstill: press the emergency
+    stop if anything moves.
+    """
+    carry_out(options, "stop", wait=not no_wait)
+
+
+@main.command()
+@_no_wait_to_stand
+@click.pass_obj
+def disable(options: Options, no_wait: bool) -> None:
+    """Let the joints end as configured: held by their drives, braked, or limp.
+
+    Exit status 1, with their names, if joints are not confirmed at standstill.
+    """
+    carry_out(options, "disable", wait=not no_wait)
+
+
+@main.command()
+@click.pass_obj
+def reset(options: Options) -> None:
+    """Acknowledge a fault. Energises and moves nothing.
+
+    First reads back what the drives must hold, and sets up again those that do not: that may take
+    seconds. Forgets emergencies of drives that are not in fault.
+    """
+    carry_out(options, "reset")
+
+
+_speed = click.option(
+    "--speed",
+    type=Range(min=SLOWEST, max=FASTEST),
+    default=0.2,
+    show_default=True,
+    metavar="RAD/S",
+    help="Speed of the joint that goes furthest; others are slower, so that all arrive together.",
+)
+_yes = click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
+
+
+@main.command()
+@click.argument("words", nargs=-1, metavar="[POSE | JOINT=VALUE ...]")
+@_speed
+@_yes
+@click.pass_obj
+def go(options: Options, words: tuple[str, ...], speed: float, yes: bool) -> None:
+    """Move to a pose of the configuration, or joints to positions in rad: the arm moves.
+
+    Shows distance and time per joint, and asks. The way is a straight line through joint space
+    within all limits, and nothing checks it for collisions. A contact halts the arm where it is
+    not armed; armed it reacts as on any trajectory, and goes on to the pose. After a halt, ask
+    again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
+    """
+    from programs.contactctl import go as motion
+
+    motion.go(options, words, speed, yes=yes)
+
+
+@main.command()
+@_speed
+@_yes
+@click.pass_obj
+def home(options: Options, speed: float, yes: bool) -> None:
+    """Move to the pose `home` of the configuration: `go home`."""
+    from programs.contactctl import go as motion
+
+    motion.go(options, ["home"], speed, yes=yes)
+
+
+@main.command(context_settings={"ignore_unknown_options": True})  # -0.1 is no option
+@click.argument("joint", required=False)
+@click.argument("value", type=float, required=False)
+@click.option("--balance", is_flag=True, help="Propose gains with which all joints react alike.")
+@click.option("--apply", is_flag=True, help="With --balance: change the gains to these.")
+@click.pass_obj
+def gain(
+    options: Options, joint: str | None, value: float | None, balance: bool, apply: bool
+) -> None:
+    """Show or change how softly joints yield: K_a [rad/s per Nm].
+
+    The change takes half a second, also while the joint is guided. The configuration is not
+    changed: the daemon's next start, or `reload`, begins from it.
+
+    With --balance: gains with which each joint asks for the same force at the hand, from levers,
+    inertia and thresholds, and what it asks for now. Nothing changes without --apply.
+    """
+    from programs.contactctl import gain as gains
+
+    if value is not None and not math.isfinite(value):
+        raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
+    if balance and joint is not None:
+        raise click.UsageError("--balance is about all joints")
+    if apply and not balance:
+        raise click.UsageError("--apply belongs to --balance")
+    if balance:
+        gains.balance(options, apply=apply)
+    elif joint is None or value is None:
+        gains.show(options, joint)
+    else:
+        gains.change(options, joint, value)
+
+
+@main.command(context_settings={"ignore_unknown_options": True})
+@click.argument("what", required=False, metavar="[MASS|NAME|none]")
+@click.option(
+    "--com",
+    nargs=3,
+    type=float,
+    metavar="X Y Z",
+    help="Centre of the mass in the frame of the URDF's last link, in m; without it, the point "
+    "that `status` calls the tool.",
+)
+@click.pass_obj
+def payload(options: Options, what: str | None, com: tuple[float, float, float] | None) -> None:
+    """Announce the payload in the hand, by its mass in kg or its name in the configuration, or
+    `none`.
+
+    From the next tick on the model includes it as a point mass: contacts are detected as without
+    it. Without an argument: shows the announced payload and the known names. Refused while the arm
+    is guided, and if the motors could not hold it. Forgotten when the daemon ends.
+    """
+    from daemon.protocol.messages import Request
+
+    if what is None:
+        if com is not None:
+            raise click.UsageError("--com belongs to a mass")
+        _show_payload(options)
+        return
+    try:
+        mass = float(what)
+    except ValueError:
+        if com is not None:
+            raise click.UsageError(f"--com belongs to a mass in kg, {what!r} is a name") from None
+        request = Request("payload", name=what)
+    else:
+        if not math.isfinite(mass):
+            raise click.UsageError(f"{what} is not a mass")
+        if com is not None and not all(map(math.isfinite, com)):
+            raise click.UsageError(f"--com {' '.join(map(str, com))} is not a place")
+        request = Request("payload", mass=mass, com=None if com is None else list(com))
+    with options.connect() as client:
+        answer(options, client.ask(request))
+
+
+def _show_payload(options: Options) -> None:
+    with options.connect() as client:
+        found = client.ask_status()
+    if options.json:
+        print_json({"payload": found.payload, "hand": found.hand, "payloads": found.payloads})
+        return
+    from programs.clients.payload import payload_in_words
+
+    click.echo(payload_in_words(found))
+    for one in found.payloads:
+        click.echo(f"  {one}")
+
+
+@main.command()
+@click.pass_obj
+def reload(options: Options) -> None:
+    """Have the daemon read its files anew, with the drives off, and set the drives up by them.
+
+    Takes up what was edited or identified as a start of the daemon would: every connection to it
+    ends. Files that cannot be read, or by which the drives cannot be set up, are not taken up: exit
+    status 1 with the reason, and the daemon stays off until they are mended and it is asked again.
+    """
+    from daemon.protocol.messages import Reply
+    from programs.clients.reload import reload as read_anew
+
+    with options.connect() as client:
+        changed = client.ask_status().changed
+    found = read_anew(options.socket)
+    text = f"taken up: {', '.join(changed)}" if changed else "read anew, nothing had changed"
+    answer(options, Reply(ok=True, message=f"reload: {text}", mode=found.mode))
+
+
+@main.command()
+@click.pass_obj
+def status(options: Options) -> None:
+    """Show mode, joints, and what arming needs."""
+    with options.connect() as client:
+        found, path = client.ask_status(), client.path
+    if options.json:
+        print_json(found)
+        return
+    from programs.clients.status_report import status_report
+    from programs.command_line.console import on_stdout
+
+    on_stdout().print(status_report(found, path))
+
+
+@main.command()
+@click.option(
+    "--directory",
+    type=PATH,
+    metavar="DIR",
+    help="State directory of the daemon, instead of the default.",
+)
+@click.option("--plot", type=PATH, metavar="FILE.png", help="Draw the days into a new file.")
+@click.pass_obj
+def health(options: Options, directory: Path | None, plot: Path | None) -> None:
+    """Show how the gears age: each joint against the days when it was identified.
+
+    From the records that the daemon writes each day; it need not run. Exit status 1 if there is a
+    warning for a joint, 65 if there are no records, or none of an arm that can be read.
+    """
+    from programs.contactctl.health import show_health
+
+    sys.exit(show_health(directory, plot, as_json=options.json))
+
+
+@main.command()
+@click.pass_obj
+def watch(options: Options) -> None:
+    """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
+    each, until the daemon ends its run.
+
+    Where nothing has come for half a second, the picture is marked as not live. After two seconds
+    without, or where the daemon is gone, it ends with what was known last of the arm.
+    """
+    if not options.json and not sys.stdout.isatty():
+        raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
+    try:
+        if options.json:
+            stream_json(options)
+        else:
+            show_live(options)
+    except KeyboardInterrupt:
+        return
+
+
+@main.command()
+@click.argument("file", type=PATH, metavar="FILE")
+@click.option(
+    "--seconds",
+    type=Range(min=0, min_open=True),
+    metavar="S",
+    help="End after so many seconds; without it, Ctrl-C ends the recording.",
+)
+@click.pass_obj
+def record(options: Options, file: Path, seconds: float | None) -> None:
+    """Record into a new file.
+
+    FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: where the
+    joints go, as a trajectory that `contactctl start` runs.
+    """
+    refuse_suffix(file, (".mcap", ".csv"))
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: signals.append(received))
+    as_csv = file.suffix.lower() == ".csv"
+    ended = (record_csv if as_csv else record_states)(options, file, seconds, lambda: bool(signals))
+    if ended:
+        raise UnreachableError(ended)
+
+
+main.add_command(hand)
+
+if __name__ == "__main__":
+    main(prog_name="contactctl")

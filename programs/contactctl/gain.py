@@ -1,0 +1,174 @@
+"""`contactctl gain`: gains K_a shown, changed, or balanced so that all joints react alike.
+
+Balancing asks the daemon for its configuration and URDF, as a recording has them, and computes
+here; the arm's gains change only by the requests that `--apply` sends, one for each joint.
+"""
+# ruff: noqa: PLC0415 - the model of the arm is imported by what needs it
+
+import math
+from typing import TYPE_CHECKING
+
+import click
+
+from daemon.protocol.messages import Reply, Request
+from programs.command_line.options import Options
+from programs.command_line.sentences import say
+from programs.contactctl.replies import answer, print_json
+
+if TYPE_CHECKING:
+    from common.arrays import Vector
+    from daemon.config.schema import Configuration
+    from daemon.motion.balance import Balance
+    from daemon.protocol.messages import Snapshot, Status
+
+
+def show(options: Options, joint: str | None) -> None:
+    """Print the gain of a joint, or of all."""
+    with options.connect() as client:
+        found = client.ask_status()
+    gains = _gains(options, found, joint)
+    shown = gains if joint is None else {joint: gains[joint]}
+    if options.json:
+        print_json(shown)
+        return
+    for name, k in shown.items():
+        click.echo(f"{name:16} {k:g}")
+
+
+def change(options: Options, joint: str, value: float) -> None:
+    """Change the gain of a joint."""
+    with options.connect() as client:
+        _gains(options, client.ask_status(), joint)
+        answer(options, client.ask(Request("gain", joint=joint, gain=value)))
+
+
+def _gains(options: Options, found: "Status", joint: str | None) -> dict[str, float]:
+    """Gains by joint; a joint that is none of them is refused."""
+    gains = dict(zip(found.joints, found.gain, strict=True))
+    if joint is not None and joint not in gains:
+        reasons = [f"no joint {joint!r}; there are: {', '.join(gains)}"]
+        answer(options, Reply(ok=False, message="gain: refused", reasons=reasons))
+    return gains
+
+
+def balance(options: Options, *, apply: bool) -> None:
+    """Print gains with which joints react alike, and the present ones; with `apply` change to
+    them."""
+    with options.connect() as client:
+        found = client.ask_status()
+        snapshot, _ = client.subscribe()
+    rows = _rows(snapshot, found)
+    if options.json:
+        print_json({"applied": apply, "joints": rows})
+    else:
+        say(in_words(rows))
+    if not apply:
+        if not options.json:
+            say("nothing has changed: --apply changes the gains until the daemon ends")
+        return
+    with options.connect() as client:
+        for name, row in rows.items():
+            reply = client.ask(Request("gain", joint=name, gain=row["gain"]))
+            if not reply.ok:
+                answer(options, reply)  # joints before it are changed; `gain` shows which
+    if not options.json:
+        say("changed until the daemon ends; to keep it: `admittance_gain` in config.yaml")
+
+
+def balance_of(c: "Configuration", urdf: str) -> "Balance":
+    """Balance of an arm, over poses within its limits."""
+    import numpy as np
+
+    from daemon.config.dynamics import model_of
+    from daemon.config.motion import row, virtual_mass_of
+    from daemon.motion.balance import balanced, levers
+    from programs.contactctl.sensitivity_poses import poses_within
+
+    model, poses = model_of(c, urdf), poses_within(c)
+    return balanced(
+        levers(np.array([model.tool_jacobian(q) for q in poses])),
+        row(c, lambda j: j.thresholds.contact),
+        row(c, lambda j: j.rotor_inertia) + np.max([model.inertia(q) for q in poses], axis=0),
+        virtual_mass_of(c),
+    )
+
+
+def _rows(snapshot: "Snapshot", status: "Status") -> dict[str, dict[str, float]]:
+    """By joint: gain now and balanced [rad/s per Nm], shortest and longest usual lever [m], the
+    forces at the hand [N] that it asks for with these when led, before and after, and the least
+    from which it sets out at rest, where friction hides some: infinite without detection."""
+    import numpy as np
+
+    from daemon.config.load import parse_configuration
+    from daemon.config.motion import row
+    from daemon.motion.balance import leading_torque
+
+    c = parse_configuration(snapshot.configuration, "the daemon's", snapshot.identified)
+    threshold, found = row(c, lambda j: j.thresholds.contact), balance_of(c, snapshot.urdf)
+    now = np.array(status.gain)
+    resting = status.sensitivity.resting if status.sensitivity is not None else [None] * len(now)
+    before = leading_torque(now, threshold)
+    after = leading_torque(found.gain, threshold)
+    columns = {
+        "gain_now": now,
+        "gain": found.gain,
+        "lever_shortest_m": found.shortest,
+        "lever_longest_m": found.longest,
+        "now_least_N": before / found.longest,
+        "now_most_N": before / found.shortest,
+        "least_N": after / found.longest,
+        "most_N": after / found.shortest,
+        "at_rest_from_N": np.array([np.inf if level is None else level for level in resting])
+        / found.longest,
+    }
+    return {
+        name: {key: _number(column, i) for key, column in columns.items()}
+        for i, name in enumerate(c.joint_names)
+    }
+
+
+def _number(column: "Vector", i: int) -> float:
+    """A figure of a column, short enough to be read."""
+    return float(f"{column[i]:.4g}")
+
+
+def in_words(rows: dict[str, dict[str, float]]) -> str:
+    """Balance as a table, a line for each joint, and how even it is before and after."""
+    from daemon.motion.balance import LEADING_RAD_S
+
+    ways = [
+        [f"{row[f'{w}least_N']:.1f} to {row[f'{w}most_N']:.1f}" for row in rows.values()]
+        for w in ("now_", "")
+    ]
+    table = [("", "lever [m]", "K_a", "then", "rest", "led", "then")] + [
+        (
+            name,
+            f"{row['lever_shortest_m']:.2f} to {row['lever_longest_m']:.2f}",
+            f"{row['gain_now']:.3g}",
+            f"{row['gain']:.3g}",
+            f"{row['at_rest_from_N']:.1f}" if math.isfinite(row["at_rest_from_N"]) else "-",
+            now,
+            then,
+        )
+        for (name, row), now, then in zip(rows.items(), *ways, strict=True)
+    ]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = [
+        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
+        for line in table
+    ]
+    even = [
+        max(row[f"{when}most_N"] for row in rows.values())
+        / min(row[f"{when}least_N"] for row in rows.values())
+        for when in ("now_", "")
+    ]
+    return "\n".join(
+        [
+            *lines,
+            f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
+            "within the limits but for rare ones.",
+            "Rest: from which a joint sets out, by its level and friction, which no gain changes; "
+            "- without detection, as with its drives off.",
+            f"Largest force of led joints, of the smallest: {even[0]:.1f} -> {even[1]:.1f}",
+        ]
+    )

@@ -1,0 +1,140 @@
+"""`contactctl go` and `home`: the planned way, a question, and the motion to its end.
+
+Ctrl-C, or the end of the terminal, stops the arm; killed or held up, the daemon halts it.
+"""
+# ruff: noqa: PLC0415 - the client is imported by the command that needs it
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from daemon.modes.table import Mode
+from programs.command_line.destination import destination
+from programs.command_line.options import Options
+from programs.command_line.questions import sure
+from programs.command_line.sentences import say
+from programs.contactctl.replies import (
+    NOT_REACHED_ON_ITS_WAY,
+    POLL_S,
+    RESTING,
+    answer,
+    carry_out,
+    lost_as,
+    print_json,
+)
+
+if TYPE_CHECKING:
+    from daemon.protocol.messages import Reply, Way
+    from programs.clients.client import Client
+
+# How near to its goal a joint has arrived: what friction may hold back, and no more [rad].
+THERE_RAD = 0.02
+VISIBLE_RAD = 5e-4  # a shorter way is shown as none
+NO_COLLISION_CHECK = (
+    "There is no collision check: the arm takes this way through its own body, the table and you."
+)
+
+
+def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> None:
+    """Show the way, ask unless `yes`, move, and wait for its end; exit 1 where it ended elsewhere
+    or was refused. Without words: list the poses."""
+    if not words:
+        if yes:  # of a script whose variable is empty: nothing moves, and that is no success
+            raise click.UsageError("--yes moves the arm: to which POSE, or JOINT=VALUE?")
+        _list_poses(options)
+        return
+    pose, targets = destination(words)
+    if not yes and (options.json or not sys.stdin.isatty()):
+        raise click.UsageError(
+            "no confirmation with --json, or while stdin is not a terminal; pass --yes to skip it"
+        )
+    with options.connect() as client:
+        reply = client.go(pose, targets, speed=speed, plan=True)
+        if reply.way is None:
+            answer(options, reply)
+            return
+        if not options.json:
+            say(in_words(reply.way))
+            for warning in reply.warnings:
+                say(f"  warning: {warning}", err=True)
+    if not yes and not sure("Move the arm?"):
+        raise click.Abort
+    with _interrupted() as interrupted, options.connect() as client:
+        start = reply.way.start
+        with lost_as(NOT_REACHED_ON_ITS_WAY):
+            reply = client.go(pose, targets, speed=speed, planned_from=start, attended=True)
+            ended = None if reply.way is None else _wait(client, reply.way, interrupted)
+        if reply.way is None:
+            answer(options, reply)
+            return
+        if ended is None:  # while this connection is there: the arm halts without it
+            carry_out(options, "stop", wait=True)
+            sys.exit(1)
+    answer(options, ended)
+
+
+def in_words(way: "Way") -> str:
+    """Table of the way, a line for each joint that moves, and the missing check for collisions."""
+    lines = [f"{'':16} {'from':>8} {'to':>8} {'distance':>9} {'speed':>9} {'time':>7}"]
+    joints = zip(way.joints, way.start, way.goal, way.speed, strict=True)
+    for name, start, goal, speed in joints:
+        if abs(goal - start) >= VISIBLE_RAD:
+            figures = f"{start:8.3f} {goal:8.3f} {goal - start:+9.3f} {speed:9.3f}"
+            lines.append(f"{name:16} {figures} {way.duration_s:5.1f} s")
+    if len(lines) == 1:
+        return f"{way.name}: the arm stands there"
+    lines.append("rad and rad/s; all joints set out and arrive together, other joints stay.")
+    return "\n".join([*lines, NO_COLLISION_CHECK])
+
+
+def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":
+    """Reply on where the motion ended, once the mode is at rest; None as soon as it is interrupted.
+    Waits while a person guides the arm."""
+    from daemon.protocol.messages import Reply
+
+    while not interrupted():
+        now = client.ask_status()
+        if now.mode in RESTING:
+            places = zip(way.joints, now.link_position, way.goal, strict=True)
+            far = [
+                f"{name} stands at {q:.3f} rad, {abs(q - goal):.3f} rad from {goal:.3f}"
+                for name, q, goal in places
+                if abs(q - goal) > THERE_RAD
+            ]
+            done = now.mode is Mode.HOLDING and now.trajectory.state == "ready" and not far
+            text = f"{now.mode}: {now.cause}" if done else f"not there: {now.mode}, {now.cause}"
+            reasons = [] if done else now.advice.splitlines() or far
+            return Reply(ok=done, message=text, reasons=reasons, mode=now.mode, way=way)
+        time.sleep(POLL_S)
+    return None
+
+
+@contextmanager
+def _interrupted() -> Iterator[Callable[[], bool]]:
+    """Predicate, true once a signal asked this program to end; it then stops the arm first."""
+    signals: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {n: signal.signal(n, lambda received, _: signals.append(received)) for n in numbers}
+    try:
+        yield lambda: bool(signals)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _list_poses(options: Options) -> None:
+    with options.connect() as client:
+        poses = client.ask_status().poses
+    if options.json:
+        print_json(poses)
+        return
+    for name, values in poses.items():
+        places = " ".join(f"{joint}={value:g}" for joint, value in values.items())
+        say(f"{name:16} {places}")
+    if not poses:
+        say("no `poses` in the configuration; `contactctl go JOINT=VALUE ...` needs none")

@@ -1,0 +1,158 @@
+"""`contactctl hand`: a person's hand at a simulated arm, live, by the simulator's own socket."""
+# ruff: noqa: PLC0415 - imported by the command that needs it, so that `--help` starts at once
+
+import json
+import re
+import socket
+from pathlib import Path
+from typing import Any
+
+import click
+
+from common.errors import ControlError, UnreachableError
+from programs.command_line.options import PATH, Range
+
+PATIENCE_S = 5.0
+
+
+class Measure(click.ParamType):  # type: ignore[type-arg]
+    """Number with its unit behind it, or without: `3Nm`, `0.5 rad`, `-2`."""
+
+    def __init__(self, unit: str) -> None:
+        self.name = self._unit = unit
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number. Raises BadParameter for another unit."""
+        found = re.fullmatch(rf"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?) ?(?:{self._unit})?", str(value))
+        if found is None:
+            self.fail(f"{value!r} is no number of {self._unit}, such as 3{self._unit}.", param, ctx)
+        return float(found[1])
+
+
+def ask_hand(door: Path, act: dict[str, Any]) -> str:
+    """Send an action to the simulator's hand; returns its answer. Raises UnreachableError where no
+    simulator listens, ControlError where it refuses."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.settimeout(PATIENCE_S)
+        try:
+            connection.connect(str(door))
+            connection.sendall(json.dumps({"at_s": 0.0, **act}).encode() + b"\n")
+            with connection.makefile() as answers:
+                answer = json.loads(answers.readline())
+        except (OSError, ValueError) as error:
+            raise UnreachableError(
+                f"no hand at {door}: {error}; is `contactd simulate` running? A real arm has no "
+                "simulated hand"
+            ) from error
+    if not answer["ok"]:
+        raise ControlError(answer["text"])
+    return str(answer["text"])
+
+
+class _InOrder(click.Group):
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+
+@click.group(cls=_InOrder)
+@click.option("--hand-socket", "door", type=PATH, metavar="PATH",
+              help="The simulator's socket, instead of the default.")  # fmt: skip
+@click.pass_context
+def hand(context: click.Context, door: Path | None) -> None:
+    """Touch a simulated arm, live: a hand at `contactd simulate`.
+
+    The daemon is not informed of it and has to detect it.
+    """
+    from daemon.protocol.socket_path import default_hand_path
+
+    context.obj = door or default_hand_path()
+
+
+_SIGNED = {"ignore_unknown_options": True}  # so that -3Nm is a torque
+_JOINT = click.argument("joint")
+_TORQUE = click.argument("torque", type=Measure("Nm"))
+
+
+def _do(door: Path, **act: Any) -> None:
+    click.echo(ask_hand(door, act))
+
+
+@hand.command(context_settings=_SIGNED)
+@_JOINT
+@_TORQUE
+@click.option("--seconds", type=Range(min=0.01, max=600), default=0.5, show_default=True)
+@click.pass_obj
+def push(door: Path, joint: str, torque: float, seconds: float) -> None:
+    """Push JOINT with TORQUE for a while."""
+    _do(door, act="push", joint=joint, torque=torque, duration_s=seconds, shape="pulse")
+
+
+@hand.command(context_settings=_SIGNED)
+@_JOINT
+@_TORQUE
+@click.pass_obj
+def lean(door: Path, joint: str, torque: float) -> None:
+    """Lean on JOINT with TORQUE, until `release`."""
+    _do(door, act="lean", joint=joint, torque=torque)
+
+
+@hand.command(context_settings=_SIGNED)
+@_JOINT
+@click.argument("position", type=Measure("rad"))
+@click.option("--speed", type=Range(min=0.01, max=5), default=0.3, show_default=True,
+              help="rad/s.")  # fmt: skip
+@click.option(
+    "--torque",
+    type=Measure("Nm"),
+    help="At most; by default a fifth of what its motor can give, and no more than 4 Nm.",
+)
+@click.pass_obj
+def lead(door: Path, joint: str, position: float, speed: float, torque: float | None) -> None:
+    """Take JOINT and lead it to POSITION; holds on until `release`."""
+    _do(door, act="guide", to={joint: position}, speed=speed, max_torque=torque)
+
+
+@hand.command()
+@_JOINT
+@click.option(
+    "--torque",
+    type=Measure("Nm"),
+    help="Pressed with at most; by default a hundredth of what its motor can give.",
+)
+@click.option("--times", type=click.IntRange(1, 1000), default=40, show_default=True)
+@click.pass_obj
+def gap(door: Path, joint: str, torque: float | None, times: int) -> None:
+    """Move JOINT's link between the borders of its gap, for `contactd identify gap --by-hand`."""
+    _do(door, act="gap", joint=joint, torque=torque, times=times)
+
+
+@hand.command()
+@click.argument("joints", nargs=-1, required=True, metavar="JOINT...")
+@click.pass_obj
+def clamp(door: Path, joints: tuple[str, ...]) -> None:
+    """Catch joints where they are with something hard, until `release`."""
+    _do(door, act="clamp", joints=list(joints))
+
+
+@hand.command()
+@click.argument("mass", type=Measure("kg"))
+@click.option(
+    "--com",
+    nargs=3,
+    type=float,
+    metavar="X Y Z",
+    help="Its centre of mass in the frame of the URDF's last link [m].  [default: the tool point]",
+)
+@click.pass_obj
+def carry(door: Path, mass: float, com: tuple[float, float, float] | None) -> None:
+    """Put MASS into the arm's hand; 0 takes it away."""
+    _do(door, act="give", mass=mass, com=com)
+
+
+@hand.command()
+@click.pass_obj
+def release(door: Path) -> None:
+    """Let go of everything but what the arm carries."""
+    _do(door, act="release")

@@ -1,0 +1,138 @@
+"""Live States of the daemon for `contactctl`: shown, streamed as JSON, recorded."""
+# ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+
+from common.errors import HungUpError, UnreachableError
+from contactd_client.connection import ANSWER_S
+from programs.command_line.options import Options
+from programs.contactctl.replies import print_json
+
+if TYPE_CHECKING:
+    from rich.live import Live
+
+    from daemon.protocol.messages import State
+    from programs.clients.client import Client
+
+FRAMES_PER_S = 10
+
+
+def show_live(options: Options) -> NoReturn:
+    """Take every State and draw some, until interrupted; those of a daemon that reads its files
+    anew, too. Raises UnreachableError, with its last known state, once there is none."""
+    from rich.live import Live
+
+    from programs.clients.dashboard import last_known
+    from programs.clients.reload import wait_for_start
+
+    client, last = options.connect(), ""
+
+    def draw_all(live: "Live") -> None:
+        nonlocal last
+        for state in _drawn(client, live):
+            last = f"; {last_known(state)}"
+
+    with Live(screen=True, auto_refresh=False) as live:
+        try:
+            while True:
+                with client, suppress(HungUpError):
+                    draw_all(live)
+                hung_up = f"the daemon hung up: it ends, or reads its files anew{last}"
+                live.update(hung_up, refresh=True)
+                wait_for_start(options.socket)
+                client = options.connect()
+        except UnreachableError as error:
+            raise UnreachableError(f"{error}{last}") from error
+
+
+def _drawn(client: "Client", live: "Live") -> "Iterator[State]":
+    """States that one connection brings, some of them drawn, until the daemon ends it; what was
+    drawn last is marked where none comes. Raises UnreachableError."""
+    from programs.clients.dashboard import SHOWN_SILENCE_S, Dashboard, History, Lag
+
+    snapshot, states = client.subscribe()
+    history, lag = History(), Lag()
+    drawn_s = heard_s = time.monotonic()
+    state = None
+    while True:
+        if client.waits(1 / FRAMES_PER_S):
+            state = next(states)
+            history.add(state)
+            heard_s = time.monotonic()
+            lag_s = lag.of(heard_s, state.time_s)
+            if heard_s - drawn_s >= 1 / FRAMES_PER_S:
+                drawn_s = heard_s
+                live.update(Dashboard(snapshot, state, history.summary(), lag_s), refresh=True)
+            yield state
+            continue
+        silent_s = time.monotonic() - heard_s
+        if silent_s >= ANSWER_S:
+            raise UnreachableError("the daemon fell silent")
+        if state is not None and silent_s >= SHOWN_SILENCE_S:
+            shown = Dashboard(snapshot, state, history.summary(), silent_s=silent_s)
+            live.update(shown, refresh=True)
+
+
+def stream_json(options: Options) -> None:
+    """Print the States as the daemon sends them, until the reader closes the pipe."""
+    try:
+        with options.connect() as client:
+            client.subscribe()
+            while True:
+                sys.stdout.buffer.write(client.packet() + b"\n")
+                sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        # What is left in the buffer is flushed once more at exit, and must go somewhere.
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+def record_states(
+    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
+) -> str:
+    """Record every State as MCAP. Returns why it ended early, or an empty text."""
+    from programs.clients.recorder import record
+
+    begun = _announcement(options, file, seconds)
+    made = record(options.connect, file, seconds=seconds, stop=stop, begun=begun)
+    if options.json:
+        print_json(made)
+    else:
+        again = f", {made.snapshots} snapshots" if made.snapshots > 1 else ""
+        click.echo(
+            f"{file}: {made.duration_s:.1f} s, {made.states} states, {made.lost} lost{again}"
+        )
+    return made.ended
+
+
+def record_csv(
+    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
+) -> str:
+    """Record joint positions as CSV. Returns why it ended early, or an empty text."""
+    from programs.clients.trajectory_recorder import record_trajectory
+
+    begun = _announcement(options, file, seconds)
+    made = record_trajectory(options.connect, file, seconds=seconds, stop=stop, begun=begun)
+    if options.json:
+        print_json(made)
+    else:
+        click.echo(f"{file}: {made.duration_s:.1f} s, {made.samples} samples")
+    return made.ended
+
+
+def _announcement(options: Options, file: Path, seconds: float | None) -> Callable[[], None]:
+    """Callback that announces a recording to a person; silent for programs and with --seconds."""
+
+    def announce() -> None:
+        if not options.json and seconds is None:
+            click.echo(f"recording to {file}; Ctrl-C ends it", err=True)
+
+    return announce

@@ -1,0 +1,174 @@
+"""Commands of `contactctl` and their replies: sent, waited for, printed."""
+# ruff: noqa: PLC0415 - messages are imported by the command that needs them
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from common.errors import ControlError
+from daemon.modes.table import Mode
+from daemon.protocol.lease import SENSES_S
+from programs.command_line.options import Options
+from programs.command_line.sentences import say
+
+if TYPE_CHECKING:
+    from daemon.protocol.messages import Command, Reply, Status
+    from programs.clients.client import Client
+
+WAIT_S = 5.0
+SENSING_WAIT_S = 1.0
+POLL_S = 0.02
+
+# Modes that a command leads to when it takes a while: waited for unless `--no-wait`.
+GOALS: dict[str, frozenset[str]] = {
+    "enable": frozenset({Mode.HOLDING}),
+    "pause": frozenset({Mode.HOLDING}),
+    "stop": frozenset({Mode.HOLDING, Mode.OFF, Mode.FAULTED}),
+    "disable": frozenset({Mode.OFF}),
+    "disarm": frozenset(Mode) - {Mode.STOPPING},  # which it leads to while the arm is guided
+}
+RESTING = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # nothing leaves these by itself
+TO_REST = frozenset({"pause", "disarm", "stop", "disable"})  # what a person gives to have it stand
+NOT_REACHED = "NOT REACHED: use the emergency stop."
+UNSEEN = "the arm is not seen to stand: use the emergency stop if it moves."
+NOT_REACHED_ON_ITS_WAY = "NOT REACHED: use the emergency stop if the arm moves."
+YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until the person lets go of the arm
+
+
+def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
+    """Send `command`, wait if it takes a while, and print where it ended; exit 1 on failure, also
+    while a joint commanded to stop is not confirmed at standstill. With nothing to wait for, the
+    daemon's reply is printed."""
+    to_rest = command in TO_REST
+    with ExitStack() as stack:
+        with lost_as(NOT_REACHED if to_rest else ""):
+            client = stack.enter_context(options.connect())
+            if command == "reset":
+                from programs.clients.waiting import reset
+
+                reply = reset(client, WAIT_S)
+            else:
+                reply = client.request(command)
+        with lost_as(f"{command} is given, but {UNSEEN}" if to_rest else ""):
+            if reply.ok and wait and (reply.unproved or reply.mode not in GOALS[command]):
+                reply = wait_for(client, reply, GOALS[command], yields=command == "pause")
+            elif reply.ok and reply.unproved:
+                reply = _not_seen_to_stand(reply, reply.unproved, client.ask_status().silenced)
+    answer(options, reply)
+
+
+def until_it_senses(options: Options) -> None:
+    """Wait until every joint of an arm that holds has sensed contact for as long as `arm` asks for,
+    at most SENSING_WAIT_S: a joint that does not sense is for `arm` to name."""
+    from programs.clients.sensed import sensing_for_s
+    from programs.clients.waiting import asked_until
+
+    def settled(now: "Status") -> bool:
+        known = now.sensing is not None and now.mode == Mode.HOLDING
+        return not known or (sensing_for_s(now) or 0.0) > SENSES_S
+
+    with options.connect() as client:
+        asked_until(client.ask_status, settled, SENSING_WAIT_S)
+
+
+@contextmanager
+def lost_as(words: str) -> Iterator[None]:
+    """Errors of the connection in the block, each behind `words` for a person at the arm; their
+    exit status stays."""
+    try:
+        yield
+    except ControlError as error:
+        if not words:
+            raise
+        raise type(error)(f"{words} ({error})") from error
+
+
+def take_up_changes(options: Options) -> None:
+    """Have a daemon that is off take up files that were changed since it read them. Raises
+    ControlError where they are not."""
+    with options.connect() as client:
+        now = client.ask_status()
+    if now.mode != Mode.OFF or not now.changed:
+        return
+    from programs.clients.reload import reload
+
+    if not options.json:
+        click.echo(f"taking up {', '.join(now.changed)}")
+    reload(options.socket)
+
+
+def _not_seen_to_stand(reply: "Reply", unproved: list[str], silenced: bool) -> "Reply":
+    """The reply as a failure: these joints are not confirmed at standstill."""
+    from msgspec.structs import replace
+
+    reasons = [reply.message, *reply.reasons]
+    if silenced:
+        reasons.append("the drives hear nothing of contactd until `reset`")
+    text = f"not seen to stand: {', '.join(unproved)}; press the emergency stop if it moves"
+    return replace(reply, ok=False, message=text, reasons=reasons, unproved=unproved)
+
+
+def answer(options: Options, reply: "Reply") -> None:
+    """Print a reply on stdout, or a refusal on stderr and exit 1."""
+    if options.json:
+        print_json(reply)
+    else:
+        for check in reply.checks:
+            say(str(check), err=not reply.ok)
+        if reply.sensitivity is not None:
+            from programs.clients.sensitivity import sensitivity_lines
+
+            say("\n".join(sensitivity_lines(reply.sensitivity)))
+        said = reply.message or (str(reply.mode) if reply.ok else "refused")
+        say(said if reply.ok else f"contactctl: {said}", err=not reply.ok)
+        for warning in reply.warnings:
+            say(f"  warning: {warning}", err=True)
+        # The failed checks are the reasons, already printed.
+        for reason in reply.reasons if not reply.checks else ():
+            say(f"  - {reason}", err=True)
+    if not reply.ok:
+        sys.exit(1)
+
+
+def wait_for(
+    client: "Client", first: "Reply", goal: frozenset[str], *, yields: bool = False
+) -> "Reply":
+    """Poll until the mode is in `goal` and every joint commanded to stop is confirmed at
+    standstill, until the mode comes to rest elsewhere, or WAIT_S have passed; with `yields` also
+    while a person guides the arm, perhaps for minutes."""
+    from daemon.protocol.messages import Reply
+
+    deadline = time.monotonic() + WAIT_S
+    left = False
+    while True:
+        now = client.ask_status()
+        left = left or now.mode != first.mode
+        late = time.monotonic() > deadline
+        guided = yields and now.mode in YIELDING
+        elsewhere = left and now.mode in RESTING and now.mode not in goal
+        if (now.mode in goal and not now.unproved) or guided or late or elsewhere:
+            break
+        time.sleep(POLL_S)
+    text = f"{now.mode}{', armed' if now.armed else ''}: {now.cause}"
+    if guided:
+        paused = now.trajectory.state == "paused"
+        what = "the trajectory is paused" if paused else "no trajectory goes on"
+        text = f"{now.mode}: {what}; the arm holds once it is released"
+    elif now.mode not in goal:
+        expected = "holding" if "holding" in goal else Mode.OFF
+        text = f"not {expected} {f'after {WAIT_S:.0f} s' if late else 'but'} {text}"
+    reply = Reply(ok=guided or now.mode in goal, message=text, mode=now.mode, armed=now.armed)
+    if not now.unproved:
+        return reply
+    return _not_seen_to_stand(reply, now.unproved, now.silenced)
+
+
+def print_json(message: Any) -> None:
+    """One line of JSON on stdout."""
+    import msgspec
+
+    click.echo(msgspec.json.encode(message).decode())

@@ -1,0 +1,47 @@
+"""Smallest forces at the tool that are detected, over poses within the limits of the joints."""
+
+import numpy as np
+
+from common.arrays import Matrix
+from daemon.assembly import build_estimator
+from daemon.config.motion import limits_of
+from daemon.config.schema import Configuration
+from estimator.model import Model
+from estimator.tool_force import ToolSense, tool_sense
+
+_POSES = 500
+
+
+def poses_within(c: Configuration) -> Matrix:
+    """Poses (500, n) [rad] within the limits: random, always the same."""
+    limits = limits_of(c)
+    return np.random.default_rng(0).uniform(limits.lower, limits.upper, (_POSES, len(c.joints)))
+
+
+def sensitivity_over_poses(c: Configuration, model: Model) -> list[str]:
+    """Smallest detected force of a hand at the tool, in words: in motion, every joint at its
+    velocity limit, and at rest, both with nothing known of friction and gaps."""
+    estimator, limits = build_estimator(c, model), limits_of(c)
+    jacobians = [model.tool_jacobian(q) for q in poses_within(c)]
+    # A new estimator knows nothing yet: its levels are the highest.
+    cases = (
+        ("in motion", estimator.levels_at(limits.velocity)),
+        ("at rest", estimator.levels_at(np.zeros(len(c.joints)))),
+    )
+    return [
+        f"smallest touch just after switching on, at {model.tool}, over {_POSES} poses "
+        "within the limits:",
+        *(_in_words(name, [tool_sense(J, level) for J in jacobians]) for name, level in cases),
+    ]
+
+
+def _in_words(name: str, senses: list[ToolSense]) -> str:
+    best = [sense.least for sense in senses]
+    parts = [f"{min(best):.1f} to {max(best):.1f} N at best"]
+    # Along a line there is no worse direction.
+    if worst := [sense.most for sense in senses if len(sense.undetected) < 2]:
+        usual, rare = np.percentile(worst, (50, 95))
+        parts.append(f"{usual:.0f} N at worst, {rare:.0f} N in one pose of 20")
+    if deaf := sum(1 for sense in senses if len(sense.undetected)):
+        parts.append(f"not detected in some direction in {deaf / len(senses):.0%} of the poses")
+    return f"  {name:9}  {'; '.join(parts)}"

@@ -1,0 +1,1 @@
+"""`contactd`: the commands that need no running daemon, and `fleet` beside one."""

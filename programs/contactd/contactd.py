@@ -1,0 +1,269 @@
+"""`contactd`: the command line of the daemon, of its configuration and of its recordings."""
+# ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
+
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+import click
+
+from common.compiled import refuse_stale
+from common.errors import ContactdError, LogError, ProgramError
+from common.numeric_threads import single_threaded
+from programs.command_line.options import PATH, SOCKET, Range
+from programs.command_line.sentences import could_not_say, read_to_the_end, say
+from programs.contactd import recordings
+from programs.contactd.fleet import fleet
+from programs.identify.command import identify
+
+ENDED_BY_CTRL_C = 130  # as shells report it
+CONFIG = click.argument("config", type=PATH)
+PORT = click.option(
+    "--port",
+    type=click.IntRange(1, 65535),
+    help="TCP port of a socketcand bus, instead of the configured one.",
+)
+
+
+class _Group(click.Group):
+    """Group that turns our errors into a message on stderr and their exit status, and all others
+    into a traceback and that of a program error."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        single_threaded()  # before anything loads numpy
+        try:
+            refuse_stale()
+            with read_to_the_end():
+                return super().invoke(ctx)
+        except ContactdError as error:
+            from daemon.service.journal import stderr_is_journal
+
+            head = "<3>" if stderr_is_journal() else "contactd: "
+            for line in str(error).splitlines():
+                say(head + line, err=True)
+            ctx.exit(error.exit_code)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except Exception as error:
+            if isinstance(error, OSError) and (text := could_not_say(error)):
+                say(f"contactd: {text}", err=True)
+                ctx.exit(LogError.exit_code)
+            click.echo(traceback.format_exc(), err=True, nl=False)
+            ctx.exit(ProgramError.exit_code)
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="contactd", prog_name="contactd")
+def main() -> None:
+    """Sensorless contact daemon for low-cost robot arms with joint backlash.
+
+    CONFIG is a robot's config.yaml, or the folder that holds it.
+
+    This program is not a certified safety function: an arm needs a hardware emergency stop within
+    reach. Exit status: 0 done, 1 failed, 2 usage, 65 a file is bad or cannot be written, 69 no bus
+    or no daemon, 70 error in the program, 78 wrong configuration, 141 the reader closed the pipe
+    before the end (`| head`).
+    """
+
+
+@main.command()
+@CONFIG
+@SOCKET
+@PORT
+def run(config: Path, socket: Path | None, port: int | None) -> None:
+    """Run the daemon: set up the drives, then detect contact. It energises and moves nothing by
+    itself."""
+    from daemon.service.notify import failure_reported
+
+    with failure_reported(os.environ, os.getpid()):
+        from daemon.config.load import load_robot
+        from daemon.run import run_daemon
+
+        run_daemon(lambda: load_robot(config).with_port(port), socket)
+
+
+@main.command()
+@click.argument("folder", type=PATH, metavar="DIR")
+@click.option("--urdf", type=PATH, required=True, metavar="FILE", help="Links and joints.")
+@click.option(
+    "--eds",
+    "sheets",
+    multiple=True,
+    required=True,
+    metavar="[NAME=]FILE",
+    help="Electronic data sheet of the drives; may be repeated.",
+)
+def new(folder: Path, urdf: Path, sheets: tuple[str, ...]) -> None:
+    """Write a configuration for a new arm into a new folder DIR, from its URDF and the EDS of its
+    drives.
+
+    Values that neither has are guessed, so that the arm can be checked and simulated at once, and
+    marked `# CHECK`. Nothing is overwritten.
+    """
+    from programs.contactd.new import new_arm
+
+    new_arm(folder, urdf, sheets)
+
+
+@main.command()
+@click.argument("config", type=PATH, required=False)
+@click.option(
+    "--explain",
+    "field",
+    metavar="FIELD",
+    help="Explain a field instead: its meaning, how to find it, and typical values.",
+)
+def check(config: Path | None, field: str | None) -> None:
+    """Check a configuration and print what follows from it: quantities, PDOs, bus load, loads by
+    gravity, the travel of each joint if its drive or the daemon fails, the smallest force that is
+    detected, values near their bounds, likely mistakes, and why `arm` would be refused."""
+    from programs.contactd.check import print_check, print_explanation
+
+    if field is not None:
+        print_explanation(field)
+    elif config is None:
+        raise click.UsageError("Missing argument 'CONFIG'.")
+    else:
+        print_check(config)
+
+
+@main.command()
+@CONFIG
+@PORT
+def scan(config: Path, port: int | None) -> None:
+    """List the nodes on the bus of CONFIG: node ID, vendor, product, serial number, modes, and the
+    matching EDS in the folder.
+
+    It reads by SDO and sends nothing else, and is refused while a master is on the bus. Of CONFIG
+    only `bus` is read: the rest may still be wrong.
+    """
+    from programs.contactd.scan import run_scan
+
+    run_scan(config, port)
+
+
+@main.command()
+@CONFIG
+@PORT
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of noise and mismatch.")
+@click.option(
+    "--friction",
+    type=click.Choice(["smooth", "dahl"]),
+    help="Smooth Coulomb friction, or true stiction.",
+)
+@click.option(
+    "--hand",
+    type=PATH,
+    metavar="FILE",
+    help="Script of a person's hand (YAML), played from the arm's first motion on.",
+)
+@click.option(
+    "--hand-socket",
+    "door",
+    type=PATH,
+    metavar="PATH",
+    help="Socket for `contactctl hand`, instead of the default.",
+)
+@click.option(
+    "--write-truth",
+    is_flag=True,
+    help="Write the true arm into simulation.yaml instead, once, from config.yaml as it is now.",
+)
+def simulate(
+    config: Path,
+    port: int | None,
+    seed: int | None,
+    friction: str | None,
+    hand: Path | None,
+    door: Path | None,
+    write_truth: bool,
+) -> None:
+    """Simulate the arm of simulation.yaml beside CONFIG in real time, at the other end of CONFIG's
+    bus. Of CONFIG only the bus counts: correcting it does not change the arm.
+
+    A socketcand bus is served over TCP; on a socketcan bus the simulated drives join it. Events of
+    the arm are printed as lines of JSON.
+    """
+    if write_truth:
+        from daemon.config.load import load_robot
+        from programs.simulate import simulated_robot
+
+        click.echo(f"wrote {simulated_robot.write_truth(load_robot(config))}")
+        return
+
+    from daemon.config.load import load_robot
+    from programs.simulate.simulate import run_simulation
+
+    run_simulation(load_robot(config).with_port(port), seed, friction, hand, door)
+
+
+@main.command()
+@click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON at the end.")
+@click.option(
+    "--seconds",
+    type=Range(min=25, max=600),
+    default=32.0,
+    show_default=True,
+    help="Length of the demonstration.",
+)
+@click.option("--record", "file", type=PATH, metavar="FILE.mcap", help="Record it to a new file.")
+@click.option("--web", is_flag=True, help="Show it on the page, too, and print its address.")
+@click.option(
+    "--web-port",
+    type=click.IntRange(0, 65535),
+    default=8420,
+    show_default=True,
+    help="Port of the page; 0 takes a free one.",
+)
+def demo(as_json: bool, seconds: float, file: Path | None, web: bool, web_port: int) -> None:
+    """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
+
+    Simulator and daemon are two processes that speak CANopen in real time; the page is a third.
+    Exit status 0 only if every step of it happened, 130 if Ctrl-C ended it.
+    """
+    from programs.demo.demo import run_demo
+
+    port = web_port if web else None
+    try:
+        happened = run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port)
+    except KeyboardInterrupt:
+        click.echo("ended by Ctrl-C", err=True)
+        sys.exit(ENDED_BY_CTRL_C)
+    sys.exit(0 if happened else 1)
+
+
+@main.command("black-box")
+@SOCKET
+@click.option(
+    "--output",
+    type=PATH,
+    metavar="FILE",
+    help="Log to write: .blf, .log (candump), .asc; by default a new one in the state directory.",
+)
+@click.option(
+    "--left-over",
+    is_flag=True,
+    help="Save only frames left by a daemon that died and not saved yet; for service managers.",
+)
+def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None:
+    """Write the CAN frames of the last minute to a log of python-can.
+
+    A running daemon keeps them in memory, and has them written after every fault and when it dies;
+    this is for any other time. `python -m can.logconvert` changes the format of a log,
+    `python -m can.viewer` and others read it.
+    """
+    from programs.contactd.black_box import write_frames
+
+    write_frames(socket, output, left_over=left_over)
+
+
+for command in recordings.COMMANDS:
+    main.add_command(command)
+main.add_command(fleet)
+main.add_command(identify)
+
+
+if __name__ == "__main__":
+    main(prog_name="contactd")

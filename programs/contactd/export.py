@@ -1,0 +1,27 @@
+"""`contactd export`: a recording in another form."""
+
+from pathlib import Path
+
+import click
+
+from common.new_file import refuse_unless_new
+from programs.command_line.progress import reading
+from programs.contactd.whatif import write_template
+from programs.recordings.export import export_csv, export_foxglove
+
+NAMES = {"foxglove": "-foxglove.mcap", "csv": ".csv", "labels": "-labels.csv"}
+
+
+def export_recording(file: Path, form: str, output: Path | None) -> bool:
+    """Write `file` in another form to a new file; True if it was whole. Raises LogError."""
+    target = output or Path(f"{file.stem}{NAMES[form]}")
+    if form == "labels":
+        return write_template([file], target)
+    refuse_unless_new(target)
+    write = {"foxglove": export_foxglove, "csv": export_csv}[form]
+    with reading(file) as progress:
+        broken = write(file, target, progress)
+    click.echo(f"exported: {target}")
+    if broken:
+        click.echo(f"contactd: {broken}", err=True)
+    return not broken

@@ -1,0 +1,106 @@
+"""`contactd new`: a folder for an arm, from its URDF and the EDS of its drives."""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from common.errors import ConfigurationError
+from common.regular_file import read_text
+from daemon.config.draft import draft, guesses
+from daemon.config.drafted_drive import drafted_drive
+from daemon.config.load import load_robot
+from daemon.config.mistakes import urdf_mistakes
+from drivers.boot.data_sheet import load_data_sheet
+from programs.command_line.sentences import say
+from programs.simulate import simulated_robot
+from programs.simulate.simulated_robot import write_truth
+
+WRITTEN = ("config.yaml", "identified.yaml", simulated_robot.FILE, simulated_robot.URDF)
+
+
+def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
+    """Write config.yaml, simulation.yaml and copies of URDF and EDS into a new folder, and print
+    the next commands. Raises ConfigurationError; nothing is overwritten, and nothing half-written
+    is left."""
+    try:
+        text = read_text(urdf)
+    except OSError as error:
+        raise ConfigurationError(f"{urdf} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{urdf} cannot be read: {error}") from error
+    named = dict(_named(sheet) for sheet in sheets)
+    if len(named) < len(sheets):
+        raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
+    _refuse_clashes((urdf, *named.values()))
+    drives = {
+        name: (path.name, drafted_drive(load_data_sheet(path), str(path)))
+        for name, path in named.items()
+    }
+    written = draft(folder.resolve().name, text, urdf.name, drives)
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as error:
+        raise ConfigurationError(f"{folder} exists: it is never overwritten") from error
+    except OSError as error:
+        raise ConfigurationError(f"{folder} cannot be made: {error.strerror}") from error
+    try:
+        (folder / "config.yaml").write_text(written, encoding="utf-8")
+        for path in (urdf, *named.values()):
+            shutil.copyfile(path, folder / path.name)
+        write_truth(load_robot(folder))
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, OSError):
+            why = f"{folder} cannot be written: {error.strerror}"
+            raise ConfigurationError(why) from error
+        if isinstance(error, ConfigurationError):
+            why = f"{folder} is not written: the draft made from {urdf} and the EDS is refused"
+            raise ConfigurationError(f"{why}:\n{error}") from error
+        raise
+    of_urdf = [f"{urdf.name}, {place}: {what}" for place, what in urdf_mistakes(text)]
+    of_drives = [f"{n}: {r}" for n, (_, d) in drives.items() for r in d.remarks]
+    _report(folder, written, [*of_urdf, *of_drives])
+
+
+def _named(sheet: str) -> tuple[str, Path]:
+    """NAME=FILE, or a file whose own name is that of the profile."""
+    name, equals, file = sheet.rpartition("=")
+    if not equals or Path(sheet).is_file():
+        path = Path(sheet)
+        return path.stem.lower().replace("-", "_").replace(" ", "_"), path
+    if not name or not file:
+        raise ConfigurationError(f"--eds {sheet}: must be NAME=FILE, or FILE")
+    return name, Path(file)
+
+
+def _refuse_clashes(given: Sequence[Path]) -> None:
+    """Raise ConfigurationError where copies of two files would be one, or one of what is written
+    here."""
+    taken: dict[str, Path] = {}
+    for path in given:
+        if path.name in WRITTEN:
+            raise ConfigurationError(f"{path}: {path.name} is written here; give it another name")
+        other = taken.setdefault(path.name, path)
+        if other.resolve() != path.resolve():
+            raise ConfigurationError(
+                f"{path} and {other}: both are copied to one folder; give them names of their own"
+            )
+
+
+def _report(folder: Path, written: str, remarks: Sequence[str]) -> None:
+    click.echo(f"wrote {folder / 'config.yaml'}: {guesses(written)} lines with CHECK hold guesses")
+    for remark in remarks:
+        say(remark)
+    click.echo(
+        f"""next:
+  contactd check {folder}
+    lists mistakes, and what follows from the configuration
+  contactd check --explain FIELD
+    explains a field and how to find it
+  contactd scan {folder}
+    lists the nodes on the bus
+  contactd simulate {folder}
+    simulates the arm of simulation.yaml, to rehearse"""
+    )

@@ -1,0 +1,256 @@
+"""Commands of `contactd` that answer from recordings: replay, plot, whatif, export."""
+# ruff: noqa: PLC0415 - each command imports what it needs, so that `--help` starts at once
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from programs.command_line.options import PATH, Range
+
+_FRAMES = (".blf", ".log", ".asc")
+
+
+def _recording(_: click.Context, __: click.Parameter, file: Path | None) -> Path | None:
+    """The recording itself, or that which a log of the black box gives."""
+    if file is None or file.suffix.lower() not in _FRAMES:
+        return file
+    from programs.recordings.recomputed import as_recording
+
+    return as_recording(file)
+
+
+FILE = click.argument("file", type=PATH, callback=_recording)
+
+
+@click.command()
+@FILE
+@click.option("--config", type=PATH,
+              help="Robot's folder, for a log of another program.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
+def replay(file: Path, config: Path | None, as_json: bool) -> None:
+    """Summarise a recording, and check that its estimates still come out the same.
+
+    Duration, modes, contacts with joint, torque and duration, faults, lost states. Then the
+    estimator runs over its samples again: every bit must be the same, or the first difference is
+    shown. Exit status 0 only if the recording is whole and bit-identical; 65 for one that this
+    version cannot compare.
+
+    Of a log of another program, as `contactd identify --log` takes it, residuals and contacts by
+    the estimator of --config.
+    """
+    from programs.identify.log_names import is_foreign
+
+    if is_foreign(file):
+        if config is None:
+            raise click.UsageError("a log of another program needs --config: the robot's folder")
+        from programs.contactd.replay_log import print_log
+
+        print_log(file, config, as_json=as_json)
+        return
+    if config is not None:
+        raise click.UsageError("--config is for a log of another program: a recording has its own")
+    from programs.contactd.replay import print_replay
+
+    sys.exit(0 if print_replay(file, as_json=as_json) else 1)
+
+
+def _around(_: click.Context, __: click.Parameter, value: str) -> str:
+    from programs.recordings.view import AROUND
+
+    if value and not AROUND.fullmatch(value):
+        raise click.BadParameter(
+            f"{value!r} is not a time in seconds, contact:N, fault or fault:N (N from 1)"
+        )
+    return value
+
+
+@click.command()
+@click.argument("file", type=PATH, required=False, callback=_recording)
+@click.option(
+    "--last-fault",
+    is_flag=True,
+    help="Plot the newest log of the black box that has a fault, else the newest at all, "
+    "around that fault unless --around is given.",
+)
+@click.option(
+    "--joint",
+    "joints",
+    multiple=True,
+    metavar="NAME",
+    help="Only this joint, by name or by number from 1; may be repeated.",
+)
+@click.option(
+    "--around",
+    default="",
+    metavar="WHERE",
+    callback=_around,
+    help="Only around this: a time in seconds from the beginning, contact:N as `replay` "
+    "counts them, or fault (the first), fault:N. Also prints the values of each joint then.",
+)
+@click.option(
+    "--window",
+    "window_s",
+    type=Range(min=0.1, max=3600),
+    default=5.0,
+    show_default=True,
+    metavar="S",
+    help="Length of what is shown around it.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    metavar="FILE",
+    help="FILE.html, .png or .svg; by default an .html of its name, here.",
+)
+def plot(
+    file: Path | None,
+    last_fault: bool,
+    joints: tuple[str, ...],
+    around: str,
+    window_s: float,
+    output: Path | None,
+) -> None:
+    """Plot a recording: residual and threshold, velocity, current, gap, modes, contacts, faults.
+
+    A page (.html) is one file that needs no network: zoom by dragging, choose joints, click an
+    event. A log of the black box (.blf) may stand for FILE: its frames are decoded and the
+    estimator runs over them anew. PNG and SVG need matplotlib (extra `plot`), and show the joints
+    that were touched unless --joint is given.
+    """
+    from programs.contactd.plot import newest_fault, plot_recording
+
+    if (file is None) != last_fault:
+        raise click.UsageError("name one recording, or --last-fault")
+    if file is None:
+        file, around = newest_fault(around)
+    sys.exit(0 if plot_recording(file, joints, around, window_s, output) else 1)
+
+
+@click.command()
+@click.argument("places", nargs=-1, required=True, type=PATH, metavar="FILE|DIR...")
+@click.option(
+    "--threshold",
+    "thresholds",
+    multiple=True,
+    metavar="JOINT=LOW:HIGH:STEP",
+    help="Other contact levels of a joint [Nm], or JOINT=A,B; may be repeated.",
+)
+@click.option(
+    "--collision",
+    "collisions",
+    multiple=True,
+    metavar="JOINT=LOW:HIGH:STEP",
+    help="Other collision levels of a joint, likewise.",
+)
+@click.option(
+    "--residual",
+    default="",
+    metavar="NAME",
+    help="Another residual that ran beside, such as classical or two_mass.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="PATH=VALUE",
+    help="Another setting, such as joints.LElbowYaw.friction.motor_coulomb=0.4, "
+    "estimator.gain=20, or identified=FILE: replays the samples. May be repeated.",
+)
+@click.option(
+    "--fresh",
+    is_flag=True,
+    help="Replay as after switching on, without what had been learned until then.",
+)
+@click.option(
+    "--until-reaction",
+    is_flag=True,
+    help="Leave out what follows the arm's first reaction to a contact.",
+)
+@click.option(
+    "--labels",
+    type=PATH,
+    metavar="FILE.csv",
+    help="Touches of the arm: file, start_s, end_s, joint (or any).",
+)
+@click.option(
+    "--propose-labels",
+    "proposal",
+    type=PATH,
+    metavar="FILE.csv",
+    help="Write the recorded contacts as such a file, to be corrected, and end.",
+)
+@click.option(
+    "--per-hour",
+    type=Range(min=0),
+    default=1.0,
+    show_default=True,
+    help="False contacts an hour that are bearable: chooses the level.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 1024),
+    default=1,
+    show_default=True,
+    help="Processes on this machine (extra `cluster`).",
+)
+@click.option(
+    "--scheduler",
+    default="",
+    metavar="tcp://HOST:PORT",
+    help="Use the workers of a dask cluster instead (extra `cluster`).",
+)
+@click.option("-o", "--output", type=PATH, metavar="FILE.html", help="Draw the curves, too.")
+@click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")  # fmt: skip
+def whatif(proposal: Path | None, **asked: Any) -> None:
+    """Report which contacts recordings would have had at other levels or with other settings.
+
+    Of a folder all .mcap below it are read. Levels need no estimator: a level is the configured
+    one, raises and what learning left of it count as recorded. Settings are replayed. What follows
+    the arm's first reaction is hypothetical: it would have moved otherwise.
+
+    A recording that cannot be read is named, and the rest goes on; exit status 1 then. Answers are
+    kept in the user's cache, so what was interrupted goes on from there.
+    """
+    from programs.contactd.whatif import Request, print_whatif, write_template
+
+    if proposal is not None:
+        sys.exit(0 if write_template(asked["places"], proposal) else 1)
+    sys.exit(0 if print_whatif(Request(**asked)) else 1)
+
+
+@click.command()
+@FILE
+@click.option(
+    "--foxglove",
+    "form",
+    flag_value="foxglove",
+    help="MCAP of Foxglove's own schemas: the arm in 3D with the touched link lit, joint "
+    "states, named values, log (extra `foxglove`).",
+)
+@click.option(
+    "--csv",
+    "form",
+    flag_value="csv",
+    help="One row per tick; `contactd identify --log` reads it, too.",
+)
+@click.option(
+    "--labels",
+    "form",
+    flag_value="labels",
+    help="The contacts as labels, to be corrected for `whatif --labels`.",
+)
+@click.option("-o", "--output", type=PATH, metavar="FILE",
+              help="A new file; by default one of the recording's name, here.")  # fmt: skip
+def export(file: Path, form: str | None, output: Path | None) -> None:
+    """Write a recording in another form, for other programs. No file is overwritten."""
+    from programs.contactd.export import export_recording
+
+    if form is None:
+        raise click.UsageError("name a form: --foxglove, --csv or --labels")
+    sys.exit(0 if export_recording(file, form, output) else 1)
+
+
+COMMANDS = (replay, plot, whatif, export)

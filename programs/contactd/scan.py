@@ -1,0 +1,102 @@
+"""`contactd scan`: nodes on the bus, and the EDS in the folder that match them; reads only."""
+
+from pathlib import Path
+
+import click
+import msgspec
+
+from common.errors import ConfigurationError
+from daemon.config.convert import convert
+from daemon.config.yaml_source import Source, read_yaml
+from drivers.boot.data_sheet import load_data_sheet, makers_numbers
+from drivers.boot.scan import FoundNode, scan
+from drivers.can.bus import open_bus
+from drivers.settings import BusSettings
+from programs.command_line.sentences import say
+
+
+class _Bus(msgspec.Struct, frozen=True):
+    """The only part of `config.yaml` that is read: the others may not be there yet."""
+
+    bus: BusSettings
+
+
+def run_scan(config: Path, port: int | None) -> None:
+    """Print the nodes that answer on the bus of a folder's config.yaml. Raises ContactdError."""
+    path = config / "config.yaml" if config.is_dir() else config
+    bus = bus_of(read_yaml(path))
+    if port is not None:
+        bus = msgspec.structs.replace(bus, port=port)
+    sheets = data_sheets(path.parent)
+    where = f"{bus.interface} {bus.channel}"
+    say(f"listening for a master on {where}, then asking 127 nodes: some ten seconds")
+    opened = open_bus(bus)
+    try:
+        found = scan(opened.wire)
+    finally:
+        opened.python_can.shutdown()
+    for line in table(found, sheets):
+        click.echo(line)
+
+
+def bus_of(source: Source) -> BusSettings:
+    """`bus` of a configuration, whatever else is wrong with it. Raises ConfigurationError."""
+    if not isinstance(source.data, dict) or "bus" not in source.data:
+        raise ConfigurationError(f"{source.path}: no `bus`")
+    return convert(source, _Bus).bus
+
+
+def data_sheets(folder: Path) -> dict[str, dict[str, int]]:
+    """VendorNumber and ProductNumber of every EDS in a folder that can be read, by file name."""
+    sheets = {}
+    for path in sorted(folder.glob("*.[eE][dD][sS]")):
+        try:
+            sheets[path.name] = makers_numbers(load_data_sheet(path))
+        except ConfigurationError as error:
+            click.echo(str(error), err=True)
+    return sheets
+
+
+def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str]:
+    """Nodes found, as lines of a table."""
+    if not found:
+        return [
+            "no node answers: are the drives powered, is the bitrate theirs, is the bus terminated?"
+        ]
+    rows = [("node", "vendor", "product", "serial", "modes", "EDS")]
+    rows += [
+        (
+            str(one.node),
+            _hex(one.vendor),
+            _hex(one.product),
+            "-" if one.serial is None else str(one.serial),
+            (one.mode_names or "-") if one.is_drive else "no drive by CiA 402",
+            ", ".join(fitting(one, sheets)) or "none in this folder",
+        )
+        for one in found
+    ]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+    return lines + [
+        f"two nodes answer as node {one.node}: switch one off, give it a number of its own"
+        for one in found
+        if one.twice
+    ]
+
+
+def fitting(one: FoundNode, sheets: dict[str, dict[str, int]]) -> list[str]:
+    """Names of the EDS files whose vendor and product are these, as far as they state them."""
+    return [
+        name
+        for name, numbers in sheets.items()
+        if numbers
+        and numbers.get("VendorNumber", one.vendor) == one.vendor
+        and numbers.get("ProductNumber", one.product) == one.product
+    ]
+
+
+def _hex(value: int | None) -> str:
+    return "-" if value is None else f"0x{value:X}"

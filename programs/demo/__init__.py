@@ -1,0 +1,1 @@
+"""`contactd demo`: the paper's third experiment on a simulated arm."""

@@ -1,0 +1,1 @@
+"""`contactd-foxglove`: States of a running arm to Foxglove, live."""

@@ -1,0 +1,34 @@
+"""Warnings about a contact, for the person beside an arm that a step moves."""
+
+from collections.abc import Callable
+
+from daemon.protocol.messages import Notice
+
+ContactWarning = Callable[[Notice], str]
+"""Warning about a contact; empty where none is due."""
+
+
+def discarded(event: Notice) -> str:
+    """Warning for friction and thresholds, which leave out the time around a touch."""
+    return f"{event.text}: if that was you, hands off; it is discarded"
+
+
+def wiring_spoiled(joint: str) -> ContactWarning:
+    """Warning for the wiring check, which needs all of its short motion."""
+
+    def warning(event: Notice) -> str:
+        return f"{event.text}: if that was you, hands off, and check the wiring of {joint} again"
+
+    return warning
+
+
+def other_joint_touched(joint: str) -> ContactWarning:
+    """Warning about a contact of any joint except the one that a hand is to push."""
+
+    def warning(event: Notice) -> str:
+        contact = event.contact
+        if contact is None or contact.joint == joint:
+            return ""
+        return f"contact at {contact.joint}, {contact.torque:+.2f} Nm: move {joint} alone"
+
+    return warning

@@ -1,0 +1,262 @@
+"""Logs of other programs, CSV or MCAP: the columns that a step needs, at even times."""
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Matrix, Vector
+from common.errors import LogError
+from common.regular_file import open_text
+from daemon.protocol.messages import printable
+from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
+from programs.identify.log_names import NamedLog, Place, Rows, beside, read_names
+from programs.identify.mcap_log import read_rows
+
+COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
+_SIDES = COLUMNS[2:4]
+_ALSO = "torque"
+_TWICE = 0.3  # share of equal neighbours, below which rows may have been logged twice
+_JITTER = 0.2  # of the period: beyond it, samples are put on a raster
+
+
+def read_csv(
+    path: Path, joints: Sequence[str], constants: Mapping[str, float], *, of_gap: bool = False
+) -> tuple[MotionLog, tuple[str, ...]]:
+    """Log of these joints from a CSV file, and what was done to its times.
+
+    Its columns are `time` [s] and, for every joint, `current.JOINT` [A], or `torque.JOINT` [Nm at
+    the link] (divided by the torque constant), `link_position.JOINT` [rad], `motor_velocity.JOINT`
+    [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link] and `setpoint.JOINT`
+    [rad/s at the link]. A gap (`of_gap`) needs either of the motor's two. Other columns may hold
+    anything; a file of names and units beside the log (`log_names`) maps columns of other
+    names.
+
+    Times rounded so coarsely that neighbours are equal are spread evenly, rows logged twice or
+    holding what was measured before left out, and samples at uneven times put on an even raster.
+    Raises LogError.
+    """
+    table, twice = _once(_table(path, joints))
+    table, held = _unheld(table)
+    if len(table["time"]) == 0:
+        raise LogError(f"{path}: there are no samples in it")
+    missing: list[str] = []
+    for joint in joints:
+        torque = table.get(f"{_ALSO}.{joint}")
+        if torque is not None and joint in constants:
+            table.setdefault(f"current.{joint}", torque / constants[joint])
+        wanted = COLUMNS[:2] if of_gap else COLUMNS[:3]
+        missing += [f"{name}.{joint}" for name in wanted if f"{name}.{joint}" not in table]
+        sides = [f"{name}.{joint}" for name in _SIDES]
+        if of_gap and not any(side in table for side in sides):
+            missing.append(" or ".join(sides))
+    if missing:
+        raise LogError(f"{path}: no column {', '.join(missing)}")
+    time_s, notes = _even(table["time"])
+    columns: dict[str, Matrix] = {}
+    for name in COLUMNS:
+        found = [table[f"{name}.{j}"] for j in joints if f"{name}.{j}" in table]
+        if len(found) == len(joints):
+            columns[name] = np.stack(found, axis=1)
+    if "motor_velocity" not in columns:
+        position = columns["motor_position"]
+        grows = bool((np.diff(time_s) > 0.0).all())  # else it is refused next
+        velocity = np.gradient(position, time_s, axis=0) if grows else np.zeros_like(position)
+        columns["motor_velocity"] = velocity
+    try:  # before anything is interpolated
+        log = MotionLog(tuple(joints), time_s, **columns)
+    except LogError as error:
+        raise type(error)(f"{path}: {error}") from error
+    return _on_a_raster(log, twice + held + notes)
+
+
+def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
+    """Columns that any step may need, by name, in SI."""
+    named = read_names(path)
+    header, rows = read_rows(path, named.topic if named else "") if is_mcap(path) else _rows(path)
+    places, which = _places(path, joints, header, named)
+    columns = sorted({place.column for place in places.values() if place.column})
+    columns += [which.column] if which else []
+    if twice := [name for name in columns if header.count(name) > 1]:
+        raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
+    at = [header.index(name) for name in columns]
+    values = [_numbers(path, line, [row[k] for k in at]) for line, row in rows]
+    table = np.array(values, dtype=np.float64).reshape(-1, len(at))
+    if which is not None:
+        table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
+    return {
+        name: place.offset + place.factor * table[:, columns.index(place.column)]
+        if place.column
+        else np.full(len(table), place.offset)
+        for name, place in places.items()
+    }
+
+
+def is_mcap(path: Path) -> bool:
+    """True for a log whose rows are the messages of a topic."""
+    return path.suffix == ".mcap"
+
+
+def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    """Names of a CSV's columns, and its rows with their line. Raises LogError, also while rows are
+    read."""
+
+    def lines() -> Iterator[tuple[int, list[str]]]:
+        rows = None
+        try:
+            with open_text(path, encoding="utf-8-sig", newline="") as stream:
+                rows = csv.reader(stream)
+                yield from enumerate(rows, start=1)
+        except csv.Error as error:
+            at = rows.line_num if rows else 1
+            raise LogError(f"{path}:{at}: is not CSV: {error}") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise LogError(f"cannot read {path}: {error}") from error
+
+    def whole() -> Iterator[tuple[int, list[str]]]:
+        blank = 0  # line, which is no fault at the end of a file
+        for line, row in rest:
+            if not row or not (row[0].strip() or row[1:]):
+                blank = blank or line
+            elif blank:
+                raise LogError(f"{path}:{blank}: a blank line amid the rows")
+            elif len(row) != len(header):
+                raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
+                               f"{len(header)}: is the file cut off?")  # fmt: skip
+            else:
+                yield line, row
+
+    rest = lines()
+    header = [name.strip() for name in next(rest, (1, []))[1]]
+    return header, whole()
+
+
+def _places(
+    path: Path,
+    joints: Sequence[str],
+    header: list[str],
+    named: NamedLog | None,
+) -> tuple[dict[str, Place], Rows | None]:
+    """Columns of the quantities of these joints, and the rows that count: by the file of names, or
+    by the columns' own names."""
+    known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
+    if named is None:
+        if "time" not in header:
+            there = printable(", ".join(header)[:200])
+            raise LogError(f"{path}: no column time; there are {there or 'none'}, by commas")
+        return {name: Place(name) for name in known if name in header}, None
+    places = {name: place for name, place in named.places.items() if name in known}
+    which = named.rows
+    wanted = {name: place.column for name, place in places.items() if place.column}
+    if which is not None:
+        wanted["rows"] = which.column
+    for name, column in wanted.items():
+        if column not in header:
+            there = printable(", ".join(header)[:200])
+            raise LogError(f"{beside(path)}: {name}: no column {printable(column)} in {path}; "
+                           f"there are {there}")  # fmt: skip
+    return places, which
+
+
+def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:
+    try:
+        return [_number(field) for field in row]
+    except ValueError as error:
+        raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
+
+
+def _number(field: str | float) -> float:
+    if isinstance(field, str) and "_" in field:  # Python's own way to write a number
+        raise ValueError(f"could not convert string to float: {field!r}")
+    return float(field)
+
+
+def _once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
+    """Columns without the rows that were logged twice: those that repeat a time, where all of them
+    repeat the whole row, or where that is no rounding: spread evenly, times would move by more than
+    they are rounded by."""
+    time_s = table["time"]
+    again = np.diff(time_s, prepend=-np.inf) == 0.0
+    even, notes = _even(time_s)
+    if not notes:
+        return table, ()
+    if _changed(table)[again].any():
+        if again.mean() > _TWICE:
+            return table, ()
+        steps = np.diff(time_s)
+        if np.abs(even - time_s).max() <= float(np.median(steps[steps > 0.0])):
+            return table, ()
+    left = {name: values[~again] for name, values in table.items()}
+    return left, (f"{again.sum()} rows repeat the time of the row before: left out",)
+
+
+def _unheld(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
+    """Columns without the rows that only hold what was measured before, of a log that was written
+    faster than it was measured: everything changes with every second row, or third, and so on."""
+    at = np.flatnonzero(_changed(table))
+    if len(at) < SHORTEST:
+        return table, ()
+    least, most = np.percentile(np.diff(at), [10.0, 90.0])
+    if least < 2.0 or most - least > 1.0:
+        return table, ()
+    number = np.arange(len(table["time"]))
+    since = number - at[np.searchsorted(at, number, side="right") - 1]
+    kept = since % round(most) == 0  # also where an arm stands, and nothing changes
+    left = {name: values[kept] for name, values in table.items()}
+    return left, (f"{(~kept).sum()} rows hold the values of the row before: left out",)
+
+
+def _changed(table: dict[str, Vector]) -> NDArray[np.bool_]:
+    """Rows (N,) in which anything but the time is another than in the row before."""
+    changed = np.zeros(len(table["time"]), dtype=np.bool_)
+    changed[:1] = True
+    for name, values in table.items():
+        if name != "time":
+            changed[1:] |= values[1:] != values[:-1]
+    return changed
+
+
+def _even(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:
+    """Times of which neighbours are equal, spread evenly: each stretch for itself, as a pause is no
+    part of any period."""
+    steps = np.diff(time_s)
+    rounded = (steps >= 0.0).all() and (steps == 0.0).any() and (steps > 0.0).any()
+    if not rounded:
+        return time_s, ()
+    stretches = np.split(time_s, np.flatnonzero(steps > PAUSE_S) + 1)
+    spread = np.concatenate([np.linspace(t[0], t[-1], len(t)) for t in stretches])
+    coarse = float(np.median(steps[steps > 0.0]))
+    return spread, (f"times are rounded to {1e3 * coarse:.3g} ms: spread evenly",)
+
+
+def _on_a_raster(log: MotionLog, notes: tuple[str, ...]) -> tuple[MotionLog, tuple[str, ...]]:
+    """The log as it is, or where its clock jitters, interpolated every median interval."""
+    period = log.period_s
+    stretches = log.stretches(2.5 * period)
+    steps = np.concatenate([np.diff(log.time_s[rows]) for rows in stretches])
+    jitter = float(np.percentile(np.abs(steps - period), 95.0))
+    if jitter <= _JITTER * period:
+        return log, notes
+    times = [np.arange(log.time_s[r.start], log.time_s[r.stop - 1], period) for r in stretches]
+
+    def rastered(values: Matrix) -> Matrix:
+        parts = [
+            np.stack([np.interp(t, log.time_s[rows], column) for column in values[rows].T], axis=1)
+            for t, rows in zip(times, stretches, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    even = replace(
+        log,
+        time_s=np.concatenate(times),
+        current=rastered(log.current),
+        link_position=rastered(log.link_position),
+        motor_velocity=rastered(log.motor_velocity),
+        motor_position=None if log.motor_position is None else rastered(log.motor_position),
+        setpoint=None if log.setpoint is None else rastered(log.setpoint),
+    )
+    about = f"times jitter by {1e3 * jitter:.2g} ms: resampled every {1e3 * period:.3g} ms"
+    return even, (*notes, about)

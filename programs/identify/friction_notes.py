@@ -1,0 +1,82 @@
+"""Notes on good fits of friction: which are known badly, which parameters may be off."""
+
+from math import ceil
+
+from identification.friction_fit import WIDE, FrictionFit
+from identification.friction_verdict import Verdict
+
+LONGEST_S = 600
+"""Longest motion that a step makes [s]: what `--seconds` takes."""
+_STEP_S = 10
+_SCALE = 0.1
+"""Misfit of gravity beyond which it is reported (share)."""
+
+
+def wide_intervals(fits: list[FrictionFit], *, masses_identified: bool) -> tuple[str, ...]:
+    """Sentence about the joints whose friction is known worse than to `WIDE`, with what narrows
+    the intervals, or none."""
+    good = [fit for fit in _good(fits) if fit.unsure > WIDE]
+    wide = [fit for fit in good if _half(fit.unsure) != _half(WIDE)]
+    if not wide:
+        return ()
+    about = "friction is known of " + ", ".join(
+        f"{fit.joint} to {_half(fit.unsure)}" for fit in wide
+    )
+    if masses_identified:
+        return (f"{about}: {_longer(wide)}",)
+    return (
+        f"{about}, as the URDF's masses may be off: run `contactd identify masses`, then "
+        f"`friction` again; where the URDF is as good, {_longer(wide)}",
+    )
+
+
+def _longer(fits: list[FrictionFit]) -> str:
+    """Length of a motion that narrows the intervals to `WIDE`, or what the longest leaves."""
+    seconds = {fit.joint: fit.seconds_for(WIDE) for fit in fits}
+    enough = [needed for needed in seconds.values() if needed <= LONGEST_S]
+    never = [fit for fit in fits if seconds[fit.joint] > LONGEST_S]
+    parts = []
+    if enough:
+        whose = f" of {', '.join(j for j, s in seconds.items() if s <= LONGEST_S)}" if never else ""
+        longer = min(LONGEST_S, _STEP_S * ceil(max(enough) / _STEP_S))
+        parts.append(f"`--seconds {longer}` narrows that{whose} to {_half(WIDE)}")
+    if never:
+        after = ", ".join(f"{f.joint} {_half(f.unsure_after(LONGEST_S))}" for f in never)
+        parts.append(
+            f"`--seconds {LONGEST_S}` leaves {after}: what masses and torque constants may be off "
+            "does not go with a longer motion"
+        )
+    return "; ".join(parts)
+
+
+def _half(width: float) -> str:
+    return f"+-{50.0 * width:.2g} %"
+
+
+def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
+    """Sentence about good fits by whose gravity torque constants or masses are off, or none."""
+    about = [
+        f"{fit.joint} by {100.0 * (fit.gravity_scale - 1.0):+.0f} %"
+        for fit in _good(fits)
+        if abs(fit.gravity_scale - 1.0) > _SCALE
+    ]
+    if not about:
+        return ()
+    return (
+        f"torque constants or masses are off: {', '.join(about)}. Friction and rotor are off by as "
+        "much where it is `torque_constant`, as their errors show: check it by the motor's data "
+        "sheet first, as masses identified with it would hide that",
+    )
+
+
+def rotor_doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
+    """Sentences about rotors that are not taken, one for each reason, with the joints' names."""
+    why: dict[str, list[str]] = {}
+    for fit in _good(fits):
+        if fit.rotor_doubt:
+            why.setdefault(fit.rotor_doubt, []).append(fit.joint)
+    return tuple(f"B of {', '.join(names)} is not taken: {doubt}" for doubt, names in why.items())
+
+
+def _good(fits: list[FrictionFit]) -> list[FrictionFit]:
+    return [fit for fit in fits if fit.verdict is Verdict.GOOD]

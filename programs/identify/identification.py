@@ -1,0 +1,207 @@
+"""Identification of one robot: what all steps of `contactd identify` share."""
+
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import click
+from rich.console import Console
+
+from common.errors import ConfigurationError, ControlError
+from daemon.config.identified import write_identified
+from daemon.config.load import Robot, load_robot, refuse_unreadable
+from daemon.modes.table import Mode
+from programs.clients.client import Client
+from programs.command_line.console import on_stdout
+from programs.command_line.questions import sure
+from programs.command_line.sentences import say
+from programs.identify.live_arm import LiveArm, open_session
+from programs.identify.measured import Measured, read_measured
+from programs.identify.merge import merged, merged_payloads
+from programs.identify.overview import overview
+from programs.identify.session import stop_once
+from programs.identify.show import print_outcome, print_overview
+from programs.identify.step import Outcome, now
+
+
+class Identification:
+    """Robot whose parameters are identified, by its `arm` or by `logs`, and what was found."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        console: Console,
+        *,
+        arm: LiveArm | None = None,
+        logs: tuple[Path, ...] = (),
+        dry: bool,
+    ) -> None:
+        self.robot, self.arm = robot, arm
+        self.missed: list[str] = []
+        """Joints whose results were not good"""
+        self._logs, self._console, self._dry = logs, console, dry
+        self._folder = robot.folder / "identify"
+        self._written: list[str] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """List what was written, also if a step was stopped, and let go of the arm."""
+        if kind is click.Abort:
+            self.show("")  # Ctrl-C at a question leaves its line open
+        path = self.robot.folder / self.robot.configuration.identified
+        if self._written:
+            self.show(f"written to {path}: {', '.join(self._written)}")
+            if self.missed:
+                self.show(f"not written: {', '.join(self.missed)}")
+        else:
+            self.show(f"nothing written to {path}")
+        well = kind is None or issubclass(kind, SystemExit)
+        if self.arm is not None:
+            self.arm.close(well=well, written=bool(self._written))
+
+    def joints(self, named: tuple[str, ...]) -> list[str]:
+        """Named joints, or all. Raises ConfigurationError for a joint that does not exist."""
+        known = self.robot.configuration.joint_names
+        for name in named:
+            if name not in known:
+                raise ConfigurationError(f"no joint {name}; there are: {', '.join(known)}")
+        return list(named) or known
+
+    def measured(self, live: Callable[[LiveArm], Measured], *, gap_of: str = "") -> Measured:
+        """Measurements that `live` takes of the arm, or those of the logs, all of which serve each
+        step; gap_of: the one joint that a log needs."""
+        if self.arm is None:
+            return read_measured(self._logs, self.robot.configuration, gap_of=gap_of)
+        return live(self.arm)
+
+    def busy(self, text: str) -> AbstractContextManager[object]:
+        """Sign for the person that this takes a while, inside the block."""
+        return self._console.status(text)
+
+    def conclude(self, step: str, outcome: Outcome, recordings: str = "") -> bool:
+        """Print and write a result, keep its recordings, named as the step by default, as evidence,
+        and draw its pictures. True if all of it is good."""
+        joints = self.robot.configuration.joint_names
+        # A load stands alone, without the column of the joints' names.
+        aligned = outcome.lines[0].joint in joints
+        print_outcome(self._console, outcome, max(map(len, joints)) if aligned else 0)
+        if not self._dry and (outcome.entries or outcome.payloads):
+            self._write(step, outcome)
+        self.missed += [line.joint for line in outcome.lines if not line.good]
+        if self.arm is not None and not outcome.unfinished:
+            self.arm.conclude(recordings or step, now())
+        if outcome.draw is not None and not self._dry:
+            self._draw(outcome.draw)
+        return all(line.good for line in outcome.lines)
+
+    def _write(self, step: str, outcome: Outcome) -> None:
+        if outcome.payloads:
+            found = merged_payloads(self.robot, outcome.payloads)
+        else:
+            serials = {} if self.arm is None else self.arm.serials()
+            found = merged(self.robot, step, outcome.entries, serials)
+        refuse_unreadable(self.robot, found)
+        write_identified(self.robot.folder / self.robot.configuration.identified, found)
+        self.robot = replace(self.robot, identified=found)
+        self._written += [*outcome.entries, *outcome.payloads]
+
+    def _draw(self, draw: Callable[[Path], list[Path]]) -> None:
+        try:
+            for picture in draw(self._folder):
+                self.show(f"picture: {picture}")
+        except OSError as error:
+            self.show(f"no picture: {error}")
+
+    def show(self, text: str) -> None:
+        """Show the person a text."""
+        whole = not self._console.is_terminal  # a file gets a sentence in one line
+        self._console.print(text, markup=False, highlight=False, soft_wrap=whole)
+
+
+def open_identification(
+    config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool, yes: bool
+) -> Identification:
+    """Identification on logs, or on the arm of the running daemon, whose fault is reset and whose
+    drives are enabled for it if the person, unless `yes`, agrees. Raises ContactdError."""
+    console = on_stdout()
+    if logs:
+        if config is None:
+            raise ConfigurationError("--log needs --config: the folder that results go to")
+        robot = load_robot(config)
+        return Identification(robot, console, logs=logs, dry=dry)
+    if threading.current_thread() is threading.main_thread():
+        stop_once()
+    session = open_session(socket, console, lambda: yes or may_enable(robot))
+    with ExitStack() as refused:
+        refused.callback(session.close)
+        status = session.client.ask_status()
+        if status.mode == Mode.FAULTED and (yes or may_reset(status.cause)):
+            session.reset()
+            session.say(f"the fault is reset: {status.cause}")
+        session.take_up_changes()
+        robot = load_robot(from_here(Path(session.client.ask_status().configuration)))
+        if config is not None and load_robot(config).path.resolve() != robot.path.resolve():
+            raise ConfigurationError(f"the running daemon is that of {robot.path}, not of {config}")
+        session.folder = robot.folder / "identify"
+        arm = LiveArm(robot, session, console)
+        refused.pop_all()
+    return Identification(robot, console, arm=arm, dry=dry)
+
+
+def may_enable(robot: Robot) -> bool:
+    """Ask at the terminal whether to enable the drives. Raises ControlError without a terminal."""
+    if not sys.stdin.isatty():
+        raise ControlError(
+            "the drives are off, and stdin is not a terminal: pass --yes to have them enabled"
+        )
+    c = robot.configuration
+    ends = {end: [j.name for j in c.joints if j.end == end] for end in ("hold", "brake", "limp")}
+    later = "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items() if names)
+    say(
+        "The drives are off. They are enabled for this, the arm moves, and at the end it goes back "
+        f"to where it stands and its joints end as configured ({later}). Keep people out of its "
+        "reach, and the emergency stop within yours."
+    )
+    return sure("Enable the drives?")
+
+
+def may_reset(cause: str) -> bool:
+    """Ask at the terminal whether to reset a fault; False without a terminal."""
+    if not sys.stdin.isatty():
+        return False
+    say(f"The arm is faulted: {cause}. Look at it first; after a reset its drives are off.")
+    return sure("Reset the fault?")
+
+
+def show_overview(config: Path | None, socket: Path | None) -> bool:
+    """Print the state of identification of the robot in `config`, or of the running daemon's; True
+    if nothing is missing. Raises ContactdError."""
+    if config is None:
+        with Client(socket) as client:
+            config = from_here(Path(client.ask_status().configuration))
+    seen = overview(load_robot(config), datetime.now(UTC))
+    print_overview(on_stdout(), seen)
+    return not seen.following
+
+
+def from_here(path: Path) -> Path:
+    """Path as a person would type it here: relative below the working directory, else absolute.
+
+    It stays absolute in the root directory, too, where a relative one would look like another.
+    """
+    here = Path.cwd()
+    inside = path.is_relative_to(here) and here != Path(here.root)
+    return path.relative_to(here) if inside else path

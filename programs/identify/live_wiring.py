@@ -1,0 +1,83 @@
+"""Motion of one joint of a live arm for the check of its wiring."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+from common.arrays import Vector
+from common.errors import ContactdError, ControlError
+from daemon.faults.table import Condition
+from identification.wiring import OTHER_WAY, follows_both_ways, goes_against, scale_unsure
+from programs.identify.contact_warnings import wiring_spoiled
+from programs.identify.live_arm import LiveArm
+from programs.identify.measured import Measured
+from programs.identify.motions import WIDEST_GUESS, WIRING_TRAVEL, wiring_motion
+from programs.identify.session import InterruptedStepError
+
+_TOO_FAR = "its gap is larger than half_gap says, or a scale is wrong"
+
+
+class ApartError(InterruptedStepError):
+    """Step that ended as motor and link of joints came too far apart."""
+
+    def __init__(self, text: str, why: Mapping[str, str]) -> None:
+        super().__init__(text)
+        self.why = why
+        """most likely mistake of each, by its name"""
+
+
+def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
+    """Move one joint's motor to and fro, through its gap; `to_go_on` is shown if that is
+    stopped. Raises ApartError, and as `Session.run` does."""
+    step = f"wiring-{joint}"
+    c = arm.configuration
+    i = c.joint_names.index(joint)
+    half_gap = c.joints[i].half_gap
+    repeated = False
+    while True:
+        try:
+            here = arm.link_position()
+            arm.forget(step)  # so short a motion begins anew
+            carried = repeated or _may_float(arm, i, here)
+            path = wiring_motion(here, i, half_gap, c.period_s, speeding_up=carried)
+            text, warning = f"{joint} moves a little", wiring_spoiled(joint)
+            arm.move(step, text, path, warning=warning, motors_only=True, to_go_on=to_go_on)
+        except (ControlError, InterruptedStepError) as error:
+            if why := _why_apart(arm, error):
+                words = "".join(f". {name}: {words}" for name, words in why.items())
+                raise ApartError(f"{error}{words}", why) from error
+            raise
+        measured = arm.read(step)
+        both = follows_both_ways(measured.log, i)
+        if both and not repeated and scale_unsure(measured.log, i):
+            repeated, more = True, "once more, speeding up all the way"
+            seen = "moved its link by another share than its motor"
+        elif both or half_gap >= WIDEST_GUESS:
+            return measured
+        else:  # Its gap is larger than the configuration says.
+            half_gap = min(half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
+            seen = "did not move its link both ways"
+            more = f"once more, {1e3 * WIRING_TRAVEL:.0f} mrad further"
+        arm.show(f"{joint} {seen}: {more}")
+
+
+def _may_float(arm: LiveArm, i: int, here: Vector) -> bool:
+    """True where joint i weighs so little that its link may run ahead of its motor."""
+    rub = arm.configuration.joints[i].friction
+    weight = abs(float(arm.model.gravity(here)[i]))
+    return weight < rub.motor_coulomb + rub.link_coulomb
+
+
+def _why_apart(arm: LiveArm, error: ContactdError) -> dict[str, str]:
+    """Most likely mistake of each joint whose link and motor are too far apart, from the
+    recorded motion or, where they came apart at rest, for the person to look; else empty."""
+    if Condition.APART not in str(error):
+        return {}
+    names = enumerate(arm.configuration.joint_names)
+    return {joint: _apart(arm, i, joint) for i, joint in names if joint in str(error)}
+
+
+def _apart(arm: LiveArm, i: int, joint: str) -> str:
+    with suppress(ContactdError):
+        log = arm.read(f"wiring-{joint}").log
+        return OTHER_WAY if goes_against(log, i) else _TOO_FAR
+    return f"{OTHER_WAY}; else {_TOO_FAR}"

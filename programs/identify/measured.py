@@ -1,0 +1,220 @@
+"""Measurements for the identification, from the daemon's stream, MCAP recordings or a CSV."""
+
+import dataclasses
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from common.arrays import Matrix
+from common.errors import ContactdError, LogError, ShortLogError
+from daemon.config.identified import residuals_alike, samples_alike
+from daemon.config.load import parse_configuration
+from daemon.config.schema import Configuration
+from daemon.modes.table import SENSING, Mode
+from daemon.protocol.messages import Snapshot, State
+from daemon.tick.sensing import HARMLESS
+from daemon.tick.telemetry import FLAG_NAMES
+from estimator.estimate import Flag
+from identification.motion_log import MotionLog
+from programs.clients.recorder import read_log
+from programs.identify.csv_log import COLUMNS, read_csv
+from programs.identify.log_names import is_foreign
+
+_SENSING = frozenset(mode.value for mode in SENSING)
+_DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
+_APART_S = 10.0  # between recordings, so that they are stretches
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Log of a motion, the residuals of the daemon's estimator meanwhile, and a hash of the log."""
+
+    log: MotionLog
+    sha256: str
+    residual: Matrix | None = None  # (N, n) [Nm]
+    raised: Matrix | None = None  # (N, n) threshold in force beyond its level at speed [Nm]
+    touched: NDArray[np.bool_] | None = None  # (N, n) thresholded residual not zero
+    unsure: NDArray[np.bool_] | None = None  # (N,) residual that is old, or begins anew
+    reference: Matrix | None = (
+        None  # (N, n) of the link positions [rad]; None of another controller
+    )
+    gain: float | None = None  # of the position loop meanwhile [1/s]; None where it is not known
+    load: str = ""  # that the model counted, in words
+    notes: tuple[str, ...] = ()
+    outdated: str = ""  # recording whose residuals use other values than today's, in words
+
+
+def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") -> Measured:
+    """Measurements of recordings by `contactctl record`, one after another, or of one CSV, which
+    needs no other joint than the one whose gap is asked for (`gap_of`).
+
+    Raises LogError, also if they were made with other drives or another wiring than `c` has.
+    """
+    if any(is_foreign(path) for path in paths):
+        if len(paths) > 1:
+            raise LogError(f"{len(paths)} files: give one log of another program alone, or "
+                           "recordings of contactd (.mcap)")  # fmt: skip
+        constants = {joint.name: joint.torque_constant for joint in c.joints}
+        joints = [gap_of] if gap_of else c.joint_names
+        return from_csv(paths[0], joints, constants, of_gap=bool(gap_of))
+    states: list[State] = []
+    notes: list[str] = []
+    outdated = ""
+    for path in paths:
+        later = states[-1].time_s + _APART_S if states else 0.0
+        found, broken, recorded = _states_of(path, c.joint_names)
+        if why := incompatibility(recorded, c):
+            raise LogError(f"{path} {why}")
+        if why := incompatibility(recorded, c, residuals=True):
+            outdated = f"{path} {why}"
+        if broken:
+            notes.append(f"{broken}; what is whole is used")
+        begun = found[0].time_s
+        states += [replace(s, time_s=s.time_s - begun + later) for s in raised(found, recorded)]
+    if gap_of:
+        states = moved(states)
+    measured = from_states(states, c.joint_names, tuple(notes))
+    return dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
+
+
+def moved(states: list[State]) -> list[State]:
+    """States of the motion that was for the gap, without those before and after, in which the arm
+    only held; all where most was held, while a hand moved the link."""
+    tracked = [s for s in states if s.mode == Mode.TRACKING]
+    return tracked if 2 * len(tracked) > len(states) else states
+
+
+def raised(states: Iterable[State], c: Configuration) -> list[State]:
+    """States whose threshold is only the part in force beyond the contact level of `c` and what
+    that grows by with speed, 0 where learning has lowered it: recordings may have been made at
+    different levels."""
+    levels = np.array([joint.thresholds.contact for joint in c.joints])
+    growth = np.array([joint.thresholds.per_speed for joint in c.joints])
+
+    def beyond(s: State) -> list[float]:
+        share = np.array(s.level_share or np.ones_like(levels))
+        level = levels + share * growth * np.abs(s.motor_velocity)
+        left: list[float] = np.maximum(s.threshold - level, 0.0).tolist()
+        return left
+
+    return [replace(s, threshold=beyond(s)) for s in states]
+
+
+def incompatibility(recorded: Configuration, c: Configuration, *, residuals: bool = False) -> str:
+    """Reason why samples (or residuals as well) of one configuration are of no use for `c`, or an
+    empty text. It is meant to follow the recording's name."""
+    if not samples_alike(recorded, c):
+        return ("was recorded with other drives, another wiring or another period than the "
+                "configuration has now")  # fmt: skip
+    if residuals and not residuals_alike(recorded, c):
+        return "has residuals of other values of the joints than are in force now"
+    return ""
+
+
+def refuse_incompatible(paths: Sequence[Path], c: Configuration, *, residuals: bool) -> None:
+    """Check the beginnings of recordings before a motion adds another to them. Raises LogError,
+    which names those that are of no use beside it."""
+    reasons = []
+    for path in paths:
+        try:
+            if why := incompatibility(_recorded_with(path), c, residuals=residuals):
+                reasons.append(f"{path} {why}")
+        except ContactdError as error:
+            reasons.append(str(error))
+    if reasons:
+        them = "it" if len(reasons) == 1 else "them"
+        raise LogError(f"{'; '.join(reasons)}: delete {them} and run this again")
+
+
+def _recorded_with(path: Path) -> Configuration:
+    begun: Snapshot | None = None
+    for message in read_log(path):
+        if isinstance(message, Snapshot):
+            begun = message
+        elif begun is not None:
+            return configuration_of(begun, path)
+    raise LogError(f"{path}: there are no samples in it")
+
+
+def _states_of(path: Path, joints: Sequence[str]) -> tuple[list[State], str, Configuration]:
+    """States of a recording, why it breaks off, and the configuration of then. Raises LogError if
+    it has no States."""
+    states: list[State] = []
+    begun: Snapshot | None = None
+    broken: LogError | None = None
+    try:
+        for message in read_log(path):
+            if isinstance(message, State):
+                states.append(message)
+                continue
+            begun = message
+            if begun.joints != list(joints):
+                break
+    except LogError as error:
+        broken = error
+    if begun is not None and begun.joints != list(joints):
+        raise LogError(f"{path} is of another arm, with the joints {', '.join(begun.joints)}")
+    if begun is None or not states:
+        raise broken or LogError(f"{path}: there are no samples in it")
+    return states, str(broken or ""), configuration_of(begun, path)
+
+
+def configuration_of(begun: Snapshot, path: Path | None = None) -> Configuration:
+    """Configuration of the daemon that sent a snapshot. Raises ConfigurationError."""
+    name = f"{path}, recorded" if path else "the running daemon's configuration"
+    return parse_configuration(begun.configuration, name, begun.identified)
+
+
+def from_states(
+    states: Iterable[State], joints: Sequence[str], notes: tuple[str, ...] = ()
+) -> Measured:
+    """Measurements of the ticks with complete samples in which the arm was energised. Pass States
+    through `raised` first if their thresholds count. Raises LogError."""
+    used = [s for s in states if all(s.fresh) and s.mode in _SENSING]
+    if len(used) < 2:
+        raise ShortLogError("the log is too short: the arm was never energised in it")
+    columns = {
+        name: np.array([getattr(s, name) for s in used], dtype=np.float64)
+        for name in COLUMNS
+        if getattr(used[0], name) is not None
+    }
+    log = MotionLog(tuple(joints), np.array([s.time_s for s in used]), **columns)
+    thresholded = np.array([s.thresholded for s in used])
+    # A residual that is old, or begins anew, and levels that are raised for it, teach nothing.
+    unsure = np.array([not all(s.sensing or [True]) or bool(_DOUBTS & {*s.flags}) for s in used])
+    return Measured(
+        log=log,
+        sha256=_hash(log),
+        residual=np.array([s.residual for s in used]),
+        raised=np.array([s.threshold for s in used]),
+        touched=thresholded != 0.0,
+        unsure=unsure,
+        reference=np.array([s.reference for s in used]),
+        load=str(used[-1].payload or ""),
+        notes=notes,
+    )
+
+
+def from_csv(
+    path: Path,
+    joints: Sequence[str],
+    constants: Mapping[str, float] = MappingProxyType({}),
+    *,
+    of_gap: bool = False,
+) -> Measured:
+    """Measurements of a CSV file as `read_csv` takes it. Raises LogError."""
+    log, notes = read_csv(path, joints, constants, of_gap=of_gap)
+    return Measured(log, _hash(log), notes=notes)
+
+
+def _hash(log: MotionLog) -> str:
+    digest = hashlib.sha256()
+    for values in (log.time_s, log.current, log.link_position, log.motor_velocity):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,90 @@
+"""Half-gap of a joint, without a hand or with one."""
+# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+
+from programs.identify.step import JOINTS, Line, Outcome, now, step
+
+if TYPE_CHECKING:
+    from daemon.config.load import Robot
+    from identification.gap_result import GapResult
+    from programs.identify.identification import Identification
+    from programs.identify.measured import Measured
+
+
+@step(
+    JOINTS,
+    click.option("--by-hand", is_flag=True,
+                 help="Hold the motor still while you move the link."),
+    quality=lambda entry: f"{1e3 * entry.half_gap:.2f} +- {1e3 * entry.confidence:.2f} mrad",
+)  # fmt: skip
+def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool) -> bool:
+    """Turn the motors to and fro, joint by joint: sizes of the gaps.
+
+    A link that stays at one border of its gap in every pose has to be moved by hand: --by-hand.
+    """
+    from programs.identify.live_gap import gap_by_hand, gap_by_strokes
+    from programs.identify.live_strokes import UnobservableError
+
+    live = gap_by_hand if by_hand else gap_by_strokes
+    outcomes = []
+    for name in identification.joints(joints):
+        try:
+            measured = identification.measured(partial(live, joint=name), gap_of=name)
+        except UnobservableError as error:
+            outcome = Outcome(lines=[Line(name, "by hand", good=False, reason=str(error))])
+        else:
+            with identification.busy(f"fitting the gap of {name} to it"):
+                outcome = _outcome(identification.robot, measured, name, now(), by_hand=by_hand)
+        recordings = f"{'gap' if by_hand else 'strokes'}-{name}"
+        outcomes.append(identification.conclude("gap", outcome, recordings))
+    return all(outcomes)
+
+
+def _outcome(
+    robot: "Robot", measured: "Measured", name: str, date: str, *, by_hand: bool
+) -> Outcome:
+    """Identify the half-gap of one joint, by what moved or `by_hand`."""
+    from daemon.config.identified import Entry, GapEntry
+    from identification.gap import identify_gap
+    from identification.gap_result import GapVerdict
+    from programs.identify.plots import plot_gap
+
+    log, place = measured.log, measured.log.joints.index(name)
+    joint = robot.configuration.joints[robot.configuration.joint_names.index(name)]
+    found = identify_gap(log, place, joint.torque_constant, joint.wiring.gear, by_hand=by_hand)
+    entries = dict[str, Entry]()
+    if found.usable:
+        entries[name] = GapEntry(
+            date=date,
+            log=measured.sha256,
+            half_gap=round(float(found.half_gap), 6),
+            confidence=0.0 if math.isnan(found.confidence) else round(float(found.confidence), 6),
+            skew_ms=None if math.isnan(found.skew_s) else round(1e3 * float(found.skew_s), 3),
+        )
+    return Outcome(
+        lines=[Line(name, found.verdict.value, found.usable, _figures(found), found.reason)],
+        entries=entries,
+        notes=measured.notes,
+        draw=lambda folder: plot_gap(log, place, found.half_gap, folder / f"gap-{name}.png"),
+        # Too few crossings are a beginning: the next ones are added to them.
+        unfinished=by_hand and found.verdict is GapVerdict.FEW,
+    )
+
+
+def _figures(found: "GapResult") -> str:
+    figures = ""
+    if math.isfinite(found.half_gap):
+        figures = f"alpha {1e3 * found.half_gap:.2f} mrad"
+    elif math.isfinite(found.estimate):
+        figures = f"estimate, not used: alpha {1e3 * found.estimate:.2f} mrad"
+    if figures and math.isfinite(found.confidence):
+        figures += f" +- {1e3 * found.confidence:.2f}"
+    parts = [figures] if figures else []
+    if math.isfinite(found.skew_s):
+        parts.append(f"link encoder {1e3 * found.skew_s:+.2f} ms late")
+    return "; ".join([*parts, *(str(one) for one in found.harmonics)])

@@ -1,0 +1,206 @@
+"""Contact and collision levels of all joints, from the residuals."""
+# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import click
+
+from common.errors import ConfigurationError, LogError
+from programs.command_line.options import Range
+from programs.identify.step import Line, Outcome, now, step
+
+if TYPE_CHECKING:
+    from common.arrays import Vector
+    from daemon.config.identified import ThresholdsEntry
+    from daemon.config.load import Robot
+    from daemon.config.schema import Configuration
+    from identification.thresholds import LevelSettings, LevelsResult, Motion
+    from programs.identify.identification import Identification
+    from programs.identify.live_arm import LiveArm
+    from programs.identify.measured import Measured
+
+# Of what `arm` allows: levels are rounded, and compared.
+_NEARLY = 0.99
+
+
+def _quality(entry: "ThresholdsEntry") -> str:
+    """Contact level, and the motion that it covers."""
+    seen = f" up to {entry.seen.speed:.2g} rad/s" if entry.seen else ""
+    left_out = f", {len(entry.discarded)} stretches left out" if entry.discarded else ""
+    return f"{entry.thresholds.contact:.3g} Nm{seen}{left_out}"
+
+
+@step(
+    click.option("--seconds", default=120.0, show_default=True, type=Range(40, 7200)),
+    click.option("--per-hour", default=1.0, show_default=True, type=Range(1e-3, 1000),
+                 help="False contacts per joint and hour that are bearable."),
+    click.option("--it-was-me", is_flag=True,
+                 help="Confirm that every stretch left out as a touch was you."),
+    quality=_quality,
+)  # fmt: skip
+def thresholds(
+    identification: "Identification", seconds: float, per_hour: float, it_was_me: bool
+) -> bool:
+    """Move all joints, without contact: levels from the residuals."""
+    measured = identification.measured(lambda arm: _moved(arm, seconds))
+    with identification.busy("finding levels in it"):
+        outcome = thresholds_outcome(
+            identification.robot, measured, per_hour, now(), it_was_me=it_was_me
+        )
+    return identification.conclude("thresholds", outcome)
+
+
+def _moved(arm: "LiveArm", seconds: float) -> "Measured":
+    """Move all joints along an excitation, and take the residuals, too."""
+    from daemon.config.identified import residuals_alike
+    from programs.identify.live_arm import TO_READ_ANEW
+
+    if not residuals_alike(arm.session.configuration(), arm.configuration):
+        raise ConfigurationError(
+            "values of the joints were written since the daemon read its files, and its "
+            f"residuals use older ones: {TO_READ_ANEW}, then this again"
+        )
+    return arm.excite("thresholds", seconds, seed=2, residuals=True)
+
+
+def thresholds_outcome(
+    robot: "Robot", measured: "Measured", per_hour: float, date: str, *, it_was_me: bool = False
+) -> Outcome:
+    """Identify two levels per joint from contact-free motion; it_was_me: a person confirms
+    every stretch that looks like a touch. Raises LogError without residuals."""
+    from daemon.config.motion import row
+    from daemon.tick.arming_checks import RAISED
+    from identification.limit_cycle import limit_cycles
+    from identification.thresholds import LevelVerdict, identify_levels
+    from programs.identify.swinging import spoilt
+
+    c, log = robot.configuration, measured.log
+    settings, hidden, least = _settings(c, per_hour, it_was_me=it_was_me)
+    levels = identify_levels(log.joints, log.period_s, _motion(measured), settings)
+    # Levels of a joint that swung would be those of an arm that swings.
+    cycles = limit_cycles(log, measured.reference, row(c, lambda j: j.half_gap))
+    swings = spoilt(cycles, measured.gain or c.control.position_gain)
+    levels = [
+        replace(one, verdict=LevelVerdict.SWINGS, reason=swings[one.joint])
+        if one.joint in swings and one.verdict is not LevelVerdict.STILL
+        else one
+        for one in levels
+    ]
+    notes = list(measured.notes)
+    notes += [f"{one.joint}: discarded {'; '.join(str(d) for d in one.discarded)}"
+              for one in levels if one.discarded]  # fmt: skip
+    if any(one.discarded for one in levels):
+        notes.append("if the arm was not touched then, contacts were false and the levels are "
+                     "too low")  # fmt: skip
+    notes += [
+        f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
+        f"beyond {RAISED:g} times the contact level; less was seen"
+        for one, rests, level in zip(levels, hidden, least, strict=True)
+        if one.floored and one.contact == level
+    ]
+    good = [one.verdict is LevelVerdict.GOOD for one in levels]
+    return Outcome(
+        lines=[
+            Line(one.joint, one.verdict.value, is_good, _figures(one), one.reason)
+            for one, is_good in zip(levels, good, strict=True)
+        ],
+        entries={
+            one.joint: _entry(one, measured, per_hour, date)
+            for one, is_good in zip(levels, good, strict=True)
+            if is_good
+        },
+        notes=tuple(notes),
+        # Asked whether it was the person, what was measured waits for the answer.
+        unfinished=any(one.verdict is LevelVerdict.UNLESS_YOU for one in levels),
+    )
+
+
+def _motion(measured: "Measured") -> "Motion":
+    from identification.thresholds import Motion
+
+    r, raised, touched, unsure = (
+        measured.residual, measured.raised, measured.touched, measured.unsure
+    )  # fmt: skip
+    if r is None or raised is None or touched is None or unsure is None:
+        raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
+    if measured.outdated:
+        raise LogError(f"{measured.outdated}: `contactctl reload`, and record anew")
+    log = measured.log
+    return Motion(time_s=log.time_s, position=log.link_position, velocity=log.motor_velocity,
+                  residual=r, raised=raised, touched=touched, unsure=unsure)  # fmt: skip
+
+
+def _figures(one: "LevelsResult") -> str:
+    if not math.isfinite(one.contact):
+        return ""
+    grows = f" + {one.per_speed:.2g} per rad/s" if one.per_speed else ""
+    left_out = ""
+    if one.discarded:
+        worst = max(d.largest for d in one.discarded)
+        left_out = f", discarded {len(one.discarded)} x, up to {worst:.2g} Nm"
+    return (f"contact {one.contact:.3g} Nm{grows}, collision {one.collision:.3g} Nm, "
+            f"largest |r| {one.largest:.3g} Nm in {one.used_s:.0f} s at up to "
+            f"{one.seen.speed:.2g} rad/s{left_out}")  # fmt: skip
+
+
+def _entry(
+    one: "LevelsResult", measured: "Measured", per_hour: float, date: str
+) -> "ThresholdsEntry":
+    from daemon.config.identified import DiscardedEntry, SeenEntry, ThresholdsEntry
+    from daemon.config.schema import Levels
+
+    return ThresholdsEntry(
+        date=date,
+        log=measured.sha256,
+        thresholds=Levels(
+            contact=float(f"{one.contact:.4g}"),
+            collision=float(f"{one.collision:.4g}"),
+            per_speed=float(f"{one.per_speed:.4g}"),
+        ),
+        per_hour=per_hour,
+        largest=float(f"{one.largest:.4g}"),
+        seen=SeenEntry(
+            speed=round(one.seen.speed, 4),
+            lower=round(one.seen.lower, 4),
+            upper=round(one.seen.upper, 4),
+            load=measured.load,
+        ),
+        discarded=tuple(
+            DiscardedEntry(
+                at_s=round(d.at_s, 2),
+                lasted_s=round(d.lasted_s, 2),
+                largest=float(f"{d.largest:.3g}"),
+            )
+            for d in one.discarded
+        ),
+    )
+
+
+def _settings(
+    c: "Configuration", per_hour: float, *, it_was_me: bool
+) -> "tuple[LevelSettings, Vector, Vector]":
+    """Floor and ceiling of the levels; torque (n,) [Nm] that the friction of a joint at rest hides,
+    at most; contact level that is in force at rest at nearly `RAISED` times its value, with what is
+    hidden and the side of a gap not known.
+
+    Two counts of the current's noise cannot be a touch, and what is hidden raises a level no
+    further than `arm` allows: the floor. The ceiling is a fifth of the drive's largest torque: a
+    level above protects no one.
+    """
+    import numpy as np
+
+    from daemon.assembly import build_transmission
+    from daemon.config.motion import row
+    from daemon.tick.arming_checks import RAISED
+    from identification.thresholds import LevelSettings
+
+    t, half_gap = build_transmission(c), row(c, lambda j: j.half_gap)
+    hidden = (c.estimator.stiction_share + t.most_stiction) * t.engaged_coulomb
+    unsure = c.estimator.unknown_side_share * (half_gap > 0.0)
+    least = hidden / (_NEARLY * RAISED - 1.0 - unsure)
+    strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
+    bounds = np.maximum(0.01 * strongest, least), 0.2 * strongest
+    settings = LevelSettings(per_hour, per_hour / 100.0, *bounds, half_gap, it_was_me=it_was_me)
+    return settings, hidden, least

@@ -1,0 +1,109 @@
+"""Signs and scales of each joint, by a small motion."""
+# ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
+
+import math
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+from common.errors import ControlError
+from programs.identify.step import JOINTS, Line, Outcome, now, step
+
+if TYPE_CHECKING:
+    from daemon.config.load import Robot
+    from programs.identify.identification import Identification
+    from programs.identify.live_wiring import ApartError
+    from programs.identify.measured import Measured
+
+
+@step(
+    JOINTS,
+    quality=lambda entry: f"link/motor {entry.follows:.3f}",
+)
+def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
+    """Check signs and scales by a small motion of each joint."""
+    from programs.identify.live_wiring import ApartError, move_to_and_fro
+
+    outcomes, left = list[bool](), identification.joints(joints)
+    wrong: dict[str, str] = {}
+    while left:
+        name, to_go_on = left[0], how_to_go_on(left, passed=any(outcomes))
+        try:
+            measured = identification.measured(
+                partial(move_to_and_fro, joint=name, to_go_on=to_go_on)
+            )
+        except ApartError as error:
+            new = {joint: why for joint, why in error.why.items() if joint not in wrong}
+            left = [joint for joint in left if joint not in new]
+            _go_on_without(identification, wrong, new, left, error)
+            wrong |= new
+            outcomes.append(False)
+        else:
+            outcome = _outcome(identification.robot, measured, name, now())
+            outcomes.append(identification.conclude("wiring", outcome, f"wiring-{name}"))
+            left = left[1:]
+    _show_void(identification)
+    return all(outcomes)
+
+
+def how_to_go_on(left: list[str], *, passed: bool) -> str:
+    """Advice on how to go on after the check was stopped, with these joints left."""
+    if not passed:
+        return "Nothing had passed: the same command begins anew"
+    return f"What passed is kept: to go on, name {left[0]} and those that are left"
+
+
+def _go_on_without(
+    identification: "Identification",
+    wrong: Iterable[str],
+    new: Mapping[str, str],
+    left: list[str],
+    error: "ApartError",
+) -> None:
+    """Report the joints that came apart, and have the others checked. Raises `error` where the
+    person enabled the drives, and ControlError where those that are wrong keep the others
+    from being checked."""
+    if new:
+        lines = [Line(joint, "wrong", good=False, reason=why) for joint, why in new.items()]
+        identification.conclude("wiring", Outcome(lines=lines, unfinished=True))
+    if identification.arm is None or not identification.arm.recover(on=bool(new and left)):
+        raise error
+    if not new:
+        raise ControlError(
+            f"{', '.join(wrong)} comes apart whenever the drives are enabled, which are off "
+            f"now: correct it, then check the others ({', '.join(left)})"
+        )
+
+
+def _show_void(identification: "Identification") -> None:
+    """Show the joints whose wiring passed before something was changed, and has to pass again."""
+    from daemon.config.evidence import outdated
+
+    robot = identification.robot
+    void = outdated("wiring", robot.identified, robot.configuration, robot.urdf)
+    if names := [name for name in void if name not in identification.missed]:
+        identification.show(
+            f"{', '.join(names)} passed before drives, wiring or torque constants were "
+            f"changed, and have to once more: `contactd identify wiring {' '.join(names)}`"
+        )
+
+
+def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outcome:
+    """Check signs and scales of a joint that was moved alone."""
+    from daemon.config.identified import Entry, WiringEntry
+    from identification.wiring import check_wiring, in_Nm
+
+    c = robot.configuration
+    i = c.joint_names.index(name)
+    found = check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
+    figures = f"link/motor {found.follows:.3f}" if math.isfinite(found.follows) else ""
+    if math.isfinite(found.held):
+        figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
+    reason = "; ".join([*found.problems, *found.undetermined, *found.notes])
+    verdict = "good" if found.passed else "wrong" if found.problems else "undetermined"
+    entries = dict[str, Entry]()
+    if found.passed:
+        follows = round(float(found.follows), 4)
+        entries[name] = WiringEntry(date=date, log=measured.sha256, follows=follows)
+    line = Line(name, verdict, found.passed, figures, reason)
+    return Outcome(lines=[line], entries=entries)

@@ -1,0 +1,89 @@
+"""Readers of the daemon's stream in a thread of their own: a recording, and a list of States."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from common.errors import ContactdError, ControlError, LogError
+from daemon.protocol.messages import State
+from programs.clients import recorder
+from programs.clients.client import Client
+
+
+@contextmanager
+def collecting(
+    connect: Callable[[], Client], settled: Callable[[list[State]], bool]
+) -> Iterator[list[State]]:
+    """Every State while the block runs, which begins once they are `settled`, in a list that
+    grows. Raises UnreachableError."""
+    seen: list[State] = []
+    ended = threading.Event()
+    failures: list[ContactdError] = []
+
+    def follow() -> None:
+        try:
+            with connect() as reader:
+                for state in reader.subscribe()[1]:
+                    seen.append(state)
+                    if ended.is_set():
+                        return
+        except ContactdError as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=follow, name="watch")
+    thread.start()
+    try:
+        while thread.is_alive() and not settled(seen):
+            time.sleep(0.01)
+        if not failures:
+            yield seen
+    finally:
+        ended.set()
+        thread.join()
+    if failures:
+        raise failures[0]
+
+
+@contextmanager
+def recording(
+    connect: Callable[[], Client], path: Path, say: Callable[[str], None]
+) -> Iterator[Sequence[ContactdError]]:
+    """Record while the block runs, which gets what failed, in a list that grows; delete the
+    recording if the block could not begin, or nothing of it could be written."""
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise LogError(f"cannot record in {path.parent}: {error.strerror}") from error
+    ended = threading.Event()
+    failures: list[ContactdError] = []
+
+    def work() -> None:
+        try:
+            made = recorder.record(connect, path, stop=ended.is_set)
+            if made.lost:
+                say(f"{made.lost} ticks were not recorded: this machine is too busy")
+        except ContactdError as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=work, name="recorder")
+    thread.start()
+    deadline = time.monotonic() + 2.0
+    while not path.exists() and thread.is_alive() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    if failures:
+        raise failures[0]
+    refused = False
+    try:
+        yield failures
+    except ControlError:
+        refused = True
+        raise
+    finally:
+        ended.set()
+        thread.join()
+        if refused or (failures and path.exists() and not path.stat().st_size):
+            path.unlink(missing_ok=True)
+    if failures:
+        raise failures[0]

@@ -1,0 +1,93 @@
+"""Detection curves over all recordings: at each level false contacts an hour, touches found, and
+how late. Pure."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from estimator.alarms import per_hour
+from programs.recordings.question import Answer, Curve
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One level of a curve."""
+
+    level: float  # [Nm]; of the arm the number of the step
+    contacts: int
+    alarms_per_hour: float  # false ones; of all where nothing is labelled
+    beyond: float  # share of the time in which a contact lasts
+    found: int  # of the labels
+    delay_p50_s: float  # NaN where none was found
+    delay_p95_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """The curve of one joint, or of the arm, with the point to choose."""
+
+    name: str
+    labels: int
+    points: tuple[Point, ...]
+    chosen: int | None
+    """the lowest level with bearable alarms, none where no level has"""
+
+
+@dataclass(slots=True)
+class Total:
+    """All answers together."""
+
+    files: int = 0
+    failed: list[Answer] = field(default_factory=list)
+    broken: list[Answer] = field(default_factory=list)
+    answers: list[Answer] = field(default_factory=list)
+    watched_s: float = 0.0
+    outside_s: float = 0.0
+
+    def add(self, answer: Answer) -> None:
+        """Take one answer."""
+        self.files += 1
+        if answer.failed:
+            self.failed.append(answer)
+            return
+        if answer.broken:
+            self.broken.append(answer)
+        self.answers.append(answer)
+        self.watched_s += answer.watched_s
+        self.outside_s += answer.outside_s
+
+    @property
+    def complete(self) -> bool:
+        """Every recording was whole and gave an answer."""
+        return not (self.failed or self.broken)
+
+    def detections(self, bearable_per_hour: float) -> list[Detection]:
+        """Curves of every joint that was asked about, and of the arm."""
+        names = list(dict.fromkeys(name for answer in self.answers for name in answer.curves))
+        return [self._detection(name, bearable_per_hour) for name in names]
+
+    def _detection(self, name: str, bearable_per_hour: float) -> Detection:
+        curves = [answer.curves[name] for answer in self.answers if name in answer.curves]
+        curve: Curve = reduce(add, curves)
+        points = tuple(self._point(curve, k) for k in range(len(curve.levels)))
+        bearable = [
+            k for k, point in enumerate(points) if point.alarms_per_hour <= bearable_per_hour
+        ]
+        return Detection(name, curve.labels, points, bearable[0] if bearable else None)
+
+    def _point(self, curve: Curve, k: int) -> Point:
+        delays: Sequence[float] = curve.delays_s[k]
+        p50, p95 = np.percentile(delays, [50, 95]) if delays else (math.nan, math.nan)
+        return Point(
+            level=curve.levels[k],
+            contacts=curve.contacts[k],
+            alarms_per_hour=per_hour(curve.false[k], self.outside_s),
+            beyond=curve.beyond_s[k] / self.watched_s if self.watched_s else math.nan,
+            found=curve.found[k],
+            delay_p50_s=float(p50),
+            delay_p95_s=float(p95),
+        )

@@ -1,0 +1,168 @@
+"""Recordings in other forms: Foxglove's schemas, CSV."""
+
+import csv
+import io
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Final
+
+from common.errors import LogError, ModelError
+from common.new_file import whole_file
+from daemon.protocol.messages import Snapshot, State
+from programs.clients.recorder import read_log
+
+DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
+_LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say
+#: Columns of the CSV: the first of each joint are those that `contactd identify --log` reads.
+CSV_COLUMNS: Final = (
+    "current",
+    "link_position",
+    "motor_velocity",
+    "motor_position",
+    "link_velocity",
+    "phi",
+    "residual",
+    "threshold",
+)
+
+
+def export_foxglove(
+    path: Path, target: Path, progress: Callable[[float], None] = lambda share: None
+) -> str:
+    """Write a recording as an MCAP file of Foxglove's schemas; returns why it ends early, empty if
+    it does not. Raises LogError, also without the library."""
+    try:
+        from foxglove import Context, open_mcap  # noqa: PLC0415 - an extra
+
+        from programs.recordings.foxglove import FoxgloveChannels  # noqa: PLC0415
+    except ImportError as error:
+        raise LogError(
+            "--foxglove needs foxglove-sdk (pip install 'contactd[foxglove]')"
+        ) from error
+    context = Context()
+    with whole_file(target) as partial, partial.open("wb") as stream:
+        sink = _Sink(stream)
+        channels: FoxgloveChannels | None = None
+        snapshot: Snapshot | None = None
+        clock = Clock()
+
+        def write(message: Snapshot | State) -> None:
+            nonlocal channels, snapshot
+            if isinstance(message, Snapshot):
+                snapshot = snapshot or message
+                return
+            assert snapshot is not None
+            try:
+                channels = channels or FoxgloveChannels(
+                    context, snapshot, list(message.beside), DRAW_EVERY
+                )
+            except ModelError as error:
+                raise LogError(f"{path}: {error}") from error
+            channels.log(message, clock.time_ns(message))
+            sink.check()
+
+        with open_mcap(sink, context=context):
+            broken = _every(path, write, progress)
+        sink.check()
+        return broken
+
+
+def export_csv(
+    path: Path, target: Path, progress: Callable[[float], None] = lambda share: None
+) -> str:
+    """Write a recording as a CSV file, a row per tick, as `export_foxglove`."""
+    with whole_file(target) as partial, partial.open("wb") as stream:
+        text = io.TextIOWrapper(stream, encoding="utf-8", newline="", write_through=False)
+        rows = csv.writer(text, lineterminator="\n")
+        fields: list[str] = []
+        joints: list[str] = []
+
+        def write(message: Snapshot | State) -> None:
+            nonlocal fields, joints
+            if isinstance(message, Snapshot):
+                joints = joints or message.joints
+                return
+            if not fields:
+                fields = [name for name in CSV_COLUMNS if getattr(message, name) is not None]
+                named = [f"{name}.{joint}" for name in fields for joint in joints]
+                rows.writerow(["time", "tick", "mode", "armed", *named])
+            values = [value for name in fields for value in getattr(message, name)]
+            rows.writerow(
+                [message.time_s, message.tick, str(message.mode), int(message.armed), *values]
+            )
+
+        try:
+            return _every(path, write, progress)
+        finally:
+            text.flush()
+            text.detach()
+
+
+class Clock:
+    """Unix time of States: the wall clock's at the first, from there on the loop's, which never
+    jumps."""
+
+    def __init__(self) -> None:
+        self._begun: tuple[float, float] | None = None
+
+    def time_ns(self, state: State) -> int:
+        """Time of a State [ns]."""
+        wall_s, loop_s = self._begun = self._begun or (state.timing.wall_s, state.time_s)
+        return min(max(round((wall_s + state.time_s - loop_s) * 1e9), 0), _LAST_NS)
+
+
+def _every(
+    path: Path, write: Callable[[Snapshot | State], None], progress: Callable[[float], None]
+) -> str:
+    states = 0
+    try:
+        for message in read_log(path, progress):
+            write(message)
+            states += isinstance(message, State)
+    except LogError as error:
+        if not states:
+            raise
+        return str(error)
+    if not states:
+        raise LogError(f"{path} is a recording without any state")
+    return ""
+
+
+class _Sink:
+    """File as the library's writer takes it. The first failure is kept, and what follows only
+    counts: the library would go on, and print a line for every message."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._at = self._end = 0
+        self._error: OSError | None = None
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Write it, unless something failed before."""
+        self._try(lambda: self._stream.write(data))
+        self._at += len(data)
+        self._end = max(self._end, self._at)
+        return len(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place of the file; returns it."""
+        self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._end}[whence]
+        self._try(lambda: self._stream.seek(self._at))
+        return self._at
+
+    def flush(self) -> None:
+        """Flush it, unless something failed before."""
+        self._try(self._stream.flush)
+
+    def check(self) -> None:
+        """Raise the error of what failed, if anything did."""
+        if self._error is not None:
+            raise self._error
+
+    def _try(self, work: Callable[[], object]) -> None:
+        if self._error is None:
+            try:
+                work()
+            except OSError as error:
+                self._error = error

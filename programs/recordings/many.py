@@ -1,0 +1,150 @@
+"""One question to many recordings: here, in worker processes, or on a dask cluster.
+
+joblib runs the same function in all three places. Each answer is kept in the user's cache as soon
+as it is there, by the recording's content, the question and the estimator's code: what was
+interrupted goes on from there.
+"""
+
+import contextlib
+import hashlib
+import logging
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+
+from common import compiled
+from common.errors import ContactdError, LogError
+from programs.recordings.labels import Label
+from programs.recordings.question import Answer, Question
+from programs.recordings.row_cache import cache_directory, content_digest
+from programs.recordings.whatif import ask
+
+_ADDRESS = re.compile(r"[a-z]+://[^/\s]+:\d+", re.ASCII)
+_KEPT = 5  # layout of the answers in the cache
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """A recording with its labels."""
+
+    file: str
+    labels: tuple[Label, ...] = ()
+
+
+def recordings_in(places: Sequence[Path]) -> list[Path]:
+    """Recordings that are named, and all .mcap below folders that are. Raises LogError where there
+    are none."""
+    found: list[Path] = []
+    for place in places:
+        if place.is_dir():
+            inside = sorted(path for path in place.rglob("*.mcap") if path.is_file())
+            if not inside:
+                raise LogError(f"{place}: there is no recording (.mcap) in it")
+            found += inside
+        else:
+            found.append(place)
+    return list(dict.fromkeys(found))
+
+
+def answers(
+    question: Question,
+    asked: Sequence[Asked],
+    workers: int = 1,
+    scheduler: str = "",
+    progress: Callable[[float], None] = lambda share: None,
+) -> Iterator[Answer]:
+    """Answers in the order in which they come; `progress` gets how much of a recording was read
+    where it is read here.
+
+    `scheduler` is a dask scheduler's address, whose workers see the same files. Raises LogError
+    where joblib or dask is missing or cannot be reached.
+    """
+    if not scheduler and (workers <= 1 or len(asked) <= 1):
+        yield from (kept_answer(question, one, progress=progress) for one in asked)
+        return
+    try:
+        import joblib  # noqa: PLC0415 - an extra
+    except ImportError as error:
+        raise LogError(
+            "--workers and --scheduler need joblib (pip install 'contactd[cluster]')"
+        ) from error
+    with contextlib.ExitStack() as stack:
+        if scheduler:
+            stack.enter_context(_on_cluster(scheduler))
+        parallel = joblib.Parallel(
+            n_jobs=-1 if scheduler else workers, return_as="generator_unordered", batch_size=1
+        )
+        yield from parallel(joblib.delayed(kept_answer)(question, one) for one in asked)
+
+
+@contextlib.contextmanager
+def _on_cluster(scheduler: str) -> Iterator[None]:
+    try:
+        from dask.distributed import Client  # noqa: PLC0415 - an extra
+        from joblib import parallel_config  # noqa: PLC0415
+    except ImportError as error:
+        raise LogError(
+            "--scheduler needs dask.distributed (pip install 'contactd[cluster]')"
+        ) from error
+    if not _ADDRESS.fullmatch(scheduler):
+        raise LogError(f"--scheduler {scheduler}: must be like tcp://127.0.0.1:8786")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # its tracebacks add nothing
+    try:
+        client = Client(scheduler, timeout="3s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise LogError(f"--scheduler {scheduler}: cannot be reached: {error}") from error
+    with client, parallel_config(backend="dask", client=client):
+        yield
+
+
+def kept_answer(
+    question: Question,
+    asked: Asked,
+    cache: Path | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Answer:
+    """Answer of one recording, from the cache if it was given before."""
+    try:
+        file = _recording(Path(asked.file))
+        digest = content_digest(file)
+    except ContactdError as error:
+        return Answer(file=asked.file, failed=str(error))
+    key = hashlib.blake2b(
+        msgspec.json.encode(
+            [_KEPT, version("contactd"), compiled.sources(), question, asked.labels]
+        ),
+        digest_size=16,
+    ).hexdigest()
+    kept = (cache or cache_directory()) / "answers" / f"{digest}-{key}.json"
+    with contextlib.suppress(OSError, msgspec.DecodeError):
+        found = msgspec.json.decode(kept.read_bytes(), type=Answer)
+        found.file = asked.file
+        return found
+    answer = ask(file, question, asked.labels, cache, progress)
+    answer.file = asked.file
+    if not answer.failed:
+        _keep(kept, answer)
+    return answer
+
+
+def _recording(file: Path) -> Path:
+    """The recording itself, or that which a log of the black box gives."""
+    if file.suffix.lower() == ".mcap":
+        return file
+    from programs.recordings.recomputed import as_recording  # noqa: PLC0415 - slow
+
+    return as_recording(file)
+
+
+def _keep(path: Path, answer: Answer) -> None:
+    """Write an answer; without a place for it, it is asked again next time."""
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file, name = tempfile.mkstemp(dir=path.parent, prefix=".partial-")
+        with os.fdopen(file, "wb") as stream:
+            stream.write(msgspec.json.encode(answer))
+        Path(name).replace(path)

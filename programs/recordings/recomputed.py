@@ -1,0 +1,250 @@
+"""Recording made of the black box's frames: samples of the drives, and recomputed estimates.
+
+The frames go through the same decoder as in the daemon, and the estimator begins anew, as after
+switching on: what it had learned is not in the frames, so its levels are higher than those that
+were in force. Modes are not on the bus either: an arm whose drives are all enabled counts as
+holding. The faults are those that the daemon reported to the black box.
+"""
+
+import math
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import can
+import msgspec
+import numpy as np
+from mcap.writer import Writer
+
+from common.errors import LogError
+from common.new_file import whole_file
+from daemon.assembly import build_estimator
+from daemon.config.dynamics import model_of
+from daemon.config.load import parse_configuration
+from daemon.config.schema import Configuration
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Notice, Snapshot, State, format_refusal
+from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
+from daemon.tick.decision import Decision
+from daemon.tick.telemetry import TickRecord, Wakeup, state_of
+from drivers.answers import Answers, Counters, Samples
+from drivers.cia402 import DriveState
+from drivers.codec import link_side, receive_pdos
+from drivers.ids import SYNC
+from estimator.estimator import Estimator
+from programs.clients.recorder import CHUNK_BYTES, KINDS, PROFILE
+from programs.clients.viewer_schema import viewer_schema
+from programs.recordings.row_cache import cache_directory, content_digest
+
+SERVICE_STATE: Final = Path("/var/lib/contactd")
+CAUSE: Final = "recomputed from frames: neither modes nor what was learned are on the bus"
+#: The readers close no file that they cannot read.
+_READERS: Final[dict[str, tuple[Any, str]]] = {
+    ".blf": (can.BLFReader, "rb"),
+    ".log": (can.CanutilsLogReader, "r"),
+    ".asc": (can.ASCReader, "r"),
+}
+_LAYOUT: Final = 2  # of the recordings in the cache
+
+
+def last_fault() -> Path:
+    """The newest log of the black box that has a fault, else the newest at all, this user's or the
+    service's. Raises LogError."""
+    places = [default_directory(), SERVICE_STATE]
+    logs: list[Path] = []
+    for place in places:
+        try:
+            logs += place.glob("frames-*Z.blf")
+        except OSError:
+            continue
+    if not logs:
+        where = " or ".join(map(str, dict.fromkeys(places)))
+        raise LogError(f"there is no log of a black box in {where}")
+    logs.sort(key=lambda log: log.name, reverse=True)
+    return next((log for log in logs if _faults_of(log)), logs[0])
+
+
+def _faults_of(log: Path) -> list[tuple[float, str]]:
+    """Faults that the context of a log names; none where there is no context that can be read."""
+    try:
+        return msgspec.json.decode(context_of_log(log).read_bytes(), type=Context).faults
+    except (OSError, msgspec.DecodeError):
+        return []
+
+
+def as_recording(path: Path) -> Path:
+    """The recording that a log of the black box gives, kept in the user's cache; any other file is
+    taken for a recording. Raises LogError."""
+    if path.suffix.lower() not in FORMATS:
+        return path
+    context = context_of_log(path)
+    if not context.exists():
+        raise LogError(f"{path}: {context.name} is not beside it, which describes its frames")
+    of_what = f"{content_digest(path)[:12]}-{content_digest(context)[:12]}-{_LAYOUT}"
+    target = cache_directory() / "recomputed" / of_what / f"{path.stem}.mcap"
+    if not target.exists():
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LogError(f"cannot write {target}: {error.strerror or error}") from error
+        found = recomputed(path, context)
+        with whole_file(target) as partial:
+            _write(partial, *found)
+    return target
+
+
+def recomputed(log: Path, context: Path) -> tuple[Snapshot, list[State]]:
+    """Snapshot and States of a log. Raises LogError, ConfigurationError."""
+    try:
+        kept = msgspec.json.decode(context.read_bytes(), type=Context)
+        snapshot = msgspec.json.decode(kept.snapshot, type=Snapshot)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise LogError(f"{context} cannot be read: {error}") from error
+    if refusal := format_refusal(snapshot.format):
+        raise LogError(f"{context} is {refusal}")
+    c = parse_configuration(snapshot.configuration, str(context), snapshot.identified)
+    try:
+        reader, mode = _READERS[log.suffix.lower()]
+        with log.open(mode) as stream:
+            states = list(_states(reader(stream), c, snapshot.urdf, kept.faults))
+    except (OSError, ValueError, struct.error, can.CanError) as error:
+        raise LogError(f"{log} cannot be read: {error}") from error
+    if not states:
+        raise LogError(f"{log}: there is no SYNC with the answers of all drives in it")
+    return snapshot, states
+
+
+def _states(
+    frames: Any, c: Configuration, urdf: str, faults: list[tuple[float, str]]
+) -> Iterator[State]:
+    """A State for every SYNC, once every drive has answered."""
+    answers = Answers(c.joint_drives, Counters(), lambda event: None, c.period_s)
+    setpoints = _Setpoints(c)
+    run = _Recomputing(c, build_estimator(c, model_of(c, urdf)), faults)
+    sync_s: float | None = None
+    for frame in frames:
+        if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
+            continue
+        if frame.arbitration_id == SYNC:
+            if sync_s is not None:
+                samples = answers.finish(())
+                state = run.state(sync_s, samples, setpoints.velocity, sync_s)
+                if state is not None:
+                    yield state
+            sync_s = float(frame.timestamp)
+            answers.expect_all(sync_s)
+        elif frame.is_rx:
+            answers.take(frame.arbitration_id, bytes(frame.data))
+        else:
+            setpoints.take(frame.arbitration_id, bytes(frame.data))
+    if sync_s is not None:  # what ended the daemon, or its bus, came after the last SYNC
+        state = run.state(sync_s, answers.finish(()), setpoints.velocity, math.inf)
+        if state is not None:
+            yield state
+
+
+class _Setpoints:
+    """Target velocities that were sent last (n,) [rad/s]."""
+
+    def __init__(self, c: Configuration) -> None:
+        self.velocity = np.zeros(len(c.joints))
+        self._slots: dict[int, tuple[int, Any, int, float, float]] = {}
+        for i, drive in enumerate(c.joint_drives):
+            gain, bias = link_side(drive, "target_velocity")
+            for pdo in receive_pdos(drive):
+                for place, part in enumerate(pdo.fields):
+                    if part.entry == "target_velocity":
+                        self._slots[pdo.cob_id] = (i, pdo.layout, place, gain, bias)
+
+    def take(self, cob_id: int, data: bytes) -> None:
+        """Keep what an RPDO asks for."""
+        if (slot := self._slots.get(cob_id)) is not None:
+            i, layout, place, gain, bias = slot
+            if len(data) >= layout.size:
+                self.velocity[i] = (layout.unpack_from(data)[place] - bias) / gain
+
+
+class _Recomputing:
+    """States, one after another."""
+
+    def __init__(
+        self, c: Configuration, estimator: Estimator, faults: list[tuple[float, str]]
+    ) -> None:
+        self._estimator, self._period_s = estimator, c.period_s
+        self._faults = sorted(faults)
+        self._begun_s: float | None = None
+        self._before_s = 0.0
+        self._tick = -1
+        self._faulted = False
+
+    def state(
+        self, time_s: float, samples: Samples, setpoint: np.ndarray, until_s: float
+    ) -> State | None:
+        """State of the SYNC at this time of day [s], with the faults until another; None before
+        every drive has answered."""
+        if not np.isfinite(samples.current).all():
+            return None
+        if self._begun_s is None:
+            self._begun_s, self._before_s = time_s, time_s - self._period_s
+        interval_s = time_s - self._before_s
+        if not 0.0 < interval_s < math.inf:
+            return None
+        self._before_s = time_s
+        self._tick += 1
+        estimate = self._estimator.step(
+            samples.current, samples.link_position, samples.motor_velocity,
+            samples.motor_position, interval_s, fresh=samples.fresh,
+        )  # fmt: skip
+        since_s = time_s - self._begun_s
+        return state_of(
+            TickRecord(
+                number=self._tick,
+                time_s=since_s,
+                wakeup=Wakeup(monotonic_s=since_s, wall_s=time_s),
+                samples=samples,
+                interval_s=interval_s,
+                estimate=estimate,
+                sensing=estimate.sensing,
+                sensing_since_s=np.zeros(len(samples.current)),
+                decision=Decision(
+                    power=(), reset=False, velocity=setpoint, reference=samples.link_position
+                ),
+                mode=self._mode(samples, until_s),
+                cause=CAUSE,
+                notices=self._notices(until_s),
+            )
+        )
+
+    def _notices(self, time_s: float) -> tuple[Notice, ...]:
+        notices = []
+        while self._faults and self._faults[0][0] <= time_s:
+            notices.append(Notice(kind="fault", text=self._faults.pop(0)[1]))
+        self._faulted = self._faulted or bool(notices)
+        return tuple(notices)
+
+    def _mode(self, samples: Samples, time_s: float) -> Mode:
+        if all(state is DriveState.OPERATION_ENABLED for state in samples.states):
+            return Mode.HOLDING
+        now = bool(self._faults) and self._faults[0][0] <= time_s
+        return Mode.FAULTED if self._faulted or now else Mode.OFF
+
+
+def _write(path: Path, snapshot: Snapshot, states: list[State]) -> None:
+    """A recording of these States."""
+    with path.open("wb") as stream:
+        log = Writer(stream, chunk_size=CHUNK_BYTES)
+        log.start(profile=PROFILE, library=snapshot.program)
+        channels: dict[type[Snapshot] | type[State], int] = {}
+        for topic, kind in KINDS.items():
+            schema = msgspec.json.encode(viewer_schema(kind))
+            number = log.register_schema(f"contactd.{kind.__name__}", "jsonschema", schema)
+            channels[kind] = log.register_channel(topic, "json", number)
+
+        def add(kind: type[Snapshot] | type[State], data: bytes, wall_s: float) -> None:
+            log.add_message(channels[kind], round(wall_s * 1e9), data, round(wall_s * 1e9))
+
+        add(Snapshot, msgspec.json.encode(snapshot), states[0].timing.wall_s)
+        for state in states:
+            add(State, msgspec.json.encode(state), state.timing.wall_s)
+        log.finish()  # type: ignore[no-untyped-call]

@@ -1,0 +1,170 @@
+"""Rows of a recording, recomputed from its samples with other settings.
+
+The estimator goes on from the recorded memory, with all that was learned until then, or begins
+anew, as after switching on. The motion stays the recorded one, with the reactions of then.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
+
+from common.errors import LogError, ModelError
+from daemon.assembly import build_estimator
+from daemon.config.dynamics import model_of
+from daemon.config.schema import Configuration
+from daemon.modes.table import SENSING
+from daemon.protocol.messages import Snapshot, State
+from estimator.estimator import Estimator
+from programs.clients.columns import Layout
+from programs.clients.replay import SAME_ESTIMATOR, alike, batches, resets
+from programs.recordings.carried import Carried
+from programs.recordings.rows import Rows, RowsHeader
+from programs.recordings.settings import Change, changed_configuration
+
+_SENSING = frozenset(mode.value for mode in SENSING)
+
+
+@dataclass(slots=True)
+class ReplayedRows:
+    """Rows of a recording with changed settings. Raises ContactdError where they do not fit."""
+
+    path: Path
+    changes: Sequence[Change]
+    fresh: bool
+    skipped: int = 0
+    """States left out, as the estimator does not know how they began"""
+    _configuration: Configuration | None = None
+    _estimator: Estimator | None = None
+    _carried: Carried | None = None
+    _layout: Layout = field(default_factory=lambda: Layout((), ()))
+    _begun_s: float | None = None
+    _tick: int = -1
+    _mode: str = ""
+
+    def header(self, recorded: RowsHeader) -> RowsHeader:
+        """Header of the recorded rows, with the changed settings."""
+        c = self._settings()
+        return replace(
+            recorded,
+            contact=[joint.thresholds.contact for joint in c.joints],
+            debounce=c.estimator.debounce,
+            learned=c.estimator.learning,
+            shares_known=True,
+            residual=c.estimator.residual.name,
+            beside=[variant.name for variant in c.estimator.beside],
+        )
+
+    def parts(
+        self, residual: str = "", progress: Callable[[float], None] = lambda share: None
+    ) -> Iterator[Rows]:
+        """Rows of every batch, with the residual of that name, by default the one that decides.
+        What follows a gap is left out until the next snapshot. A recording that breaks off ends
+        there."""
+        rows = 0
+        try:
+            for batch in batches(self.path, progress):
+                if isinstance(batch, Snapshot):
+                    self._restart(batch)
+                    continue
+                if self._begun_s is None:
+                    self._begun_s = batch[0].time_s
+                for states in _stretches(batch):
+                    for same in alike(states):
+                        if part := self._step(same, residual):
+                            rows += len(same)
+                            yield part
+                        else:
+                            self.skipped += len(same)
+        except LogError:
+            if not rows:
+                raise
+        if not rows:
+            raise LogError("has no state that follows on a snapshot; --fresh begins without")
+
+    def _settings(self) -> Configuration:
+        if self._configuration is None:
+            for batch in batches(self.path):
+                if isinstance(batch, Snapshot):
+                    self._configuration = changed_configuration(batch, self.changes)
+                    break
+        assert self._configuration is not None
+        return self._configuration
+
+    def _restart(self, snapshot: Snapshot) -> None:
+        c = self._configuration = changed_configuration(snapshot, self.changes)
+        self._estimator = build_estimator(c, model_of(c, snapshot.urdf))
+        self._carried = Carried(self.changes, c, self._estimator.model)
+        self._layout = Layout(
+            tuple(c.joint_names), tuple(variant.name for variant in c.estimator.beside)
+        )
+        if not self.fresh:
+            self._restore(self._estimator, snapshot)
+        self._tick, self._mode = snapshot.tick, ""
+
+    def _restore(self, estimator: Estimator, snapshot: Snapshot) -> None:
+        if not snapshot.memory:
+            raise LogError(
+                "is made of frames, without the estimator's memory; --fresh begins without"
+            )
+        if snapshot.format < SAME_ESTIMATOR:
+            raise LogError(
+                f"is of format {snapshot.format}: its estimator's memory is another's; --fresh "
+                "begins without"
+            )
+        try:
+            estimator.restore(snapshot.memory)
+        except (ModelError, LookupError, TypeError, ValueError, OverflowError) as error:
+            raise LogError(
+                f"has a memory of the estimator that does not fit these settings ({error}): "
+                "--fresh begins without"
+            ) from error
+
+    def _step(self, states: list[State], residual: str) -> Rows | None:
+        """Rows of States that are alike, without a gap; None where the estimator does not know how
+        it began."""
+        follows = states[0].tick == self._tick + 1
+        if not follows and not self.fresh:
+            self._estimator = None
+        if self._estimator is None or self._carried is None:
+            return None
+        if not follows:
+            self._estimator.restart()
+        self._carried.apply(self._estimator, states[0])
+        made = self._estimator.run(self._layout.samples(states), resets(self._mode, states))
+        begun = self._mode != ""
+        self._tick, self._mode = states[-1].tick, str(states[-1].mode)
+        c = self._configuration
+        assert c is not None
+        if residual in ("", c.estimator.residual.name):
+            values = made.residual
+        elif residual in made.beside:
+            values = made.beside[residual]
+        else:
+            known = ", ".join([c.estimator.residual.name, *made.beside])
+            raise LogError(f"has no residual {residual!r}; there are: {known}")
+        n = len(self._layout.joints)
+        reports = [
+            (state.sensing or [True] * n) if state.mode in _SENSING else [False] * n
+            for state in states
+        ]
+        assert self._begun_s is not None
+        return Rows(
+            time_s=np.array([state.time_s for state in states]) - self._begun_s,
+            follows=follows and begun,
+            reports=np.array(reports, dtype=np.bool_),
+            residual=values,
+            threshold=made.threshold,
+            level_share=made.level_share,
+        )
+
+
+def _stretches(states: list[State]) -> Iterator[list[State]]:
+    """The States, divided where ticks are missing."""
+    begin = 0
+    for k in range(1, len(states) + 1):
+        if k == len(states) or states[k].tick != states[k - 1].tick + 1:
+            yield states[begin:k]
+            begin = k

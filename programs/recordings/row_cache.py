@@ -1,0 +1,211 @@
+"""Columns of recordings in the user's cache, by the recordings' content.
+
+A recording is read once, and the next question about it takes a fraction of a second. What is
+damaged there is made anew; where nothing can be kept, columns last as long as the question.
+"""
+
+import contextlib
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import IO, Any, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Matrix
+from common.errors import LogError
+from common.regular_file import open_regular
+from daemon.protocol.messages import Snapshot
+from programs.clients.replay import batches
+from programs.recordings.rows import MATRICES, Rows, RowsGatherer, RowsHeader, beside_column
+
+PART: Final = 16384  # rows at once
+LAYOUT: Final = 3  # of the files
+PARTIAL_S: Final = 24 * 3600.0  # after which it is abandoned
+MOST_BYTES: Final = 4 << 30  # of all recordings
+
+
+def cache_directory() -> Path:
+    """Contactd's folder in the user's cache."""
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "contactd"
+
+
+def content_digest(path: Path) -> str:
+    """Digest of a file's content. Raises LogError."""
+    try:
+        with open_regular(path) as stream:
+            digest = hashlib.blake2b(digest_size=16)
+            while part := stream.read(1 << 20):
+                digest.update(part)
+            return digest.hexdigest()
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror}") from error
+
+
+class CachedRows:
+    """The columns of one recording, read if they are not in the cache yet; to be closed. Raises
+    LogError for a recording that cannot be read."""
+
+    def __init__(
+        self,
+        path: Path,
+        digest: str,
+        cache: Path | None = None,
+        progress: Callable[[float], None] = lambda share: None,
+    ) -> None:
+        root = (cache or cache_directory()) / "columns"
+        self._folder = root / f"{digest}-{LAYOUT}"
+        self._passing: tempfile.TemporaryDirectory[str] | None = None
+        header = _kept(self._folder)
+        if header is None:
+            if not _fill(path, self._folder, progress):
+                self._passing = tempfile.TemporaryDirectory(prefix="contactd-columns-")
+                self._folder = Path(self._passing.name)
+                _write_folder(path, self._folder, progress)
+            header = _kept(self._folder)
+            _forget_oldest(root, keep=self._folder)
+        if header is None:
+            raise LogError(f"cannot keep what {path} holds in {self._folder}: another wrote there")
+        self.header = header
+        with contextlib.suppress(OSError):
+            os.utime(self._folder)  # used last
+
+    def close(self) -> None:
+        """Forget columns that could not be kept."""
+        if self._passing is not None:
+            self._passing.cleanup()
+
+    def parts(self, residual: str = "") -> Iterator[Rows]:
+        """All rows, with the residual of that name, by default the one that decided. Raises
+        LogError if it was not recorded."""
+        h = self.header
+        if residual in ("", h.residual):
+            name = "residual"
+        elif residual in h.beside:
+            name = beside_column(h.beside.index(residual))
+        else:
+            known = ", ".join([h.residual, *h.beside])
+            raise LogError(f"has no residual {residual!r}; there are: {known}")
+        edges = sorted({0, h.rows, *h.stretches, *range(0, h.rows, PART)})
+        n = len(h.joints)
+        with contextlib.ExitStack() as stack:
+
+            def opened(column: str) -> IO[bytes]:
+                return stack.enter_context((self._folder / column).open("rb"))
+
+            time_s, reports = opened("time_s"), opened("reports")
+            matrices = {
+                column: opened(name if column == "residual" else column) for column in MATRICES
+            }
+            for begin, end in pairwise(edges):
+                count = end - begin
+
+                def rows(stream: IO[bytes], count: int = count) -> Matrix:
+                    return np.fromfile(stream, np.float64, count * n).reshape(count, n)
+
+                yield Rows(
+                    time_s=np.fromfile(time_s, np.float64, count),
+                    follows=begin > 0 and begin not in h.stretches,
+                    reports=np.fromfile(reports, np.bool_, count * n).reshape(count, n),
+                    **{column: rows(stream) for column, stream in matrices.items()},
+                )
+
+
+def _kept(folder: Path) -> RowsHeader | None:
+    """Header of columns that are whole; None where they are not."""
+    try:
+        header = msgspec.json.decode((folder / "header.json").read_bytes(), type=RowsHeader)
+        rows, values = header.rows, header.rows * len(header.joints)
+        sizes = {"time_s": 8 * rows, "reports": values}
+        besides = [beside_column(k) for k in range(len(header.beside))]
+        sizes |= dict.fromkeys([*MATRICES, *besides], 8 * values)
+        whole = all((folder / name).stat().st_size == size for name, size in sizes.items())
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    return header if whole else None
+
+
+def _fill(path: Path, folder: Path, progress: Callable[[float], None]) -> bool:
+    """Write the columns of a recording; False where nothing can be written. Raises LogError."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder.parent))
+    except OSError:
+        return False
+    try:
+        _write_folder(path, partial, progress)
+        if _kept(folder) is None:  # no other process was faster
+            shutil.rmtree(folder, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                partial.rename(folder)
+    except _NoRoomError:
+        return False
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return True
+
+
+class _NoRoomError(LogError):
+    """There is no room for the columns."""
+
+
+def _write_folder(path: Path, folder: Path, progress: Callable[[float], None]) -> None:
+    try:
+        with contextlib.ExitStack() as stack:
+            header = _write(path, folder, stack, progress)
+        (folder / "header.json").write_bytes(msgspec.json.encode(header))
+    except OSError as error:
+        raise _NoRoomError(f"cannot write {folder}: {error.strerror or error}") from error
+
+
+def _write(
+    path: Path, folder: Path, stack: contextlib.ExitStack, progress: Callable[[float], None]
+) -> RowsHeader:
+    """Columns of `path` as files in `folder`."""
+    files: dict[str, IO[bytes]] = {}
+
+    def put(name: str, values: NDArray[Any]) -> None:
+        if name not in files:
+            files[name] = stack.enter_context((folder / name).open("wb"))
+        files[name].write(values.tobytes())
+
+    gatherer: RowsGatherer | None = None
+    broken = ""
+    try:
+        for batch in batches(path, progress):
+            if isinstance(batch, Snapshot):
+                gatherer = gatherer or RowsGatherer(batch)
+                gatherer.refuse_other_arm(path, batch)
+                continue
+            assert gatherer is not None
+            for name, values in gatherer.columns(batch).items():
+                put(name, values)
+    except LogError as error:
+        if gatherer is None or not gatherer.rows:
+            raise
+        broken = str(error).removeprefix(f"{path} ")  # it may be asked under another name
+    if gatherer is None or not gatherer.rows:
+        raise LogError(f"{path} is a recording without any state")
+    return gatherer.header(broken)
+
+
+def _forget_oldest(root: Path, keep: Path) -> None:
+    """Remove the columns that were used longest ago, beyond MOST_BYTES."""
+    with contextlib.suppress(OSError):
+        folders = sorted(root.glob("[!.]*"), key=lambda f: f.stat().st_mtime, reverse=True)
+        total = 0
+        for left in root.glob(".partial-*"):  # by a process that was killed
+            if time.time() - left.stat().st_mtime > PARTIAL_S:
+                shutil.rmtree(left, ignore_errors=True)
+        for folder in folders:
+            total += sum(file.stat().st_size for file in folder.iterdir())
+            if total > MOST_BYTES and folder != keep:
+                shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,152 @@
+"""Rows of a recording: the values that decide on contacts, as arrays with one row per tick.
+
+They are gathered batch by batch, and come in parts, so that memory does not grow with the
+recording: `row_cache` keeps them in between.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Matrix, Vector
+from common.errors import LogError
+from daemon.config.load import parse_configuration
+from daemon.modes.table import SENSING, YIELDING
+from daemon.protocol.messages import Snapshot, State
+
+#: Columns of Rows with one number per joint.
+MATRICES: Final = ("residual", "threshold", "level_share")
+_LEARNS_SINCE: Final = 4  # format
+_SENSING: Final = frozenset(mode.value for mode in SENSING)
+_YIELDING: Final = frozenset(mode.value for mode in YIELDING)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Consecutive ticks, (ticks,) or (ticks, n); torques [Nm]."""
+
+    time_s: Vector
+    """from the first State of the recording"""
+    follows: bool
+    """no tick is missing before the first"""
+    reports: NDArray[np.bool_]
+    """joints whose contacts were reported: the arm was energised and the joint did sense"""
+    residual: Matrix
+    threshold: Matrix
+    """in force"""
+    level_share: Matrix
+    """share of the configured level in force; 1 where it was not recorded"""
+
+
+class RowsHeader(msgspec.Struct, frozen=True, kw_only=True):
+    """Header that all rows of a recording share."""
+
+    joints: list[str]
+    contact: list[float]  # configured levels [Nm]
+    debounce: int  # [ticks]
+    learned: bool  # learning was on
+    shares_known: bool  # level_share was recorded
+    residual: str  # name of the one that decided
+    beside: list[str]
+    rows: int
+    period_s: float  # that a row stands for
+    stretches: list[int]  # rows before which ticks are missing
+    duration_s: float
+    reaction_s: float | None  # when the arm first reacted to a contact
+    broken: str = ""  # reason why the recording ends early, without its name
+
+
+def beside_column(number: int) -> str:
+    """Column of a residual that ran beside: its name may be anything, a path, too."""
+    return f"beside_{number}"
+
+
+class RowsGatherer:
+    """Makes the columns of one recording, batch by batch."""
+
+    def __init__(self, snapshot: Snapshot) -> None:
+        c = parse_configuration(
+            snapshot.configuration, "the recorded configuration", snapshot.identified
+        )
+        self._joints, self._configuration = tuple(snapshot.joints), c
+        self._n, self._format = len(self._joints), snapshot.format
+        self._beside: tuple[str, ...] | None = None
+        self.rows = 0
+        self._stretches: list[int] = []
+        self._begun_s = self._ended_s = 0.0
+        self._tick = -1
+        self._reaction_s: float | None = None
+        self._mode = ""
+        self._shares_known = True
+
+    def refuse_other_arm(self, path: Path, snapshot: Snapshot) -> None:
+        """Raise LogError for the snapshot of another arm."""
+        if tuple(snapshot.joints) != self._joints:
+            raise LogError(f"{path} has recordings of two arms in it")
+
+    def columns(self, states: Sequence[State]) -> dict[str, NDArray[Any]]:
+        """Columns of the next States, by the name of their file."""
+        if self._beside is None:
+            self._beside, self._begun_s = tuple(states[0].beside), states[0].time_s
+        elif states[0].tick != self._tick + 1:
+            self._stretches.append(self.rows)
+        for k, state in enumerate(states):
+            if k and state.tick != states[k - 1].tick + 1:
+                self._stretches.append(self.rows + k)
+            self._heed(state)
+        self._tick, self._ended_s = states[-1].tick, states[-1].time_s
+        self.rows += len(states)
+        if states[0].level_share is None:
+            self._shares_known = False
+        ones = [1.0] * self._n
+        never, always = [False] * self._n, [True] * self._n
+        reports = [
+            (state.sensing or always) if state.mode in _SENSING else never for state in states
+        ]
+        return {
+            "time_s": np.array([state.time_s for state in states]) - self._begun_s,
+            "reports": np.array(reports, dtype=np.bool_),
+            "residual": np.array([state.residual for state in states]),
+            "threshold": np.array([state.threshold for state in states]),
+            "level_share": np.array([state.level_share or ones for state in states]),
+            **{
+                beside_column(k): self._of_variant(states, name)
+                for k, name in enumerate(self._beside)
+            },
+        }
+
+    def _of_variant(self, states: Sequence[State], name: str) -> Matrix:
+        nothing = [0.0] * self._n
+        found = [state.beside.get(name, nothing) for state in states]
+        return np.array([row if len(row) == self._n else nothing for row in found])
+
+    def _heed(self, state: State) -> None:
+        if self._reaction_s is None:
+            changed = any(notice.kind == "mode" for notice in state.notices)
+            touched = any(notice.contact is not None for notice in state.notices)
+            if state.mode in _YIELDING or (changed and touched):
+                self._reaction_s = state.time_s - self._begun_s
+
+    def header(self, broken: str) -> RowsHeader:
+        """Header of the rows."""
+        c = self._configuration
+        return RowsHeader(
+            joints=list(self._joints),
+            contact=[joint.thresholds.contact for joint in c.joints],
+            debounce=c.estimator.debounce,
+            learned=c.estimator.learning and self._format >= _LEARNS_SINCE,
+            shares_known=self._shares_known,
+            residual=c.estimator.residual.name,
+            beside=list(self._beside or ()),
+            rows=self.rows,
+            period_s=c.period_s,
+            stretches=self._stretches,
+            duration_s=self._ended_s - self._begun_s,
+            reaction_s=self._reaction_s,
+            broken=broken,
+        )

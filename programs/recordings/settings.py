@@ -1,0 +1,123 @@
+"""Other settings for a recorded arm: `PATH=VALUE`, as `contactd whatif --set` takes them.
+
+PATH goes down the configuration, a joint by its name: `estimator.gain=20`,
+`joints.LElbowYaw.friction.motor_coulomb=0.4`. `identified=FILE` takes all of another
+identified.yaml, and `payload=VALUE` is the payload in the hand (`carried`). VALUE is YAML.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, get_type_hints
+
+import msgspec
+import yaml
+
+from common.errors import ConfigurationError
+from common.regular_file import read_text
+from daemon.config.load import parse_configuration
+from daemon.config.schema import Configuration
+from daemon.protocol.messages import Snapshot, printable
+
+IDENTIFIED: Final = "identified"
+PAYLOAD: Final = "payload"
+REPLAYED: Final = ("estimator", "joints", "payloads")
+"""Parts of a configuration that a replay uses."""
+_EXPONENT: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+", re.ASCII)
+Change = tuple[str, str]
+"""PATH and VALUE."""
+
+
+def parse_change(text: str) -> Change:
+    """PATH and VALUE of `PATH=VALUE`; of another identified.yaml its text. Raises
+    ConfigurationError."""
+    path, equals, value = text.partition("=")
+    if not (path and equals and value):
+        raise ConfigurationError(f"--set {printable(text)}: must be PATH=VALUE")
+    if path == IDENTIFIED:
+        try:
+            return path, read_text(Path(value))
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigurationError(f"--set {text}: cannot read {value}: {error}") from error
+    return path, value
+
+
+def changed_configuration(snapshot: Snapshot, changes: Sequence[Change]) -> Configuration:
+    """The recorded configuration with these changes, in their order. Raises ConfigurationError."""
+    identified = next(
+        (value for path, value in reversed(changes) if path == IDENTIFIED), snapshot.identified
+    )
+    configuration = parse_configuration(
+        snapshot.configuration, "the recorded configuration", identified
+    )
+    for path, value in changes:
+        if path not in (IDENTIFIED, PAYLOAD):
+            keys, parsed = path.split("."), parsed_value(path, value)
+            try:
+                configuration = _with(configuration, keys, parsed, path)
+            except msgspec.ValidationError as error:
+                raise ConfigurationError(f"{as_option(path, value)}: {error}") from error
+            if keys[0] not in REPLAYED:
+                raise ConfigurationError(
+                    f"{as_option(path, value)}: would change nothing: a replay goes by "
+                    f"{', '.join(REPLAYED)}, {IDENTIFIED} and {PAYLOAD}"
+                )
+    if configuration.joint_names != snapshot.joints:
+        raise ConfigurationError("--set: the joints' names are those of the recording")
+    return configuration
+
+
+def parsed_value(path: str, value: str) -> Any:
+    """VALUE of a change; 1e-3 is a number, too, which YAML takes for text. Raises
+    ConfigurationError."""
+    if _EXPONENT.fullmatch(value.strip()):
+        return float(value)
+    try:
+        return yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{as_option(path, value)}: is not YAML") from error
+
+
+def _with(place: Any, keys: Sequence[str], value: Any, path: str) -> Any:
+    """A copy of `place` with another value under these keys. Raises ConfigurationError for a key
+    that is not there, msgspec.ValidationError for a value of another kind."""
+    key, *rest = keys
+    if isinstance(place, msgspec.Struct) and key in place.__struct_fields__:
+        before, kind = getattr(place, key), get_type_hints(type(place), include_extras=True)[key]
+        after = _with(before, rest, value, path) if rest else msgspec.convert(value, kind)
+        return msgspec.structs.replace(place, **{key: after})
+    if isinstance(place, list | tuple) and (index := _index(place, key)) is not None:
+        before = place[index]
+        after = _with(before, rest, value, path) if rest else msgspec.convert(value, type(before))
+        return type(place)([*place[:index], after, *place[index + 1 :]])
+    if isinstance(place, dict) and key in place:
+        after = (
+            _with(place[key], rest, value, path)
+            if rest
+            else msgspec.convert(value, type(place[key]))
+        )
+        return {**place, key: after}
+    known = _keys(place)
+    there = f"there are: {', '.join(known)}" if known else "there is nothing below"
+    raise ConfigurationError(f"--set {printable(path)}: no setting {printable(key)!r}; {there}")
+
+
+def _index(place: Sequence[Any], key: str) -> int | None:
+    """Row of a list by its name, or by its number from 0."""
+    for k, one in enumerate(place):
+        if getattr(one, "name", None) == key:
+            return k
+    return int(key) if key.isdecimal() and int(key) < len(place) else None
+
+
+def _keys(place: Any) -> list[str]:
+    if isinstance(place, msgspec.Struct):
+        return list(place.__struct_fields__)
+    if isinstance(place, list | tuple):
+        return [str(getattr(one, "name", k)) for k, one in enumerate(place)]
+    return list(place) if isinstance(place, dict) else []
+
+
+def as_option(path: str, value: str) -> str:
+    """A change as it was asked, for an error."""
+    return f"--set {printable(path)}={printable(value)[:80]}"

@@ -1,0 +1,1 @@
+"""`contactd simulate`: a simulated arm on a bus of its own."""

@@ -1,0 +1,71 @@
+"""`contactd simulate`: the simulated arm at the other end of the bus, in a process of its own."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from common.errors import BusError, ConfigurationError
+from daemon.config.load import Robot
+from daemon.protocol.socket_path import default_hand_path
+from daemon.service.realtime import go_realtime
+from programs.command_line.sentences import say
+from programs.simulate.simulated_robot import refused_drives, true_arm
+from simulator.hand_door import HandDoor
+from simulator.hand_script import read_script
+from simulator.server import serve, serve_on_bus
+
+
+def run_simulation(
+    robot: Robot, seed: int | None, friction: str | None, hand: Path | None, door: Path | None
+) -> None:
+    """Serve until SIGTERM or SIGINT; `door` is the socket of the live hand, where it is not the
+    usual one. Raises ContactdError."""
+    description, simulation = true_arm(robot)
+    for sentence in refused_drives(robot, simulation):
+        say(sentence, err=True)
+    chosen = {"seed": seed, "friction": friction}
+    changes = {name: value for name, value in chosen.items() if value is not None}
+    settings = msgspec.structs.replace(simulation.settings, **changes)
+    script = read_script(hand) if hand else ()
+    # Real drives are punctual; simulated ones need real-time priority for it.
+    go_realtime()
+    bus = robot.configuration.bus
+    with _live_hand(door) as live:
+        both: dict[str, Any] = {"hand_script": script, "events": sys.stdout.buffer, "door": live}
+        match bus.interface:
+            case "socketcand":
+                serve(description, settings, host=bus.host, port=bus.port, **both)
+            case "socketcan":
+                serve_on_bus(
+                    description, settings, interface=bus.interface, channel=bus.channel, **both
+                )
+            case other:
+                raise ConfigurationError(
+                    f"{robot.path}: bus.interface: {other} cannot be simulated by another process; "
+                    "use socketcand (over TCP) or socketcan (a real or virtual CAN interface)"
+                )
+
+
+@contextmanager
+def _live_hand(chosen: Path | None) -> Iterator[HandDoor | None]:
+    """Socket of the live hand. Where another simulation has the usual one, this goes without, and
+    says so; one that was chosen must be free: raises BusError."""
+    door: HandDoor | None = None
+    try:
+        door = HandDoor(chosen or default_hand_path())
+    except BusError as error:
+        if chosen is not None:
+            raise
+        click.echo(
+            f"contactd: no live hand here: {error} (choose another: --hand-socket)", err=True
+        )
+    try:
+        yield door
+    finally:
+        if door is not None:
+            door.close()

@@ -1,0 +1,256 @@
+"""Simulated counterpart of a robot: the true arm of `simulation.yaml`, and that file written once
+from a configuration, from where on the two go their own ways."""
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from common.errors import ConfigurationError
+from daemon.config.convert import convert
+from daemon.config.load import Robot
+from daemon.config.schema import Joint
+from daemon.config.yaml_source import read_yaml
+from drivers.codec import quantity
+from drivers.settings import DriveProfile, Quantity
+from simulator.description import ArmDescription, JointDescription
+from simulator.profile import TURN
+from simulator.truth import SimulationFile, described
+
+FILE, URDF = "simulation.yaml", "simulation.urdf"
+HEAD = """\
+# The true arm that `contactd simulate` simulates: docs/rehearsing.md. It shares nothing with
+# config.yaml: what is corrected there does not change what is simulated. Settings draw the rest:
+# masses, friction, gaps and torque constants are some per cent off (`settings.mismatch`), one way
+# or the other by `settings.seed`.
+"""
+FIXED = {"target_velocity": 0x60FF, "quick_stop_deceleration": 0x6085}
+
+
+def read_simulation(robot: Robot) -> SimulationFile:
+    """The robot's `simulation.yaml`; defaults where there is none. Raises ConfigurationError."""
+    path = robot.folder / FILE
+    if not path.exists():
+        return SimulationFile()
+    source = read_yaml(path)
+    simulation = convert(source, SimulationFile)
+    for name in simulation.initial_position:
+        if name not in robot.configuration.joint_names:
+            known = ", ".join(robot.configuration.joint_names)
+            line = source.line(["initial_position", name])
+            raise ConfigurationError(
+                f"{path}:{line}: initial_position.{name}: no such joint; there are: {known}"
+            )
+    return simulation
+
+
+def true_arm(robot: Robot) -> tuple[ArmDescription, SimulationFile]:
+    """The true arm of the robot's `simulation.yaml`. Raises ConfigurationError, where there is no
+    such file or it is of before the truth stood in it, too."""
+    simulation, path = read_simulation(robot), robot.folder / FILE
+    if not simulation.joints or not simulation.drives:
+        raise ConfigurationError(
+            f"{path}: the true arm is missing (`joints`, `drives`, `urdf`): "
+            f"`contactd simulate {robot.folder} --write-truth` writes them once from config.yaml"
+        )
+    return described(simulation, path, robot.configuration.period_s), simulation
+
+
+def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
+    """Drives of the true arm that `contactd run` is going to refuse, in sentences: node ids and
+    rated currents that differ in `config.yaml`."""
+    configured = {joint.name: joint.wiring for joint in robot.configuration.joints}
+    found = [
+        f"  {true.name}: {name} is {getattr(true, name):g} here, and "
+        f"{getattr(configured[true.name], name):g} in {robot.path.name}"
+        for true in simulation.joints
+        if true.name in configured
+        for name in ("node", "rated_current_A")
+        if getattr(true, name) != getattr(configured[true.name], name)
+    ]
+    if not found:
+        return []
+    return [
+        f"`contactd run` is going to refuse drives of this arm, which is that of {FILE}:",
+        *found,
+        f"To simulate the arm of {robot.path.name} instead, move {FILE} and {URDF} away, then "
+        f"`contactd simulate {robot.folder} --write-truth`",
+    ]
+
+
+def write_truth(robot: Robot) -> Path:
+    """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
+    return its path. The content of an older file is kept. Raises ConfigurationError where a truth
+    is there already, or the drives cannot be simulated."""
+    path, urdf = robot.folder / FILE, robot.folder / URDF
+    simulation = read_simulation(robot)
+    for there in (path if simulation.joints or simulation.drives else None, urdf):
+        if there is not None and there.exists():
+            raise ConfigurationError(
+                f"{there} is there already: it is never overwritten; to have the arm of now in its "
+                f"place, move {FILE} and {URDF} away first"
+            )
+    truth = in_yaml(as_configured(robot))
+    before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
+    shutil.copyfile(robot.folder / robot.configuration.urdf, urdf)
+    path.write_text(f"{before}urdf: {URDF}\n{truth}", encoding="utf-8")
+    return path
+
+
+def in_yaml(simulation: SimulationFile) -> str:
+    """`joints` and `drives` of a file; fields at their defaults are left out."""
+    data = {
+        "joints": [_stated(joint) for joint in simulation.joints],
+        "drives": {name: _stated(drive) for name, drive in simulation.drives.items()},
+    }
+    text = yaml.safe_dump(data, sort_keys=False, width=110, default_flow_style=None)
+    return re.sub(r"object: (\d+)", lambda found: f"object: 0x{int(found[1]):04X}", text)
+
+
+def _stated(part: msgspec.Struct) -> dict[str, Any]:
+    defaults = {field.name: field.default for field in msgspec.structs.fields(part)}
+    given = {k: v for k, v in msgspec.structs.asdict(part).items() if v != defaults[k]}
+    return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in given.items()}
+
+
+# --- an arm that is its configuration -------------------------------------------------------------
+
+
+def as_configured(robot: Robot) -> SimulationFile:
+    """Truth of an arm that is as its configuration says. Identified values are left out, or the arm
+    would change with every identification. Raises ConfigurationError for what the simulator lacks.
+    """
+    configuration = (robot.by_hand or robot).configuration
+    for joint in configuration.joints:
+        if joint.body is not None:
+            raise ConfigurationError(
+                f"{robot.path}: joints.{joint.name}.body: the simulated arm has the URDF's masses; "
+                "write these there"
+            )
+    model = robot.model
+    data = {
+        "joints": [
+            _true_joint(joint, float(model.lower[i]), float(model.upper[i]))
+            for i, joint in enumerate(configuration.joints)
+        ],
+        "drives": {
+            name: _true_drive(robot, name, profile)
+            for name, profile in configuration.drives.items()
+        },
+    }
+    return msgspec.convert(data, SimulationFile)
+
+
+def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:
+    """End stops are the URDF's limits; the daemon's own lie inside."""
+    wiring = joint.wiring
+    friction = ("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous")
+    return {
+        "name": joint.name,
+        "drive": wiring.profile,
+        **{
+            name: getattr(wiring, name)
+            for name in ("node", "gear", "rated_current_A", "max_current_A", "motor_sign",
+                         "link_sign", "link_offset")
+        },
+        **{n: getattr(joint, n) for n in ("torque_constant", "rotor_inertia", "half_gap")},
+        "friction": {name: getattr(joint.friction, name) for name in friction},
+        "lower": lower,
+        "upper": upper,
+        "brake": joint.end == "brake",
+    }  # fmt: skip
+
+
+def _true_drive(robot: Robot, name: str, profile: DriveProfile) -> dict[str, Any]:
+    for entry, index in FIXED.items():
+        where: Quantity = getattr(profile, entry)
+        if where.object != index or where.sign != 1 or where.offset != 0.0:
+            raise ConfigurationError(
+                f"{robot.path}: drives.{name}.{entry}: 0x{where.object:04X} with sign {where.sign} "
+                f"and offset {where.offset:g} cannot be simulated; simulated drives have it on "
+                f"0x{index:04X}, with sign 1 and no offset"
+            )
+    drive: dict[str, Any] = {
+        "eds": profile.eds,
+        "link_position": _encoder(profile.link_position),
+        "motor_velocity": _unit(profile.motor_velocity),
+        "effort": _unit(quantity(profile, profile.effort)),
+        "target_velocity_unit": profile.target_velocity.scale,
+        "deceleration_unit": profile.quick_stop_deceleration.scale,
+    }
+    if profile.motor_position is not None:
+        drive["motor_position"] = _encoder(profile.motor_position)
+    if profile.max_motor_speed is not None:
+        drive["speed_limit"] = _unit(profile.max_motor_speed)
+    return drive
+
+
+def _encoder(where: Quantity) -> dict[str, Any]:
+    """value = sign * (offset + scale * counts), so it is 0 at -offset / scale counts."""
+    return {
+        "object": where.object,
+        "subindex": where.subindex,
+        "counts": where.sign * round(TURN / where.scale),
+        "zero": round(-where.offset / where.scale),
+    }
+
+
+def _unit(where: Quantity) -> dict[str, Any]:
+    return {
+        "object": where.object,
+        "subindex": where.subindex,
+        "unit": where.scale,
+        "sign": where.sign,
+    }
+
+
+def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
+    """Arm that is as its configuration says, with drives of a make that is known by its product
+    code: for rigs, which simulate what they configure. Raises ConfigurationError."""
+    configuration = (robot.by_hand or robot).configuration
+    model = robot.model
+    profiles = {joint.wiring.profile for joint in configuration.joints}
+    if len(profiles) > 1:
+        raise ConfigurationError(
+            f"{robot.path}: drives: the joints use {', '.join(sorted(profiles))}; only one profile "
+            "can be simulated"
+        )
+    return ArmDescription(
+        urdf=robot.folder / configuration.urdf,
+        eds=robot.folder / configuration.drives[profiles.pop()].eds,
+        joints=tuple(
+            _joint(
+                joint,
+                float(model.lower[i]),
+                float(model.upper[i]),
+                simulation.initial_position.get(joint.name, 0.0),
+            )
+            for i, joint in enumerate(configuration.joints)
+        ),
+        period_s=configuration.period_s,
+    )
+
+
+def _joint(joint: Joint, lower: float, upper: float, start: float) -> JointDescription:
+    """Nominal joint, whose end stops are the URDF's limits; the daemon's own lie inside."""
+    return JointDescription(
+        name=joint.name,
+        node=joint.wiring.node,
+        gear=joint.wiring.gear,
+        rated_current_A=joint.wiring.rated_current_A,
+        max_current_A=joint.wiring.max_current_A,
+        torque_constant=joint.torque_constant,
+        rotor_inertia=joint.rotor_inertia,
+        half_gap=joint.half_gap,
+        motor_coulomb=joint.friction.motor_coulomb,
+        motor_viscous=joint.friction.motor_viscous,
+        link_coulomb=joint.friction.link_coulomb,
+        link_viscous=joint.friction.link_viscous,
+        lower=lower,
+        upper=upper,
+        initial_position=start,
+        brake=joint.end == "brake",
+    )

@@ -1,0 +1,185 @@
+"""Day record: the gears of one arm on one day (UTC), as a file of its own.
+
+Sums are kept, not means, so that a day that is begun again goes on. A file is written whole under
+another name and then renamed; one that is damaged is set aside, and reported. One of a day that has
+not come yet stays, and is left out: a clock was wrong, or is.
+"""
+
+import contextlib
+import math
+import os
+import re
+import tempfile
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import msgspec
+from msgspec import Meta
+
+from common.errors import LogError
+from common.regular_file import read_text
+
+DAYS_KEPT: Final = 800
+_NAME: Final = re.compile(r"^\d{4}-\d\d-\d\d\.json$")
+_DAMAGED: Final = ".damaged"
+# What a file may hold: sums beyond any day's are none, and their squares must stay numbers.
+_Amount = Annotated[float, Meta(ge=0.0, le=1e15)]
+_Total = Annotated[float, Meta(ge=-1e15, le=1e15)]
+
+
+class Sum(msgspec.Struct, forbid_unknown_fields=True):
+    """Weighted sum of a quantity: mean and spread of what was put in."""
+
+    weight: _Amount = 0.0
+    first: _Total = 0.0
+    second: _Amount = 0.0
+
+    def put(self, value: float, weight: float = 1.0) -> None:
+        """Put a value in; nothing where it is no number."""
+        if math.isfinite(value) and weight > 0.0:
+            self.weight += weight
+            self.first += weight * value
+            self.second += weight * value * value
+
+    @property
+    def mean(self) -> float:
+        """Mean; NaN without a value."""
+        return self.first / self.weight if self.weight > 0.0 else math.nan
+
+
+class JointDay(msgspec.Struct, forbid_unknown_fields=True):
+    """One joint on one day. Weights are seconds in motion, of gap and skew looks at two minutes."""
+
+    moved_s: _Amount = 0.0
+    friction: Sum = msgspec.field(default_factory=Sum)  # learned, over that of the configuration
+    half_gap: Sum = msgspec.field(default_factory=Sum)  # seen where the gap was crossed [rad]
+    skew_ms: Sum = msgspec.field(default_factory=Sum)  # of the link's encoder behind the motor's
+    forth: Sum = msgspec.field(default_factory=Sum)  # residual in motion of positive velocity [Nm]
+    back: Sum = msgspec.field(default_factory=Sum)  # ... of negative velocity
+    bound_s: _Amount = 0.0  # in which what was learned of it was at its bound
+
+    @property
+    def remainder(self) -> float:
+        """Remainder of gravity: the residual that does not turn with the motion [Nm]; NaN where the
+        joint did not move both ways."""
+        return 0.5 * (self.forth.mean + self.back.mean)
+
+
+class Day(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    """One arm on one day."""
+
+    version: Literal[1] = 1
+    arm: str
+    date: str  # UTC, 2026-11-23
+    identified: dict[str, str] = {}  # joint -> date of its friction or gap in identified.yaml
+    joints: dict[str, JointDay] = msgspec.field(default_factory=dict)
+
+
+def gone_on(day: Day, identified: dict[str, str]) -> Day:
+    """A day that goes on by what is identified now, without what was gathered of a joint before its
+    identification: that was held against another friction and another gap."""
+    same = {
+        name: joint
+        for name, joint in day.joints.items()
+        if day.identified.get(name) == identified.get(name)
+    }
+    return msgspec.structs.replace(day, identified=dict(identified), joints=same)
+
+
+@dataclass(frozen=True, slots=True)
+class Days:
+    """Days of an arm, in order; the files that are damaged; and why others were left out."""
+
+    days: tuple[Day, ...]
+    damaged: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> list[str]:
+        """Warnings about the files, a line for each."""
+        return [*(f"a damaged record: {name}" for name in self.damaged), *self.left_out]
+
+
+def read_day(path: Path) -> Day | None:
+    """Record in a file; None where it is none. Raises OSError where it cannot be opened."""
+    try:
+        day = msgspec.json.decode(read_text(path), type=Day)
+    except (msgspec.DecodeError, UnicodeDecodeError, ValueError):
+        return None
+    return day if f"{day.date}.json" == path.name and _is_date(day.date) else None
+
+
+def _is_date(iso: str) -> bool:
+    try:
+        date.fromisoformat(iso)
+    except ValueError:  # the 31st of June
+        return False
+    return True
+
+
+def today() -> str:
+    """Date of now (UTC)."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def read_days(folder: Path, *, until: str, set_aside: bool = False) -> Days:
+    """All records of a folder up to the day `until`; set_aside: damaged ones get another name.
+    Raises LogError where the folder cannot be read; one that is not there has no records."""
+    days, damaged, left_out = [], [], []
+    try:
+        names = sorted(os.listdir(folder))
+    except FileNotFoundError:
+        return Days(())
+    except OSError as error:
+        raise LogError(f"{folder}: {error.strerror}") from error
+    for name in names:
+        path = folder / name
+        if name.endswith(_DAMAGED):
+            damaged.append(str(path))
+        elif _NAME.match(name):
+            try:
+                day = read_day(path)
+                if day is None:
+                    damaged.append(str(aside(path) if set_aside else path))
+                elif day.date > until:
+                    left_out.append(f"a record of a day to come (is the clock right?): {path}")
+                else:
+                    days.append(day)
+            except OSError as error:
+                left_out.append(f"a record that cannot be read: {path}: {error.strerror}")
+    return Days(tuple(days), tuple(damaged), tuple(left_out))
+
+
+def aside(path: Path) -> Path:
+    """Give a damaged file another name; returns it."""
+    for k in range(100):
+        other = path.with_name(f"{path.name}{f'.{k}' if k else ''}{_DAMAGED}")
+        if not other.exists():
+            path.rename(other)
+            return other
+    path.unlink()
+    return path
+
+
+def write_day(folder: Path, day: Day) -> None:
+    """Write a record, whole or not at all, and forget the oldest. Raises LogError."""
+    path = folder / f"{day.date}.json"
+    partial = ""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".", delete=False) as stream:
+            partial = stream.name
+            stream.write(msgspec.json.encode(day))
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(partial, 0o640)
+        os.replace(partial, path)
+        kept = sorted(name for name in os.listdir(folder) if _NAME.match(name))
+        for old in kept[:-DAYS_KEPT]:
+            (folder / old).unlink(missing_ok=True)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            os.unlink(partial)
+        raise LogError(f"{path}: {error.strerror}") from error

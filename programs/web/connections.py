@@ -1,0 +1,182 @@
+"""Bounded connections: so many in all and by address, none that stays longer than a request takes.
+
+asyncio hands each accepted connection to a protocol; this one stands before aiohttp's. Each carries
+one request and is closed. So half a head, half a body, or an answer that is not read holds a place
+for so long and no longer; and a command never goes into a connection that was lost long ago, as it
+is when a phone changes its network.
+
+Where an address has no place left, the oldest of its connections makes room, unless it carries a
+stream or a command: all users of one machine have one address, and connections that ask nothing
+must not keep a page from its stop.
+"""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from programs.web.guard import Places
+
+HEAD_S: Final = 5.0  # from connecting to the whole head of the request
+REQUEST_S: Final = 30.0  # from there to the end of the answer: the page over a very slow radio
+# Of answers that wait in the kernel: it would keep megabytes for a browser that does not read.
+SEND_BUFFER_BYTES: Final = 1 << 16
+
+
+class Crowd:
+    """Connections that have a place, and of these the ones that make room, oldest first."""
+
+    def __init__(self, places: Places) -> None:
+        self._places = places
+        self._movable: dict[BoundedConnection, str] = {}
+
+    def enter(self, connection: "BoundedConnection", address: str) -> bool:
+        """Take a place for a newcomer, if need be another's; False if there is none."""
+        while not self._places.take(address):
+            other = self._makes_room(address)
+            if other is None:
+                return False
+            other.hang_up()
+        self._movable[connection] = address
+        return True
+
+    def _makes_room(self, address: str) -> "BoundedConnection | None":
+        own = (one for one, where in self._movable.items() if where == address)
+        anyone = iter(self._movable if self._places.may_have_more(address) else ())
+        return next(own, next(anyone, None))
+
+    def leave(self, connection: "BoundedConnection", address: str) -> None:
+        """Give a place back."""
+        self._movable.pop(connection, None)
+        self._places.leave(address)
+
+    def keep(self, connection: "BoundedConnection") -> None:
+        """Let a connection keep its place."""
+        self._movable.pop(connection, None)
+
+    def release(self, connection: "BoundedConnection", address: str) -> None:
+        """Let it make room again, as the newest."""
+        self._movable[connection] = address
+
+
+class BoundedConnection(asyncio.Protocol):
+    """Protocol that passes everything on to `inner`, while its connection has a place."""
+
+    def __init__(self, inner: asyncio.Protocol, crowd: Crowd) -> None:
+        self._inner, self._crowd = inner, crowd
+        self._transport: asyncio.Transport | None = None  # None: it never had a place
+        self._address: str | None = None  # None: it has no place
+        self._end: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take a place, or hang up."""
+        assert isinstance(transport, asyncio.Transport)
+        peer = transport.get_extra_info("peername")
+        address = peer[0] if isinstance(peer, tuple) else ""  # all that come through a unix socket
+        if not self._crowd.enter(self, address):
+            transport.abort()
+            return
+        self._transport, self._address = transport, address
+        connected = transport.get_extra_info("socket")
+        connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        self._end_in(HEAD_S)
+        self._inner.connection_made(transport)
+
+    def _end_in(self, seconds: float) -> None:
+        assert self._transport is not None
+        self.stay()
+        self._end = asyncio.get_running_loop().call_later(seconds, self._transport.abort)
+
+    def asked(self) -> None:
+        """The whole head of the request is here."""
+        if self._address is not None:
+            self._end_in(REQUEST_S)
+
+    def stay(self) -> None:
+        """Have no end but its own: a stream, or a large file."""
+        if self._end is not None:
+            self._end.cancel()
+
+    def keep(self) -> None:
+        """Make no room for others."""
+        if self._address is not None:
+            self._crowd.keep(self)
+
+    def release(self) -> None:
+        """Make room again."""
+        if self._address is not None:
+            self._crowd.release(self, self._address)
+
+    def hang_up(self) -> None:
+        """Give the place back at once; the connection's end follows."""
+        if self._address is None or self._transport is None:
+            return
+        self._crowd.leave(self, self._address)
+        self._address = None
+        self._transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Give the place back."""
+        if self._transport is None:
+            return
+        if self._address is not None:
+            self._crowd.leave(self, self._address)
+            self._address = None
+        self.stay()
+        self._inner.connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Pass it on."""
+        if self._address is not None:
+            self._inner.data_received(data)
+
+    def eof_received(self) -> bool | None:
+        """Pass it on."""
+        return None if self._address is None else self._inner.eof_received()
+
+    def pause_writing(self) -> None:
+        """Pass it on."""
+        self._inner.pause_writing()
+
+    def resume_writing(self) -> None:
+        """Pass it on."""
+        self._inner.resume_writing()
+
+
+def _bounded(transport: asyncio.BaseTransport | None) -> BoundedConnection | None:
+    protocol = transport.get_protocol() if transport is not None else None
+    return protocol if isinstance(protocol, BoundedConnection) else None
+
+
+def asked(transport: asyncio.BaseTransport | None) -> None:
+    """Let a connection that has asked last until its answer is read."""
+    if connection := _bounded(transport):
+        connection.asked()
+
+
+def stay(transport: asyncio.BaseTransport | None) -> None:
+    """Let a connection last longer than a request takes."""
+    if connection := _bounded(transport):
+        connection.stay()
+
+
+@contextlib.contextmanager
+def kept(transport: asyncio.BaseTransport | None) -> Iterator[None]:
+    """Inside the block the connection makes no room for others."""
+    connection = _bounded(transport)
+    if connection:
+        connection.keep()
+    try:
+        yield
+    finally:
+        if connection:
+            connection.release()
+
+
+def bounded(
+    make: Callable[[], asyncio.Protocol], places: Places
+) -> Callable[[], BoundedConnection]:
+    """Factory of bounded connections around those that `make` makes."""
+    crowd = Crowd(places)
+    return lambda: BoundedConnection(make(), crowd)

@@ -1,0 +1,335 @@
+"""HTTP and WebSocket server of the page (aiohttp): files, live States, commands, recordings."""
+
+import asyncio
+import html
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import parse_qs
+
+from aiohttp import WSMsgType, web
+
+from daemon.protocol.messages import on_behalf_of
+from programs.clients.stopping import Command, carry_out
+from programs.web import words
+from programs.web.arm import Arm, as_text
+from programs.web.audience import Browser
+from programs.web.connections import asked, kept, stay
+from programs.web.elsewhere_routes import ElsewhereRoutes, Others
+from programs.web.guard import (
+    COOKIE,
+    HEADERS,
+    Doorstep,
+    Places,
+    Refusal,
+    TokenCheck,
+    command_refusal,
+)
+from programs.web.recording_routes import RecordingRoutes
+from programs.web.recordings import Recorder
+from programs.web.replies import as_json, refused
+
+BUILT: Final = Path(__file__).parent / "built"
+TYPES: Final = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain",
+}
+MOST_BROWSERS: Final = 64
+MOST_BROWSERS_OF_ONE: Final = 8
+STUCK_S: Final = 10.0  # after which a browser that takes nothing is hung up on
+SUMMARY_EVERY_S: Final = 0.25
+BEAT_S: Final = 1.0  # something comes that often, and shows both ends that the other is there
+MOST_SAID_BYTES: Final = 64  # by a browser on its WebSocket, at once: it has nothing to send
+ACCESS_YEAR_S: Final = 365 * 86400
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Settings from the command line."""
+
+    view_sockets: tuple[Path, ...]
+    doorstep: Doorstep
+    token: str
+    read_only: bool
+    recordings: Path | None  # None: nothing is recorded
+    proxied: bool  # it listens at a unix socket, and the proxy names who asks
+
+
+class Site:
+    """The page's server: arms, browsers, files."""
+
+    def __init__(self, settings: Settings, others: Others | None = None) -> None:
+        self.settings, self.others = settings, others
+        self.arms = [
+            Arm(number, path, self.greeting) for number, path in enumerate(settings.view_sockets)
+        ]
+        self.token = TokenCheck(settings.token)
+        self.places = Places(MOST_BROWSERS, MOST_BROWSERS_OF_ONE)
+        self.recorder = Recorder(settings.recordings) if settings.recordings else None
+        self._files = {path.name: path.read_bytes() for path in BUILT.iterdir()}
+        self._open: set[Callable[[], None]] = set()  # hangs up on a browser
+        self.jobs: list[asyncio.Task[None]] = []  # while it runs; they end only with an error
+
+    def application(self) -> web.Application:
+        """Everything that answers."""
+        app = web.Application(middlewares=[self._guard], client_max_size=4096)
+        app.router.add_get("/", self._index)
+        app.router.add_post("/enter", self._enter)
+        app.router.add_get("/clock", self._clock)
+        app.router.add_get("/live/{arm:[0-9]{1,3}}", self._live)
+        app.router.add_get("/arms/{arm:[0-9]{1,3}}/urdf", self._urdf)
+        app.router.add_post("/arms/{arm:[0-9]{1,3}}/{command:stop|disarm}", self._command)
+        if self.recorder:
+            RecordingRoutes(self.recorder, self._arm).add_to(app.router)
+        if self.others:
+            ElsewhereRoutes(self.others).add_to(app.router)
+        app.router.add_get("/{file}", self._file)
+        app.cleanup_ctx.append(self._running)
+        return app
+
+    async def _running(self, app: web.Application) -> AsyncIterator[None]:
+        follow = [arm.follow() for arm in self.arms]
+        inquire = [arm.inquire() for arm in self.arms]
+        jobs = (*follow, *inquire, self._summarise(), self._look_elsewhere())
+        self.jobs = [asyncio.create_task(job) for job in jobs]
+        yield
+        for job in self.jobs:
+            job.cancel()
+        await asyncio.gather(*self.jobs, return_exceptions=True)
+        if self.recorder:
+            await self.recorder.close()
+
+    async def _summarise(self) -> None:
+        """Send every browser the mode of every arm: for the tabs, and as a sign of life."""
+        loop = asyncio.get_running_loop()
+        sent, sent_s = "", 0.0
+        while True:
+            summary = self.summary()
+            if summary != sent or loop.time() - sent_s >= BEAT_S:
+                sent, sent_s = summary, loop.time()
+                for arm in self.arms:
+                    arm.audience.text(summary)
+            await asyncio.sleep(SUMMARY_EVERY_S)
+
+    async def _look_elsewhere(self) -> None:
+        """Send every browser the arms of other machines, where anything changed."""
+        sent = ""
+        while True:
+            shown = self.elsewhere()
+            if shown != sent:
+                sent = shown
+                for arm in self.arms:
+                    arm.audience.text(shown)
+            await asyncio.sleep(BEAT_S)
+
+    def elsewhere(self) -> str:
+        """The arms of other machines, as JSON; empty without a router."""
+        return as_text(self.others.shown()) if self.others else ""
+
+    def summary(self) -> str:
+        """The mode of every arm, as JSON."""
+        last = [arm.words for arm in self.arms]
+        return as_text(
+            words.Summary(
+                [one.mode if one else "" for one in last], [bool(one and one.armed) for one in last]
+            )
+        )
+
+    def greeting(self, arm: Arm) -> words.Hello:
+        """First message to a browser of this arm."""
+        may = not self.settings.read_only
+        return words.hello(
+            [each.name for each in self.arms],
+            arm.number,
+            arm.snapshot,
+            may_command=may,
+            may_record=may and self.recorder is not None,
+        )
+
+    def hang_up(self) -> None:
+        """Hang up on every browser: the end is near, and they connect again by themselves."""
+        for hang_up in list(self._open):
+            hang_up()
+
+    # --- who may ask --------------------------------------------------------------------------
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        asked(request.transport)
+        refusal = self._refusal(request)
+        if refusal is None:
+            try:
+                response = await handler(request)
+            except web.HTTPException as error:
+                response = refused(Refusal(error.status, error.reason))
+        else:
+            response = refused(refusal)
+        if not response.prepared:
+            response.headers.update(HEADERS)
+            response.force_close()
+        return response
+
+    def _refusal(self, request: web.Request) -> Refusal | None:
+        upgrades = request.path.startswith("/live/")
+        refusal = self.settings.doorstep.refusal(request.method, request.headers, upgrades=upgrades)
+        if refusal is not None:
+            return refusal
+        open_to_all = request.path in ("/", "/enter", "/page.css", "/icon.svg")
+        if not open_to_all and not self.token.admits(request.cookies.get(COOKIE, "")):
+            return Refusal(401, "open the page first: it asks for the token")
+        if command := request.match_info.get("command"):
+            if self.settings.read_only:
+                return Refusal(403, "this page only shows; it commands nothing")
+            return command_refusal(command, request.headers)
+        return None
+
+    def _address(self, request: web.Request) -> str:
+        if self.settings.proxied:  # only the proxy can reach us, and names who asks
+            return request.headers.get("X-Real-IP", "unknown")
+        return request.remote or "unknown"
+
+    # --- page ---------------------------------------------------------------------------------
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        if token := request.query.get("token"):
+            return self._let_in(request, token)
+        admitted = self.token.admits(request.cookies.get(COOKIE, ""))
+        return self._built("index.html" if admitted else "enter.html")
+
+    async def _enter(self, request: web.Request) -> web.StreamResponse:
+        # As the form sends it; what else there is for forms, a stranger must not choose.
+        form = parse_qs((await request.read()).decode("ascii", "replace"))
+        return self._let_in(request, form.get("token", [""])[0])
+
+    def _let_in(self, request: web.Request, token: str) -> web.StreamResponse:
+        """Give the cookie to a browser with the token, and show the page without it in the URL."""
+        if self.token.token:
+            address = self._address(request)
+            if refusal := self.token.enter(token.strip(), address, time.monotonic()):
+                return self._asked_again(refusal)
+        response = web.Response(status=303, headers={"Location": "/"})
+        if self.token.token:
+            response.set_cookie(
+                COOKIE,
+                self.token.cookie,
+                max_age=ACCESS_YEAR_S,
+                httponly=True,
+                samesite="Strict",
+                secure=self.settings.doorstep.tls,
+            )
+        return response
+
+    def _asked_again(self, refusal: Refusal) -> web.StreamResponse:
+        """The form for the token, with why the last one was refused."""
+        why = f'<p role="alert">{html.escape(refusal.text.capitalize())}.</p>'.encode()
+        body = self._files["enter.html"].replace(b"<!-- refusal -->", why)
+        return web.Response(status=refusal.status, body=body, content_type="text/html")
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        return self._built(request.match_info["file"])
+
+    def _built(self, name: str) -> web.StreamResponse:
+        body = self._files.get(name)
+        if body is None:
+            raise web.HTTPNotFound
+        response = web.Response(body=body)
+        response.content_type = TYPES[Path(name).suffix]
+        response.charset = "utf-8"
+        response.enable_compression()
+        return response
+
+    def _arm(self, request: web.Request) -> Arm:
+        number = int(request.match_info["arm"])
+        if number >= len(self.arms):
+            raise web.HTTPNotFound
+        return self.arms[number]
+
+    async def _urdf(self, request: web.Request) -> web.StreamResponse:
+        snapshot = self._arm(request).snapshot
+        if snapshot is None:
+            raise web.HTTPNotFound
+        response = web.Response(text=snapshot.urdf, content_type="application/xml")
+        response.enable_compression()
+        return response
+
+    # --- live ---------------------------------------------------------------------------------
+
+    async def _clock(self, request: web.Request) -> web.StreamResponse:
+        """The clock of the States' times: by it a page knows how old they are."""
+        return web.Response(text=str(time.monotonic()))
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        arm, address = self._arm(request), self._address(request)
+        if not self.places.take(address):
+            return refused(Refusal(503, "too many pages are open"))
+        try:
+            socket = web.WebSocketResponse(
+                max_msg_size=MOST_SAID_BYTES, compress=False, autoping=False
+            )
+            socket.headers.update(HEADERS)
+            with kept(request.transport):
+                await socket.prepare(request)
+                stay(request.transport)
+                browser = Browser()
+                arm.join(browser)
+                browser.text(self.summary())
+                if shown := self.elsewhere():
+                    browser.text(shown)
+
+                def hang_up() -> None:
+                    """At once: it may take nothing more, and what waits for it is thrown away."""
+                    if request.transport is not None:
+                        request.transport.abort()
+
+                self._open.add(hang_up)
+                sending = asyncio.create_task(_send(socket, browser, hang_up))
+                try:
+                    await _until_closed(socket)
+                finally:
+                    self._open.discard(hang_up)
+                    arm.audience.remove(browser)
+                    sending.cancel()
+                    await asyncio.gather(sending, return_exceptions=True)
+                    hang_up()
+        finally:
+            self.places.leave(address)
+        return socket
+
+    # --- commands -----------------------------------------------------------------------------
+
+    async def _command(self, request: web.Request) -> web.StreamResponse:
+        command: Command = "stop" if request.match_info["command"] == "stop" else "disarm"
+        arm = self._arm(request)
+        who = on_behalf_of(f"the page at {self._address(request)}")
+        with kept(request.transport):
+            return as_json(await carry_out(arm.path, command, who))
+
+
+async def _send(
+    socket: web.WebSocketResponse, browser: Browser, hang_up: Callable[[], None]
+) -> None:
+    """Send what waits, until it is cancelled, or the browser takes nothing any more."""
+    try:
+        while True:
+            message = await browser.next()
+            async with asyncio.timeout(STUCK_S):
+                if isinstance(message, str):
+                    await socket.send_str(message)
+                else:
+                    await socket.send_bytes(message)
+    except (TimeoutError, ConnectionError):
+        hang_up()
+
+
+async def _until_closed(socket: web.WebSocketResponse) -> None:
+    """Wait for the end; a browser that sends anything, or pings, is not ours, and closed."""
+    async for message in socket:
+        if message.type is not WSMsgType.CLOSE:
+            return

@@ -1,0 +1,222 @@
+"""Texts of one arm on the page: sent as JSON when they change. Pure."""
+
+from typing import Literal
+
+import msgspec
+
+from daemon.faults.finding import advice_on
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Check, Learned, Permit, Snapshot, State, Status
+from programs.clients.sensed import lost_samples
+from programs.clients.user_names import user_name
+
+EventKind = Literal["mode", "contact", "fault", "page"]
+
+
+class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="kind"):
+    """First message to a browser: all arms by name, and what does not change of the one it shows.
+    `joints` is empty while its daemon cannot be reached."""
+
+    arms: list[str]
+    arm: int
+    joints: list[str]
+    half_gap: list[float]
+    period_s: float
+    modes: list[str]
+    program: str
+    bus_load: float | None
+    may_command: bool
+    may_record: bool
+
+
+class Load(msgspec.Struct, frozen=True):
+    """Load at the hand: one that was announced, or one that was only recognised."""
+
+    announced: bool
+    mass: float  # [kg]
+    com: list[float]  # its centre, in the frame of the arm's last link [m]
+    text: str
+
+
+class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
+    """All of an arm's last State that is words."""
+
+    arm: int
+    mode: str
+    cause: str
+    advice: str  # on that cause, if it is a fault's: of a daemon that ended, too
+    armed: bool
+    owner: str
+    until_told: bool  # the lease ends by time alone; otherwise also with its program
+    drives: list[str]
+    unproved: list[str]
+    silenced: bool
+    touched: str
+    flags: list[str]
+    load: Load | None
+
+
+class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
+    """State of every arm in one line each, for the tabs; empty: its daemon cannot be reached."""
+
+    modes: list[str]
+    armed: list[bool]
+
+
+class Other(msgspec.Struct, frozen=True):
+    """Arm of another machine, as the table of `contactd fleet` shows it."""
+
+    arm: str
+    state: str  # alive, gone, or since when it is silent
+    silent: bool
+    mode: str
+    armed: bool
+    level: str
+    text: str
+    contact: str  # the last one
+
+
+class Elsewhere(msgspec.Struct, frozen=True, tag="elsewhere", tag_field="kind"):
+    """Arms of other machines; `why` there are none to show, or not all."""
+
+    why: str
+    arms: list[Other]
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """Outcome of a stop elsewhere."""
+
+    outcome: str
+    text: str
+
+
+class Outcomes(msgspec.Struct, frozen=True):
+    """Outcome for each arm that was to stop elsewhere."""
+
+    arms: dict[str, Outcome]
+
+
+class Advice(msgspec.Struct, frozen=True, tag="advice", tag_field="kind"):
+    """Answers of the daemon: what to do now, what arming needs, what was learned."""
+
+    name: str
+    advice: str
+    checks: list[Check]
+    trajectory: str
+    lost: str  # samples
+    learned: Learned | None
+
+
+class Event(msgspec.Struct, frozen=True):
+    """One line of the event log."""
+
+    time_s: float  # of the loop
+    wall_s: float
+    kind: EventKind
+    text: str
+
+
+class Events(msgspec.Struct, frozen=True, tag="events", tag_field="kind"):
+    """News for the event log; `past`: the log so far."""
+
+    events: list[Event]
+    past: bool = False
+
+
+class Gone(msgspec.Struct, frozen=True, tag="gone", tag_field="kind"):
+    """The daemon cannot be reached, and why."""
+
+    why: str
+
+
+class Recordings(msgspec.Struct, frozen=True, tag="recordings", tag_field="kind"):
+    """Recordings that can be downloaded, and the one that is being made."""
+
+    running: str  # name of the file; empty: none
+    seconds: float
+    bytes: int
+    files: list["RecordedFile"]
+    room_bytes: int  # for more
+    said: str  # how the last one ended
+
+
+class RecordedFile(msgspec.Struct, frozen=True):
+    """One file that was recorded."""
+
+    name: str
+    bytes: int
+
+
+def hello(
+    arms: list[str], arm: int, snapshot: Snapshot | None, *, may_command: bool, may_record: bool
+) -> Hello:
+    """Greeting for a browser that shows arm number `arm`."""
+    s = snapshot
+    return Hello(
+        arms=arms,
+        arm=arm,
+        joints=s.joints if s else [],
+        half_gap=s.half_gap if s else [],
+        period_s=s.period_s if s else 0.0,
+        modes=[str(mode) for mode in Mode],
+        program=s.program if s else "",
+        bus_load=s.bus_load if s else None,
+        may_command=may_command,
+        may_record=may_record,
+    )
+
+
+def words(arm: int, state: State) -> Words:
+    """Words of a State of arm number `arm`."""
+    return Words(
+        arm=arm,
+        mode=str(state.mode),
+        cause=state.cause,
+        advice=advice_on(state.cause),
+        armed=state.armed,
+        owner=owner(state.permit) if state.permit else "",
+        until_told=bool(state.permit and state.permit.detached),
+        drives=state.drives,
+        unproved=state.unproved,
+        silenced=state.silenced,
+        touched=state.touched_link,
+        flags=state.flags,
+        load=load(state),
+    )
+
+
+def load(state: State) -> Load | None:
+    """Load of a State, if it has one: a recognised one first. Daemons without either field
+    are served, too."""
+    for field, announced in (("recognised", False), ("payload", True)):
+        found = getattr(state, field, None)
+        if found is not None:
+            return Load(announced, found.mass, list(found.com), str(found))
+    return None
+
+
+def owner(permit: Permit) -> str:
+    """Name of the user who armed, and on whose behalf."""
+    name = user_name(permit.uid)
+    return f"{name} on behalf of {permit.on_behalf_of}" if permit.on_behalf_of else name
+
+
+def advice(status: Status) -> Advice:
+    """Content of a Status that no State has."""
+    t = status.trajectory
+    return Advice(
+        name=status.name,
+        advice=status.advice,
+        checks=status.checks,
+        trajectory=f"{t.name}: {t.state}" if t.name else "none configured",
+        lost=lost_samples(status),
+        learned=status.learned,
+    )
+
+
+def events(state: State) -> list[Event]:
+    """Events of one tick."""
+    return [
+        Event(state.time_s, state.timing.wall_s, notice.kind, notice.text)
+        for notice in state.notices
+    ]

@@ -1,0 +1,124 @@
+"""Arming by calls from the network, at the daemon's control socket: the service `arm`.
+
+The lease belongs to one connection of this process and is never longer than the calls are worth
+(`holding.py`), so it ends by the daemon's own clock, whichever of caller, router, network and
+this process is gone or hangs.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Final, Literal, Protocol, Self
+
+from common.errors import ContactdError
+from daemon.protocol.messages import Reply, Request, on_behalf_of
+from programs.clients.client import Client
+from programs.zenoh.cdr import read_flag
+from programs.zenoh.holding import HOLD_S, LET_GO, Hold, Step, Verdict, Wish
+from programs.zenoh.messages import outcome
+from programs.zenoh.services import Act, Call, Offer, Outcome
+
+SET_BOOL: Final = "std_srvs/srv/SetBool"
+
+
+class Line(Protocol):
+    """Connection to the control socket, as `Client` is one; what it armed ends with it."""
+
+    def ask(self, request: Request) -> Reply:
+        """The daemon's answer. Raises ContactdError."""
+
+    def close(self) -> None:
+        """Hang up."""
+
+
+class Arming:
+    """Calls of `arm` for the daemon that `connect` reaches; `disarm` is what a call with false
+    does. Belongs to the thread of its service."""
+
+    def __init__(
+        self,
+        connect: Callable[[], Line],
+        disarm: Act,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._connect, self._disarm, self._clock = connect, disarm, clock
+        self._hold = Hold()
+        self._line: Line | None = None
+
+    @classmethod
+    def at(cls, control: Path, disarm: Act) -> Self:
+        """At this control socket; an answer that takes longer than a lease is none."""
+        return cls(lambda: Client(control, HOLD_S), disarm)
+
+    def offer(self) -> Offer:
+        """The service."""
+        return Offer(SET_BOOL, read_flag, self.answer, self.close)
+
+    def answer(self, calls: Sequence[Call]) -> list[bytes]:
+        """Answer all these calls, in order; what one caller repeats is carried out once, by the
+        last."""
+        answers: list[bytes] = []
+        for _, group in groupby(calls, lambda call: (call.gid, read_flag(call.request))):
+            same = list(group)
+            payload = outcome(*self._carry_out(same[-1]))
+            answers += [payload] * len(same)
+        return answers
+
+    def close(self) -> None:
+        """Hang up on the daemon: what was armed so is not any more."""
+        if self._line is not None:
+            self._line.close()
+        self._line = None
+
+    def _carry_out(self, call: Call) -> Outcome:
+        wish = Wish(call.gid, read_flag(call.request), call.sent_s)
+        if wish.armed and not any(call.gid):
+            return False, "a call without an attachment: its caller is unknown"
+        verdict = self._hold.judge(wish, self._clock())
+        match verdict.step:
+            case Step.NOTHING:
+                return False, verdict.why
+            case Step.DISARM:
+                self._hold.let_go(wish.caller)
+                self.close()
+                return self._disarm(call.caller)
+            case Step.ARM:
+                return self._arm(call, wish, verdict)
+            case Step.RENEW:
+                return self._renew(call, wish, verdict)
+
+    def _arm(self, call: Call, wish: Wish, verdict: Verdict) -> Outcome:
+        self.close()
+        try:
+            self._line = self._connect()
+            reply = self._ask("arm", call, verdict)
+        except ContactdError as error:
+            self.close()
+            return False, f"not reached: {error}"
+        if not reply.ok:
+            self.close()
+            return False, reply.refusal
+        self._hold.granted(wish, verdict.lease_s, self._clock())
+        return True, reply.message
+
+    def _renew(self, call: Call, wish: Wish, verdict: Verdict) -> Outcome:
+        try:
+            reply = self._ask("renew", call, verdict)
+        except ContactdError as error:
+            self._lose()
+            return False, f"not reached: {error}"
+        if not reply.ok:
+            self._lose()
+            return False, f"{LET_GO} ({reply.refusal})"
+        self._hold.granted(wish, verdict.lease_s, self._clock())
+        return True, reply.message
+
+    def _lose(self) -> None:
+        self._hold.lose()
+        self.close()
+
+    def _ask(self, command: Literal["arm", "renew"], call: Call, verdict: Verdict) -> Reply:
+        assert self._line is not None
+        who = on_behalf_of(call.caller)
+        return self._line.ask(Request(command, lease_s=verdict.lease_s, on_behalf_of=who))

@@ -1,0 +1,149 @@
+"""Messages of ROS 2 that contactd sends, as CDR. Pure."""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+from programs.zenoh.cdr import CdrError, Reader, Writer
+
+
+class Level(IntEnum):
+    """Level of a DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """A DiagnosticStatus."""
+
+    level: Level
+    name: str
+    message: str
+    hardware_id: str = ""
+    values: tuple[tuple[str, str], ...] = ()
+
+
+class JointStates:
+    """Encoder of sensor_msgs/msg/JointState for joints of these names.
+
+    All but time and numbers is the same in every message: it is written once.
+    """
+
+    def __init__(self, names: Sequence[str], *, motion: bool) -> None:
+        n = len(names)
+        writer = Writer()
+        writer.int32(0)
+        writer.uint32(0)
+        writer.text("")  # frame_id: joints have none
+        writer.texts(names)
+        self._position = writer.doubles(n if motion else 0)
+        self._velocity = writer.doubles(n if motion else 0)
+        self._effort = writer.doubles(n)
+        self._template = bytes(writer.payload)
+        self._numbers = struct.Struct(f"<{n}d")
+        self._motion = motion
+
+    def encode(
+        self,
+        wall_s: float,
+        effort: Sequence[float],
+        position: Sequence[float] = (),
+        velocity: Sequence[float] = (),
+    ) -> bytes:
+        """The message of this time [s since 1970]; each sequence (n,) in rad, rad/s and Nm, empty
+        position and velocity where the encoder is without motion."""
+        payload = bytearray(self._template)
+        struct.pack_into("<iI", payload, 4, *stamp(wall_s))
+        self._numbers.pack_into(payload, self._effort, *effort)
+        if self._motion:
+            self._numbers.pack_into(payload, self._position, *position)
+            self._numbers.pack_into(payload, self._velocity, *velocity)
+        return bytes(payload)
+
+
+def stamp(wall_s: float) -> tuple[int, int]:
+    """Seconds and nanoseconds of a builtin_interfaces/msg/Time, to the microsecond that a Unix time
+    as a float holds."""
+    seconds, microseconds = divmod(round(wall_s * 1e6), 1_000_000)
+    return seconds, microseconds * 1000
+
+
+def string(text: str) -> bytes:
+    """std_msgs/msg/String."""
+    writer = Writer()
+    writer.text(text)
+    return bytes(writer.payload)
+
+
+def diagnostic_status(diagnosis: Diagnosis) -> bytes:
+    """diagnostic_msgs/msg/DiagnosticStatus."""
+    writer = Writer()
+    _write(writer, diagnosis)
+    return bytes(writer.payload)
+
+
+def diagnostic_array(wall_s: float, diagnoses: Sequence[Diagnosis]) -> bytes:
+    """diagnostic_msgs/msg/DiagnosticArray."""
+    writer = Writer()
+    seconds, nanoseconds = stamp(wall_s)
+    writer.int32(seconds)
+    writer.uint32(nanoseconds)
+    writer.text("")
+    writer.uint32(len(diagnoses))
+    for diagnosis in diagnoses:
+        _write(writer, diagnosis)
+    return bytes(writer.payload)
+
+
+def outcome(success: bool, message: str) -> bytes:
+    """Response of std_srvs/srv/Trigger and SetBool."""
+    writer = Writer()
+    writer.byte(success)
+    writer.text(message)
+    return bytes(writer.payload)
+
+
+def _write(writer: Writer, diagnosis: Diagnosis) -> None:
+    writer.byte(diagnosis.level)
+    writer.text(diagnosis.name)
+    writer.text(diagnosis.message)
+    writer.text(diagnosis.hardware_id)
+    writer.uint32(len(diagnosis.values))
+    for key, value in diagnosis.values:
+        writer.text(key)
+        writer.text(value)
+
+
+def read_diagnostic_array(payload: bytes) -> list[Diagnosis]:
+    """Diagnoses of a received DiagnosticArray. Raises CdrError for anything else."""
+    reader = Reader(payload)
+    reader.uint32()
+    reader.uint32()
+    reader.text()
+    return [_read(reader) for _ in range(reader.uint32())]
+
+
+def read_diagnostic_status(payload: bytes) -> Diagnosis:
+    """Diagnosis of a received DiagnosticStatus. Raises CdrError for anything else."""
+    return _read(Reader(payload))
+
+
+def read_outcome(payload: bytes) -> tuple[bool, str]:
+    """Success and message of a response. Raises CdrError for anything else."""
+    reader = Reader(payload)
+    return reader.byte() == 1, reader.text()
+
+
+def _read(reader: Reader) -> Diagnosis:
+    level = reader.byte()
+    if level > Level.STALE:
+        raise CdrError(f"no level of a diagnosis: {level}")
+    name, message, hardware_id = reader.text(), reader.text(), reader.text()
+    pairs = range(reader.uint32())
+    values = tuple((reader.text(), reader.text()) for _ in pairs)
+    return Diagnosis(Level(level), name, message, hardware_id, values)

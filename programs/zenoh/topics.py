@@ -1,0 +1,88 @@
+"""Topics of an arm: each State as messages of ROS 2. Pure.
+
+| topic | type | when |
+|---|---|---|
+| `joint_states` | JointState | every tick: q, q_dot, and as effort the motor's torque at the link |
+| `external_torque` | JointState | every tick: the residual as effort; NaN: senses nothing |
+| `contact_threshold` | JointState | every tick: the level in force as effort |
+| `contact` | DiagnosticStatus | a contact begins: WARN; a collision: ERROR |
+| `robot_description` | String, latched | joined: the URDF |
+| `/diagnostics` | DiagnosticArray | each second, and when its content changes |
+"""
+
+import math
+from typing import Final
+
+from daemon.protocol.messages import Contact, Snapshot, State
+from programs.zenoh.messages import Diagnosis, JointStates, Level, diagnostic_status, string
+from programs.zenoh.names import Endpoint, Kind, Node, Qos
+
+JOINT_STATE: Final = "sensor_msgs/msg/JointState"
+#: Each topic's type and QoS, by its name below the namespace.
+TOPICS: Final = {
+    "joint_states": (JOINT_STATE, Qos.DEFAULT),
+    "external_torque": (JOINT_STATE, Qos.DEFAULT),
+    "contact_threshold": (JOINT_STATE, Qos.DEFAULT),
+    "contact": ("diagnostic_msgs/msg/DiagnosticStatus", Qos.DEFAULT),
+    "robot_description": ("std_msgs/msg/String", Qos.LATCHED),
+    "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT),
+}
+
+
+def endpoints(node: Node) -> dict[str, Endpoint]:
+    """Publishers of the node, by the names in TOPICS."""
+    return {
+        name: Endpoint(Kind.PUBLISHER, node.absolute(name), type_name, qos)
+        for name, (type_name, qos) in TOPICS.items()
+    }
+
+
+class Topics:
+    """Messages of one arm, from its Snapshot on."""
+
+    def __init__(self, snapshot: Snapshot, arm: str) -> None:
+        self._arm = arm
+        self._moving = JointStates(snapshot.joints, motion=True)
+        self._torques = JointStates(snapshot.joints, motion=False)
+        self.description = string(snapshot.urdf)
+
+    def of(self, state: State) -> list[tuple[str, bytes]]:
+        """Topic and payload of each message that this tick has."""
+        wall_s = state.timing.wall_s
+        torque = self._moving.encode(
+            wall_s, state.motor_torque, state.link_position, state.link_velocity
+        )
+        made = [
+            ("joint_states", torque),
+            ("external_torque", self._torques.encode(wall_s, external_torque(state))),
+            ("contact_threshold", self._torques.encode(wall_s, state.threshold)),
+        ]
+        made += [
+            ("contact", self._contact(notice.contact, state.touched_link))
+            for notice in state.notices
+            if notice.contact is not None
+        ]
+        return made
+
+    def _contact(self, contact: Contact, link: str) -> bytes:
+        level = Level.ERROR if contact.level == "collision" else Level.WARN
+        values = (
+            ("joint", contact.joint),
+            ("torque", f"{contact.torque:.6g}"),
+            ("threshold", f"{contact.threshold:.6g}"),
+            ("level", contact.level),
+            ("side", contact.side),
+            ("link", link),
+        )
+        text = f"{contact.level} at {contact.joint}: {contact.torque:+.2f} Nm"
+        return diagnostic_status(Diagnosis(level, contact.joint, text, self._arm, values))
+
+
+def external_torque(state: State) -> list[float]:
+    """The residual [Nm], NaN for each joint that senses nothing now: its contact is not known."""
+    if state.sensing is None or all(state.sensing):
+        return state.residual
+    return [
+        torque if senses else math.nan
+        for torque, senses in zip(state.residual, state.sensing, strict=True)
+    ]

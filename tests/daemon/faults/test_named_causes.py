@@ -1,0 +1,146 @@
+"""Causes on the bus that stand behind what is found first: said beside it, with who it is."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from bench.rigs.breakable_arm import DESK, ROMEO_ARM, BreakableArm, Make, restore, stage, start
+from bench.rigs.bus_faults import flooded_and_unheard, two_drives
+from bench.rigs.drive_faults import supply_gone
+from daemon.faults.finding import advice_on
+from daemon.faults.symptoms import advice_of
+from daemon.faults.table import Condition
+from daemon.modes.table import Event, Mode
+from drivers.ids import SDO_REQUEST
+from simulator.state_machine import Trigger
+
+
+@pytest.fixture(params=[ROMEO_ARM, DESK], ids=lambda make: make.name)
+def on(request: pytest.FixtureRequest) -> Iterator[BreakableArm]:
+    make: Make = request.param
+    with stage(make) as on:
+        yield on
+
+
+on_one_make = pytest.mark.parametrize("on", [DESK], ids=[DESK.name], indirect=True)
+
+
+def cause(on: BreakableArm) -> str:
+    return on.rig.tick.controller.machine.cause
+
+
+def test_a_drive_that_misses_us_on_a_flooded_bus_names_the_load(on: BreakableArm) -> None:
+    start(on, armed=True)
+    for _ in flooded_and_unheard(on):
+        on.tick()
+    assert cause(on).startswith(f"{Condition.UNHEARD}: node {on.drive.node} ({on.drive.name}): ")
+    assert "of the bus is taken, " in cause(on)
+    assert cause(on).endswith(" unknown frames/s, 0x123 among them)")
+    assert advice_on(cause(on)) == advice_of(Condition.UNHEARD)
+    on.run(0.2)
+    on.rig.reset()
+    assert all("taken" not in str(finding) for finding in on.rig.last.findings)
+
+
+def test_on_a_quiet_bus_it_names_the_drive_alone(on: BreakableArm) -> None:
+    start(on, armed=True)
+    on.simulated.lock()
+    on.tick()
+    assert cause(on).startswith(Condition.UNHEARD)
+    assert "taken" not in cause(on)
+
+
+def test_two_drives_are_named_before_the_arm_is_enabled(on: BreakableArm) -> None:
+    going = two_drives(on)
+    for _ in range(8):
+        next(going)
+        on.tick()
+    who = f"node {on.drive.node} ({on.drive.name})"
+    assert cause(on) == f"{Condition.TWO_DRIVES}: {who}: two drives answer as this node"
+    going.close()  # type: ignore[attr-defined]
+    on.run(0.5)  # without power a link falls through its gap; then all were seen to stand
+    on.rig.reset()
+
+
+def test_a_drive_that_leaves_operation_without_supply_is_named_so(on: BreakableArm) -> None:
+    start(on, armed=True)
+    going = supply_gone(on)
+    next(going)
+    on.simulated.axis.happen(Trigger.DISABLE_VOLTAGE)
+    on.tick()
+    assert cause(on) == f"{Condition.SUPPLY_LOST}: {on.drive.name} is in switch on disabled"
+    going.close()  # type: ignore[attr-defined]
+
+
+def test_a_drive_in_fault_without_supply_says_both(on: BreakableArm) -> None:
+    start(on, armed=True)
+    going = supply_gone(on)
+    next(going)
+    on.simulated.axis.happen(Trigger.FAULT_DETECTED)
+    on.tick()
+    assert cause(on) == f"{Condition.DRIVE_FAULT}: {on.drive.name}, without supply"
+    going.close()  # type: ignore[attr-defined]
+
+
+def test_a_supply_that_is_off_while_the_arm_is_off_is_no_fault(on: BreakableArm) -> None:
+    going = supply_gone(on)
+    next(going)
+    on.run(0.2)
+    assert on.rig.mode is Mode.OFF
+    assert on.rig.last.findings == ()
+    going.close()  # type: ignore[attr-defined]
+
+
+def deafen(on: BreakableArm) -> None:
+    on.simulated.on_sdo = lambda data: None  # type: ignore[method-assign]
+
+
+@on_one_make
+def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(
+    on: BreakableArm,
+) -> None:
+    assert on.rig.ask(Event.ENABLE) == []
+    on.run(1.2)
+    assert on.rig.permit() == []
+    on.rig.tick.controller.disarm("the bench", on.rig.time_s)
+    deafen(on)
+    on.run(5.5)
+    assert on.rig.mode is Mode.HOLDING
+    (reason,) = on.rig.permit()
+    assert reason.startswith(f"no answer by SDO from {on.drive.name}: ")
+    del on.simulated.on_sdo
+    on.run(5.5)
+    assert on.rig.permit() == []
+
+
+def test_it_is_named_where_drives_are_enabled_and_reset(on: BreakableArm) -> None:
+    deafen(on)
+    (reason,) = on.rig.ask(Event.ENABLE)
+    assert f"node {on.drive.node} ({on.drive.name}) does not answer (SDO timeout" in reason
+    assert on.rig.mode is Mode.OFF
+
+
+@on_one_make
+def test_nobody_is_asked_by_sdo_while_the_arm_moves_or_is_armed(on: BreakableArm) -> None:
+    def asked() -> set[int]:
+        return {cob_id for cob_id, _ in on.wire.sent if cob_id & ~0x7F == SDO_REQUEST}
+
+    start(on, armed=True)
+    for _ in range(600):
+        on.tick()
+        assert not asked()
+    on.rig.request(Event.STOP)
+    on.run(0.5)
+    assert on.rig.mode is Mode.HOLDING
+    on.rig.tick.controller.machine.arm("the bench")
+    on.tick()
+    for _ in range(600):
+        on.tick()
+        assert not asked(), "armed"
+    on.rig.tick.controller.disarm("the bench", on.rig.time_s)
+    found: set[int] = set()
+    for _ in range(20):
+        on.tick()
+        found |= asked()
+    assert found == {SDO_REQUEST + drive.node for drive in on.drives}
+    restore(on)

@@ -1,0 +1,129 @@
+"""What may move an arm that yields: agreement, the stated level, and a hand that is witnessed."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.motion.hand_witness import (
+    ALONE_RAD,
+    ALONE_S,
+    HandWitness,
+    IndependentResidual,
+    agreed,
+    beyond_stated,
+)
+
+T = 0.01
+CONTACT, COULOMB, VISCOUS = 0.4, 0.44, 0.22
+LEARNED, STATED = 0.1, 0.4
+
+
+def witness() -> HandWitness:
+    made = HandWitness(np.array([CONTACT]), np.array([COULOMB]), np.array([VISCOUS]))
+    made.begin()
+    return made
+
+
+def step(on: HandWitness, size: float, velocity: float, stated: float = STATED) -> float:
+    felt = IndependentResidual(np.array([size]), np.array([LEARNED]), np.array([stated]))
+    return float(on.step(felt, np.array([velocity]), T)[0])
+
+
+@pytest.mark.parametrize(
+    ("corrected", "uncorrected", "expected"),
+    [
+        (0.5, 0.3, 0.3),
+        (0.3, 0.5, 0.3),
+        (-0.5, -0.3, -0.3),
+        (0.5, -0.3, 0.0),
+        (-0.5, 0.3, 0.0),
+        (0.5, 0.0, 0.0),
+        (0.5, 0.5, 0.5),
+    ],
+)
+def test_only_what_both_residuals_show_is_agreed(
+    corrected: float, uncorrected: float, expected: float
+) -> None:
+    assert agreed(np.array([corrected]), np.array([uncorrected])) == pytest.approx(expected)
+
+
+torques = st.floats(-10.0, 10.0)
+
+
+@given(torques, torques)
+def test_learning_never_adds_to_what_moves_the_arm(corrected: float, uncorrected: float) -> None:
+    (both,) = agreed(np.array([corrected]), np.array([uncorrected]))
+    assert abs(both) <= min(abs(corrected), abs(uncorrected))
+    assert both * uncorrected >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"),
+    [(0.39, 0.0), (0.5, 0.1), (-0.5, -0.1), (0.84, 0.44), (0.85, 0.75), (-0.85, -0.75)],
+)
+def test_the_learned_level_counts_once_a_hand_is_witnessed(size: float, expected: float) -> None:
+    """Beyond the configured level and all friction, 0.84 Nm, the motor is driven."""
+    assert step(witness(), size, 0.0) == pytest.approx(expected)
+
+
+def test_the_learned_level_counts_no_longer_once_the_hand_is_gone() -> None:
+    on = witness()
+    step(on, 1.2, 0.1)
+    light = [step(on, 0.3, 0.0) for _ in range(round(2 * ALONE_S / T))]
+    assert light[0] == pytest.approx(0.2)
+    assert light[-1] == 0.0
+
+
+def test_a_joint_that_goes_on_by_what_friction_may_pretend_stands() -> None:
+    on = witness()
+    pushes = [step(on, 0.6, 0.3) for _ in range(50)]
+    assert pushes[0] == pytest.approx(0.2)
+    assert sum(push != 0.0 for push in pushes) * T <= ALONE_S + T
+    assert on.stands
+
+
+def test_creeping_has_a_bound_in_distance() -> None:
+    on, speed, gone = witness(), 0.019, 0.0
+    while step(on, 0.6, speed) != 0.0:
+        gone += speed * T
+        assert gone < 2 * ALONE_RAD
+    assert on.stands
+
+
+def test_it_goes_on_when_a_hand_is_witnessed() -> None:
+    on = witness()
+    for _ in range(50):
+        step(on, 0.6, 0.3)
+    assert step(on, 1.0, 0.0) == pytest.approx(1.0 - LEARNED)
+    assert not on.stands
+
+
+def test_it_stands_until_the_residual_was_below_its_level() -> None:
+    on = witness()
+    for _ in range(50):
+        step(on, 0.6, 0.3)
+    assert step(on, 0.2, 0.0) == 0.0
+    assert on.stands
+    step(on, 0.05, 0.0)
+    assert not on.stands
+
+
+def test_a_push_against_the_motion_is_no_motion_alone() -> None:
+    on = witness()
+    for _ in range(200):
+        step(on, -0.6, 0.3)
+    assert not on.stands
+
+
+def test_one_tick_the_other_way_does_not_wipe_what_was_counted() -> None:
+    on = witness()
+    for tick in range(60):
+        step(on, 0.6 if tick % 5 else -0.6, 0.3)
+    assert on.stands
+
+
+def test_the_arm_backs_away_from_nothing_that_only_learning_shows() -> None:
+    level, stated = np.full(3, LEARNED), np.full(3, STATED)
+    felt = IndependentResidual(np.array([0.3, 0.5, -0.6]), level, stated)
+    np.testing.assert_allclose(beyond_stated(felt), [0.0, 0.1, -0.2])

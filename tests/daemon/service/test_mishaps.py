@@ -1,0 +1,179 @@
+"""Requests that break inside the program: one answer, one entry in the log, an arm that goes on
+ticking and is no more willing to move."""
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from bench.rigs.served_daemon import ServedDaemon
+from daemon.modes.table import ENERGISED, Event, Mode
+from daemon.protocol.messages import Request
+from daemon.service import mishaps
+from daemon.service.mishaps import STILLING, Checkpoint, remedy
+from daemon.service.service import Service
+from daemon.tick.controller import Controller
+from daemon.tick.tick import Tick
+from programs.clients.client import Client
+
+BROKEN = "internal error: ZeroDivisionError: on purpose; see the daemon's log"
+
+
+def breaks(*_: object, **__: object) -> Any:
+    raise ZeroDivisionError("on purpose")
+
+
+def breaking_after(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, which breaks when its work is done."""
+
+    def work(*arguments: Any, **more: Any) -> Any:
+        function(*arguments, **more)
+        return breaks()
+
+    return work
+
+
+def until_tracking(served: ServedDaemon) -> None:
+    served.rig.enable()
+    served.rig.request(Event.START)
+    served.run(0.5)
+
+
+def test_a_payload_without_a_lever_is_carried(served: ServedDaemon) -> None:
+    until_tracking(served)
+    result = served.contactctl("payload", "0.3", "--com", "0", "0", "0")
+    assert (result.exit_code, result.stdout) == (0, "payload: 0.3 kg at (0.000 0.000 0.000) m\n")
+    assert served.rig.mode is Mode.TRACKING
+
+
+def test_one_that_breaks_is_answered_logged_and_over(
+    served: ServedDaemon,
+    client: Client,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    until_tracking(served)
+    place = served.rig.tick.controller.motion.follower.place
+    monkeypatch.setattr(Service, "_status", breaks)
+    reply = served.ask(client, "status")
+    assert (reply.ok, reply.message) == (False, BROKEN)
+    (entry,) = [r for r in caplog.records if "internal error" in r.message]
+    assert entry.levelno == logging.ERROR
+    assert "ZeroDivisionError: on purpose at test_mishaps.py:" in entry.message
+    assert "in breaks, answering uid" in entry.message
+    assert '{"command":"status"}' in entry.message
+    served.run(0.5)
+    assert served.rig.mode is Mode.TRACKING
+    assert served.rig.tick.controller.motion.follower.place.path is place.path
+
+
+def test_a_thousand_leave_some_lines_in_the_log(
+    served: ServedDaemon,
+    client: Client,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    monkeypatch.setattr(Service, "_status", breaks)
+    for _ in range(200):
+        served.ask(client, "status")
+    assert 0 < sum("internal error" in r.message for r in caplog.records) < 60
+
+
+@pytest.mark.parametrize("encodes", [False, True])
+def test_what_cannot_be_read_or_written_is_answered(
+    served: ServedDaemon, client: Client, encodes: bool
+) -> None:
+    control = served.service.control
+    if encodes:
+        encode, calls = control._encoder.encode, iter([breaks])
+
+        class Encoder:
+            def encode(self, reply: Any) -> bytes:
+                return bytes(next(calls, encode)(reply))
+
+        control._encoder = Encoder()  # type: ignore[assignment]
+    else:
+
+        class Decoder:
+            decode = staticmethod(breaks)
+
+        control.answers._decoder = Decoder()  # type: ignore[assignment]
+    assert served.ask(client, "status").message == BROKEN
+
+
+@pytest.mark.parametrize(
+    ("before", "command", "of", "name", "after"),
+    [
+        # What a request had begun comes to rest...
+        ("off", "enable", Controller, "request", Mode.OFF),
+        ("holding", "start", Controller, "request", Mode.HOLDING),
+        ("holding", "arm", Controller, "arm", Mode.HOLDING),
+        ("faulted", "reset", Controller, "request", Mode.FAULTED),
+        ("tracking", "payload", Tick, "carry", Mode.TRACKING),
+        # ...also where it was done, and only its answer broke...
+        ("holding", "start", Service, "_set_out", Mode.HOLDING),
+        ("holding", "arm", Service, "_granted", Mode.HOLDING),
+        # ...and what should have made the arm stiller does so.
+        ("tracking", "stop", Controller, "request", Mode.FAULTED),
+        ("tracking", "pause", Service, "_request", Mode.FAULTED),
+        ("tracking", "disarm", Service, "_request", Mode.FAULTED),
+        ("tracking", "disable", Service, "_request", Mode.FAULTED),
+        ("off", "stop", Service, "_request", Mode.OFF),
+    ],
+)
+def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
+    served: ServedDaemon,
+    client: Client,
+    monkeypatch: pytest.MonkeyPatch,
+    before: str,
+    command: str,
+    of: type,
+    name: str,
+    after: Mode,
+) -> None:
+    if before == "tracking":
+        until_tracking(served)
+    elif before != "off":
+        served.rig.enable()
+        served.run(0.5)
+    if before == "faulted":
+        served.rig.tick.controller.mend(Event.FAULT, "the test", served.rig.time_s)
+        served.run(0.5)
+    monkeypatch.setattr(of, name, breaking_after(getattr(of, name)))
+    request = Request(command, mass=0.2 if command == "payload" else None)  # type: ignore[arg-type]
+    assert served.until(lambda: client.ask(request)).message == BROKEN
+    monkeypatch.undo()
+    served.run(1.0)
+    machine = served.rig.tick.controller.machine
+    assert (machine.mode, machine.armed) == (after, False)
+    assert served.service.permission.lease is None
+    assert not machine.moving or before == "tracking"
+
+
+@pytest.mark.parametrize("command", ["enable", "start", "go", "arm", "stop", "gain", "reset"])
+@pytest.mark.parametrize("mode", list(Mode))
+def test_no_remedy_makes_an_arm_more_willing(command: Any, mode: Mode) -> None:
+    for was in Mode:
+        checkpoint = Checkpoint(was, armed=False, place=None, lease=None)  # type: ignore[arg-type]
+        for armed in (False, True):
+            event = remedy(command, checkpoint, mode, armed=armed)
+            assert event in (None, Event.STOP, Event.FAULT, Event.DISARM)
+            if event is None:
+                assert mode is was
+                assert not armed
+                assert command not in STILLING or mode not in ENERGISED
+
+
+def test_an_error_of_the_tick_is_still_one(
+    served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Controller, "step", breaks)
+    with pytest.raises(ZeroDivisionError):
+        served.tick()
+
+
+def test_its_words_are_one_line_of_bounded_length() -> None:
+    text = mishaps.error_in_words(ValueError("a\nb" + 1000 * "x"))
+    assert text.startswith("internal error: ValueError: a?bx")
+    assert len(text) < 300

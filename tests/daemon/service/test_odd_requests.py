@@ -1,0 +1,126 @@
+"""Every command with odd fields, in the real service: each is answered, and the loop goes on."""
+
+import itertools
+import json
+import socket
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from bench.rigs.odd_requests import OddRequests
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.modes.table import Event, Mode
+from daemon.protocol.messages import Request
+from daemon.service import arguments
+from programs.clients.client import Client
+from tests.examples import scaled
+
+# `reload` sets the drives up anew, and `enable` reads them all: they are tried elsewhere.
+QUICK = ("start", "go", "arm", "renew", "load", "gain", "payload") * 3 + (
+    *("status", "subscribe", "pause", "disarm", "stop", "disable", "reset"),
+)
+
+
+def asked(served: ServedDaemon, packet: bytes) -> dict[str, Any]:
+    """Answer to a packet, within two ticks."""
+    with closing(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)) as one:
+        one.setblocking(False)
+        one.connect(str(served.path))
+        one.send(packet)
+        served.tick()
+        served.tick()
+        answer: dict[str, Any] = json.loads(one.recv(1 << 20))
+        return answer
+
+
+def on_again(served: ServedDaemon) -> None:
+    """Energise an arm that a request has let go of."""
+    if served.rig.mode is Mode.FAULTED:
+        served.run(0.3)
+        served.rig.reset()
+    if served.rig.mode is Mode.OFF:
+        served.rig.enable()
+
+
+@pytest.mark.parametrize("robot", [SINGLE_JOINT, DESK_ARM, ROMEO], ids=lambda path: path.name)
+def test_each_is_answered_and_no_tick_breaks(
+    tmp_path: Path, robot: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with served_daemon(tmp_path, robot) as served:
+        # What needs an identified arm is tried on any.
+        served.rig.tick.arming_checks.unsettled = list  # type: ignore[method-assign]
+        c = served.rig.robot.configuration
+        odd = OddRequests(c.joint_names, list(c.poses), list(c.payloads))
+        outcomes: Counter[tuple[str, bool]] = Counter()
+        for number, packet in enumerate(itertools.islice(odd.packets(1, QUICK), scaled(250))):
+            if number % 20 == 0:
+                on_again(served)
+            answer = asked(served, packet)
+            assert answer["message"], packet
+            outcomes[answer["message"].partition(":")[0], answer["ok"]] += 1
+    assert not [r.message for r in caplog.records if "internal error" in r.message]
+    # They were no empty attempts: of each command some were carried out.
+    for command in ("start", "go", "load", "gain", "payload", "status"):
+        assert outcomes[command, True], (command, outcomes)
+        assert command == "status" or outcomes[command, False] or outcomes["not a request", False]
+
+
+@pytest.mark.parametrize(
+    ("packet", "allowed"),
+    [
+        ('{"command":"go","targets":{"joint":0.1},"speed":5e-324}', ">= 0.001 - at `$.speed`, not"),
+        (
+            '{"command":"go","targets":{"joint":0.1},"speed":2.01}',
+            "<= 2.0 - at `$.speed`, not 2.01",
+        ),
+        ('{"command":"go","targets":{"joint":1e308}}', "is outside its limits [-1.4, 1.4] rad"),
+        ('{"command":"arm","lease_s":0.049}', ">= 0.05 - at `$.lease_s`, not 0.049"),
+        ('{"command":"arm","lease_s":86401}', "<= 86400.0 - at `$.lease_s`, not 86401"),
+        ('{"command":"gain","joint":"joint","gain":5e-324}', "0, or 0.0001 to 5 rad/s per Nm"),
+        ('{"command":"gain","joint":"joint","gain":5.01}', "0, or 0.0001 to 5 rad/s per Nm"),
+        ('{"command":"payload","mass":5e-324}', "0.001 to 100 kg; 0 for nothing"),
+        ('{"command":"payload","mass":100.1}', "0.001 to 100 kg; 0 for nothing"),
+        ('{"command":"payload","mass":1,"com":[0,0,2.1]}', "each within 2 m of the origin"),
+    ],
+)
+def test_a_number_out_of_bounds_is_refused_with_value_and_range(
+    served: ServedDaemon, packet: str, allowed: str
+) -> None:
+    served.rig.enable()
+    answer = asked(served, packet.encode())
+    assert not answer["ok"]
+    assert allowed in " ".join([answer["message"], *answer.get("reasons", [])])
+    assert "expected {" not in answer["message"]
+    assert served.rig.mode is Mode.HOLDING
+
+
+def test_every_number_of_a_request_has_bounds_in_the_schema() -> None:
+    def numbers(node: Any) -> list[dict[str, Any]]:
+        if isinstance(node, list):
+            return [found for part in node for found in numbers(part)]
+        if not isinstance(node, dict):
+            return []
+        own = [node] if node.get("type") in ("number", "integer") else []
+        return own + [found for part in node.values() for found in numbers(part)]
+
+    found = numbers(msgspec.json.schema(Request))
+    assert len(found) == 8
+    assert all("minimum" in one and "maximum" in one for one in found), found
+
+
+def test_every_field_of_a_request_has_its_commands() -> None:
+    fields = {field.name for field in msgspec.structs.fields(Request)}
+    assert fields - {"command", "on_behalf_of"} == set(arguments.TAKERS)
+
+
+def test_a_slow_way_still_ends_where_it_should(served: ServedDaemon, client: Client) -> None:
+    served.rig.enable()
+    reply = served.until(lambda: client.go(targets={"joint": 0.0}, speed=0.001))
+    assert reply.ok, reply
+    assert reply.way.duration_s < 10_000.0
+    served.rig.request(Event.STOP)

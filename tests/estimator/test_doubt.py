@@ -1,0 +1,162 @@
+"""Doubt in what was learned: what raises it, what keeps it up, and what ends it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimator.doubt import AGREES, ENDED, FRICTION, Doubt
+
+DT = 0.01
+LOWERED, STATED = 0.1, 0.8
+
+
+def step(
+    doubt: Doubt, *, touched: bool = False, q: float = 0.0, velocity: float = 0.3,
+    residual: float = 0.0, believed: float | None = None, moving: bool = True,
+) -> int:  # fmt: skip
+    doubt.moving[0] = moving
+    size = abs(residual) if believed is None else believed
+    return doubt.step(0, touched, q, velocity, residual, size, LOWERED, STATED, DT)
+
+
+def run(doubt: Doubt, seconds: float, **seen: Any) -> list[int]:
+    return [step(doubt, **seen) for _ in range(round(seconds / DT))]
+
+
+def contact(doubt: Doubt, size: float = 0.3, **seen: Any) -> int:
+    """A contact of a tenth of a second, and the tick after it; returns its verdict."""
+    run(doubt, 0.1, touched=True, residual=size, **seen)
+    return step(doubt, **{key: value for key, value in seen.items() if key != "believed"})
+
+
+@pytest.mark.parametrize(
+    ("size", "believed", "verdict", "value"),
+    [
+        (0.3, 0.3, ENDED, 1.0),  # without what was learned, too
+        (0.3, 0.1, ENDED, 1.0),  # by what was learned alone
+        (0.9, 0.9, AGREES, 0.0),  # a person, or an obstacle
+        (0.9, 0.7, ENDED, 1.0),
+    ],
+)
+def test_a_contact_that_is_over(size: float, believed: float, verdict: int, value: float) -> None:
+    doubt = Doubt(1)
+    assert contact(doubt, size, believed=believed) == verdict
+    assert doubt.value[0] == value
+
+
+@pytest.mark.parametrize("velocity", [0.3, -0.3])
+def test_it_ends_with_motion_that_agrees_in_the_direction_that_was_interrupted(
+    velocity: float,
+) -> None:
+    doubt = Doubt(1)
+    contact(doubt, velocity=velocity)
+    run(doubt, 60.0, q=1.0, velocity=-velocity, residual=0.05)
+    assert doubt.at(0, 1.0) == 1.0, "the other direction shows nothing"
+    run(doubt, 0.45, q=1.0, velocity=velocity, residual=0.05)
+    assert doubt.at(0, 1.0) == 1.0
+    run(doubt, 0.6, q=1.0, velocity=velocity, residual=0.05)
+    assert doubt.at(0, 1.0) == 0.0
+
+
+def test_both_directions_are_owed_where_the_joint_stood() -> None:
+    doubt = Doubt(1)
+    contact(doubt, moving=False)
+    run(doubt, 5.0, q=1.0, velocity=0.3)
+    assert doubt.at(0, 1.0) == 1.0
+    run(doubt, 1.1, q=1.0, velocity=-0.3)
+    assert doubt.at(0, 1.0) == 0.0
+
+
+def test_a_direction_that_disagrees_is_owed_anew() -> None:
+    doubt = Doubt(1)
+    contact(doubt, velocity=0.3)
+    step(doubt, q=1.0, velocity=-0.3, residual=0.15)
+    run(doubt, 5.0, q=1.0, velocity=0.3)
+    assert doubt.at(0, 1.0) == 1.0
+    run(doubt, 1.1, q=1.0, velocity=-0.3)
+    assert doubt.at(0, 1.0) == 0.0
+
+
+def test_at_rest_it_stays() -> None:
+    doubt = Doubt(1)
+    contact(doubt)
+    run(doubt, 60.0, moving=False)
+    assert doubt.at(0, 1.0) == 1.0
+
+
+def test_what_exceeds_the_lowered_level_keeps_it_up() -> None:
+    doubt = Doubt(1)
+    contact(doubt)
+    for _ in range(20):
+        run(doubt, 0.45, q=1.0, residual=0.05)
+        assert step(doubt, q=1.0, residual=0.15) == AGREES
+    assert doubt.at(0, 1.0) == 1.0
+
+
+def test_a_place_is_doubted_until_it_was_passed() -> None:
+    doubt = Doubt(1)
+    contact(doubt, q=0.5)
+    run(doubt, 30.0, q=1.0)
+    assert (doubt.at(0, 1.0), doubt.at(0, 0.5), doubt.at(0, 0.55)) == (0.0, 1.0, 1.0)
+    run(doubt, 1.1, q=0.5)
+    assert doubt.at(0, 0.5) == 0.0
+
+
+def test_a_place_that_interrupts_grows_and_is_counted() -> None:
+    doubt = Doubt(1)
+    contact(doubt, q=0.5)
+    for _ in range(3):
+        run(doubt, 5.0, q=0.0)
+        for q in np.arange(0.42, 0.7, 0.01):
+            step(doubt, q=float(q), residual=0.15)
+    assert doubt.met[0] == 4
+    assert doubt.at(0, 0.7) == 1.0
+    assert doubt.at(0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_follows_the_sign_of_the_motion_is_friction(sign: float) -> None:
+    doubt = Doubt(1)
+    contact(doubt, q=5.0)
+    assert FRICTION not in run(doubt, 0.1, velocity=0.3, residual=0.2 * sign)
+    assert FRICTION in run(doubt, 0.1, velocity=-0.3, residual=-0.2 * sign)
+
+
+def test_what_pulls_one_way_is_none() -> None:
+    doubt = Doubt(1)
+    contact(doubt, q=5.0)
+    for velocity in (0.3, -0.3, 0.3, -0.3):
+        assert FRICTION not in run(doubt, 0.5, velocity=velocity, residual=0.2)
+
+
+def test_a_contact_that_lasts_for_long_raises_it() -> None:
+    doubt = Doubt(1)
+    run(doubt, 9.9, touched=True, residual=0.3)
+    assert doubt.value[0] == 0.0
+    run(doubt, 1.2, touched=True, residual=0.3)
+    assert doubt.value[0] == 1.0
+
+
+def test_a_person_who_holds_it_for_long_does_not() -> None:
+    doubt = Doubt(1)
+    run(doubt, 60.0, touched=True, residual=0.9)
+    assert doubt.value[0] == 0.0
+
+
+def test_after_a_long_rest_it_is_cold_for_a_minute_of_motion() -> None:
+    doubt = Doubt(1)
+    assert not doubt.cold(0)
+    doubt.rest(0, 59.0)
+    assert not doubt.cold(0)
+    doubt.rest(0, 61.0)
+    assert doubt.cold(0)
+    run(doubt, 61.0)
+    assert not doubt.cold(0)
+
+
+def test_a_reset_forgets_the_contact_that_lasts() -> None:
+    doubt = Doubt(1)
+    run(doubt, 0.1, touched=True, residual=0.9)
+    doubt.reset(0)
+    assert contact(doubt) == ENDED

@@ -1,0 +1,94 @@
+"""Limits of the house: `make house` prints each measure, its limit and its goal, and exits 1 beyond
+a limit.
+
+A limit is what was measured when it was written, and sinks with that; only a decision record raises
+one (docs/decisions/0006-the-house.md). The goal is where it has to get.
+"""
+
+import ast
+import re
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+PRODUCT: Final = (
+    "common", "contactd_client", "daemon", "drivers", "estimator", "identification", "programs",
+    "simulator",
+)  # fmt: skip
+LONG_FILE: Final = 300  # lines
+_DIALECT: Final = re.compile(r"\b(nobody|somebody|whoever|told|tells)\b", re.IGNORECASE)
+_NO_NOUN: Final = re.compile(r'"""(What|Of|Where|How|Who|Whom|Whose|Which)\b')
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One number of the house, with the limit that `make check` holds and its goal."""
+
+    name: str
+    now: int
+    limit: int
+    goal: int
+
+
+def sources(folders: Iterable[str], root: Path = ROOT) -> Iterator[Path]:
+    """Python sources and declarations below the folders."""
+    for folder in folders:
+        for path in sorted((root / folder).rglob("*")):
+            if path.suffix in (".py", ".pxd") and "node_modules" not in path.parts:
+                yield path
+
+
+def lines(folders: Iterable[str], root: Path = ROOT) -> int:
+    """Number of lines of the sources."""
+    return sum(len(path.read_text().splitlines()) for path in sources(folders, root))
+
+
+def constructors(of: str, text: str) -> int:
+    """Number of calls of a class in a source."""
+    calls = (node.func for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call))
+    return sum(isinstance(call, ast.Name) and call.id == of for call in calls)
+
+
+def words_of_docs(root: Path = ROOT) -> int:
+    """Number of words of README, CONTRIBUTING and all pages below docs/."""
+    pages = [root / "README.md", root / "CONTRIBUTING.md", *(root / "docs").rglob("*.md")]
+    return sum(len(page.read_text().split()) for page in pages)
+
+
+def measures(root: Path = ROOT) -> list[Measure]:
+    """All measures of the house."""
+    product = [path.read_text() for path in sources(PRODUCT, root)]
+    python = [path.read_text() for path in sources(PRODUCT, root) if path.suffix == ".py"]
+    decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
+    long = sum(len(text.splitlines()) > LONG_FILE for text in python)
+    return [
+        Measure("lines of the product", lines(PRODUCT, root), 52_050, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 13_070, 12_500),
+        Measure("lines of bench/", lines(["bench"], root), 16_000, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 55_300, 45_000),
+        Measure(f"files of the product over {LONG_FILE} lines", long, 20, 0),
+        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 61_500, 50_000),
+        Measure("decision records", decisions, 30, 30),
+        Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
+        Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in product), 10, 10),
+        Measure("docstrings without a noun", sum(len(_NO_NOUN.findall(t)) for t in product), 0, 0),
+        Measure("constructors of State", sum(constructors("State", t) for t in python), 1, 1),
+    ]
+
+
+def main() -> int:
+    """Print all measures; the exit status is 1 where one is beyond its limit."""
+    house = measures()
+    width = max(len(measure.name) for measure in house)
+    print(f"{'':{width}}      now    limit     goal")
+    for m in house:
+        beyond = "  BEYOND" if m.now > m.limit else ""
+        print(f"{m.name:{width}} {m.now:8,} {m.limit:8,} {m.goal:8,}{beyond}")
+    return int(any(measure.now > measure.limit for measure in house))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,42 @@
+"""How well friction is known, and after how long a motion it would be known better."""
+
+import numpy as np
+import pytest
+
+from identification.friction_fit import WIDE, FrictionFit
+from identification.friction_verdict import Verdict
+
+
+def fit(noise: float, stays: float, coulomb: float = 1.0, viscous: float = 0.5) -> FrictionFit:
+    """Friction of a motion of 60 s, Coulomb's with errors by noise and by what stays [Nm]."""
+    return FrictionFit(
+        joint="a", verdict=Verdict.GOOD, reason="",
+        values={"K_theta_s": coulomb, "K_theta_v": viscous},
+        errors={"K_theta_s": float(np.hypot(noise, stays)), "K_theta_v": 0.001},
+        noise={"K_theta_s": noise, "K_theta_v": 0.001},
+        seconds=60.0, r2=1.0, condition=1.0, gravity_scale=1.0, offset=0.0, rotor_doubt="",
+        stiction=0.0, stiction_error=1.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("noise", "stays", "seconds"),
+    [
+        (0.04, 0.0, 65.6),  # 0.0383 are allowed
+        (0.08, 0.0, 262.3),  # four times as long: half
+        (0.08, 0.03, 680.2),
+        (0.08, 0.0383, np.inf),
+        (0.0, 0.1, np.inf),
+        (0.01, 0.0, 4.1),
+    ],
+)
+def test_a_longer_motion_takes_off_noise_and_no_more(noise, stays, seconds):
+    one = fit(noise, stays)
+    assert one.seconds_for(WIDE) == pytest.approx(seconds, rel=0.01)
+    if np.isfinite(seconds):
+        assert one.unsure_after(one.seconds_for(WIDE)) == pytest.approx(WIDE)
+    assert one.unsure_after(1e9) == pytest.approx(3.92 * stays, abs=1e-4)
+
+
+def test_viscous_friction_that_hardly_matters_is_no_reason():
+    assert fit(0.01, 0.0, viscous=0.0).unsure == pytest.approx(3.92 * 0.01)

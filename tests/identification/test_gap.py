@@ -1,0 +1,510 @@
+"""Half-gap by a hand, by ramps of torque and in motion; and logs that have none to give."""
+
+import gzip
+import itertools
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.rigs.arm_batch import SoftHand, record_fleet
+from identification.gap import identify_gap
+from identification.gap_in_motion import from_motion
+from identification.gap_result import GapVerdict
+from identification.motion_log import MotionLog
+from identification.plateaus import from_plateaus
+from identification.ramps import from_ramps
+from simulator.description import SimulationSettings
+
+DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[3] / "shared" / "data"))
+T = 0.01
+
+
+def visits(alpha: float, count: int, strain: float = 0.0, seed: int = 0) -> np.ndarray:
+    """phi of a hand that rests `count` times at alternating borders, pushing now more, now less."""
+    rng = np.random.default_rng(seed)
+    sides = np.resize([1.0, -1.0], count) * (alpha + strain * rng.uniform(size=count))
+    way = np.clip(np.arange(100) / 40.0, 0.0, 1.0)
+    ends = np.concatenate([[0.0], sides])
+    return np.concatenate([a + (b - a) * way for a, b in itertools.pairwise(ends)])
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_hand_shows_every_gap_to_half_a_milliradian(handled, arm, measured):
+    log, true = handled
+    log = log if measured else replace(log, motor_position=None)
+    for i in np.flatnonzero(true.half_gap > 0.0):
+        gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+        assert gap.verdict is GapVerdict.CLEAR, gap
+        assert gap.crossings >= 15
+        assert gap.half_gap == pytest.approx(true.half_gap[i], abs=5e-4), gap
+
+
+def test_a_rigid_joint_has_no_dead_zone(handled, arm):
+    log, true = handled
+    for i in np.flatnonzero(true.half_gap == 0.0):
+        gap = identify_gap(log, i, 1.0)
+        assert (gap.verdict, gap.half_gap) == (GapVerdict.NONE, 0.0), gap
+
+
+def test_a_drifting_integral_changes_nothing():
+    phi = visits(0.02, 24)
+    t = T * np.arange(len(phi))
+    drift = 0.0004 * t  # 10 mrad in the end
+    gap = from_plateaus("j", t, phi, drift, 0.0004, -np.sign(phi) * (np.abs(phi) > 0.019))
+    assert gap.half_gap == pytest.approx(0.02, abs=1e-4)
+
+
+def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
+    """An encoder of 4096 steps reads the same at each rest, and a gear that is pressed bends by as
+    much each time; without a torque nobody knows what the ends are."""
+    phi = visits(0.01, 24)
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    step = 2.0 * np.pi / 4096.0
+    pressed = -np.sign(phi) * (np.abs(phi) > 0.95 * 0.01)
+    coarse = step * np.round((phi + 0.0003) / step)
+    soft = from_plateaus("j", t, coarse, still, 0.0, 0.01 * pressed)
+    assert soft.verdict is GapVerdict.CLEAR, soft
+    assert abs(soft.half_gap - 0.01) < soft.confidence
+    assert 0.3 * step < soft.confidence < 0.5 * step
+    for gives in (0.5e-3, 1e-3, 2e-3, 2.9e-3):  # [rad/Nm], down to 350 Nm/rad
+        bent = phi + 2.0 * gives * np.sign(phi) * (np.abs(phi) > 0.95 * 0.01)
+        hard = from_plateaus("j", t, bent, still, 0.0, 2.0 * pressed)
+        assert hard.verdict is GapVerdict.CLEAR, hard
+        assert abs(hard.half_gap - 0.01) < hard.confidence < 0.0065
+    none = from_plateaus("j", t, phi, still, 0.0, still)
+    assert none.verdict is GapVerdict.UNCLEAR, none
+    assert none.estimate == pytest.approx(0.01)
+    assert "the same throughout" in none.reason
+
+
+def test_a_hand_that_is_hardly_felt_leaves_no_interval_beyond_what_a_soft_gear_bends():
+    """0.16 Nm, with the noise of a current: the line through it ends anywhere."""
+    alpha, load, rng = 0.0125, 0.16, np.random.default_rng(3)
+    phi = visits(alpha, 24, strain=0.0002)
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    border = np.clip((np.abs(phi) / alpha - 0.6) / 0.4, 0.0, 1.0)
+    torque = -np.sign(phi) * load * border + rng.normal(0.0, 0.05, len(phi))
+    gap = from_plateaus("j", t, phi, still, 0.0, torque)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert "of alpha the gear may have bent" in gap.reason
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.0025, gap
+
+
+def test_a_motor_that_answers_late_shows_no_stiff_gear():
+    """Its friction holds at first what a hand presses by; its controller takes that over while the
+    link rests, and the torque rises where nothing bends any more."""
+    alpha, gives = 0.01, 0.001
+    phi = visits(alpha + gives, 24)
+    late = np.resize(np.clip((np.arange(100) - 30.0) / 60.0, 0.0, 1.0), len(phi))
+    phi = phi + 1e-4 * np.sign(phi) * late
+    torque = -1.5 * np.sign(phi) * late
+    gap = from_plateaus("j", T * np.arange(len(phi)), phi, np.zeros_like(phi), 0.0, torque)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
+    assert np.isnan(gap.compliance)
+
+
+@pytest.mark.parametrize("gives", [0.002, 0.006])
+def test_a_motor_that_gives_way_to_a_hand_makes_no_strokes(gives):
+    """It gives way at one slow speed and comes back at it, as strokes of a motor are."""
+    phi = visits(0.02, 24)
+    there = np.interp(np.arange(100), [40, 60, 80], [0.0, 1.0, 0.0])
+    theta = gives * np.repeat(np.resize([1.0, -1.0], 24), 100) * np.tile(there, 24)
+    log = replace(of(phi + theta, theta), current=-np.sign(phi)[:, None])
+    gap = identify_gap(log, 0, 1.0, by_hand=True)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+    assert "`--by-hand`" in identify_gap(log, 0, 1.0).reason
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_second_sitting_adds_to_the_first_wherever_the_motor_stands_by_then(measured):
+    """Neither alone has crossings enough; between them motor and zeros moved, and a hand leaned on
+    the same border at the end of the one and at the beginning of the other."""
+    first, second = visits(0.02, 11), visits(0.02, 12)[50:]
+    phi = np.concatenate([first, second])
+    after = np.arange(len(phi)) >= len(first)
+    t = T * np.arange(len(phi)) + 10.0 * after
+    theta = 0.3 * after + 0.001 * np.random.default_rng(0).standard_normal(len(phi)) * T
+    velocity = np.full((len(phi), 1), 0.001)
+    log = MotionLog(
+        ("j",),
+        t,
+        np.sign(-phi)[:, None],
+        (1.1 * theta + phi)[:, None],
+        velocity,
+        theta[:, None] if measured else None,
+    )
+    assert identify_gap(log.select(slice(0, len(first))), 0, 1.0).verdict is GapVerdict.FEW
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.crossings == 21
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+
+
+def test_missing_samples_begin_no_sitting():
+    phi = visits(0.02, 24)
+    there = np.arange(len(phi)) % 60 >= 5
+    still = np.zeros((int(there.sum()), 1))
+    t = T * np.flatnonzero(there)
+    log = MotionLog(("j",), t, np.sign(-phi[there])[:, None], phi[there][:, None], still, still)
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("phi", "mean_velocity", "verdict"),
+    [
+        (visits(0.02, 12), 0.0, GapVerdict.FEW),
+        (visits(0.002, 40, strain=0.02), 0.0, GapVerdict.UNCLEAR),
+        (visits(0.02, 30), 0.05, GapVerdict.MOTOR_MOVED),
+        (visits(0.02, 30), -0.05, GapVerdict.MOTOR_MOVED),
+        (visits(0.0005, 30), 0.0, GapVerdict.NONE),
+        (visits(0.0006, 40, strain=0.0007), 0.0, GapVerdict.NONE),  # not rigid, but hardly a gap
+    ],
+)
+def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    gap = from_plateaus("j", t, phi, still, mean_velocity, -np.sign(phi))
+    assert gap.verdict is verdict, gap
+    assert gap.usable == (verdict is GapVerdict.NONE)
+
+
+@pytest.mark.parametrize("phi", [visits(0.0005, 30), visits(0.0006, 40, strain=0.0007)])
+@pytest.mark.parametrize(
+    ("torque", "verdict"),
+    [
+        (lambda up: -up, GapVerdict.NONE),
+        (lambda up: 0.5 - up, GapVerdict.NONE),  # half of it is the link's weight
+        (lambda up: 1.5 - up, GapVerdict.ONE_BORDER),  # more than it was pressed by
+        (lambda up: -up - 1.0, GapVerdict.ONE_BORDER),  # pressed and released
+        (lambda up: np.random.default_rng(1).normal(0.0, 0.01, len(up)), GapVerdict.ONE_BORDER),
+        (np.zeros_like, GapVerdict.UNCLEAR),
+    ],
+)
+def test_no_dead_zone_takes_a_hand_that_pressed_both_ways(phi, torque, verdict):
+    """Pressed to and fro at one border of its gap, a link moves as a rigid one does."""
+    t, still = T * np.arange(len(phi)), np.zeros_like(phi)
+    gap = from_plateaus("j", t, phi, still, 0.0, torque(np.sign(phi)))
+    assert gap.verdict is verdict, gap
+    assert np.isfinite(gap.half_gap) == (verdict is GapVerdict.NONE)
+    assert np.isnan(gap.estimate)
+    assert ("pressed to one side only" in gap.reason) == (verdict is GapVerdict.ONE_BORDER)
+
+
+def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):
+    """It stops as exactly as at a border, but the motor feels little or nothing there."""
+    settings = SimulationSettings(velocity_bias=0.001)
+    q0 = np.array([joint.initial_position for joint in arm.description.joints])
+    hand = StoppingHand([nominal] * 3, q0, arm.model.gravity(q0), settings.step_s)
+    still = (q0, np.zeros_like(q0))
+    logs = record_fleet(
+        arm.description, [nominal] * 3, lambda t: still, 17.0, settings, push=hand, motors_only=True
+    )[0]
+    refused = 0
+    for log, ends in zip(logs, ("upper|lower", "upper", "lower"), strict=True):
+        for i in np.flatnonzero(nominal.half_gap > 0.0):
+            gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+            refused += gap.verdict is GapVerdict.UNCLEAR
+            assert re.search(f"did the link touch the ({ends}) border", gap.reason), gap
+    assert refused >= 8, refused  # of fifteen
+
+
+def test_a_gear_that_bends_under_the_hand_is_told_from_its_gap(arm, nominal):
+    """Gears of 1000 Nm/rad, pressed with 3.5 Nm by a hand that is not gentle."""
+    settings = SimulationSettings(velocity_bias=0.001, friction="dahl", presliding=0.001)
+    arms = [replace(nominal, half_gap=np.full(7, alpha)) for alpha in (0.007, 0.02)]
+    q0 = np.array([joint.initial_position for joint in arm.description.joints])
+    hand = PressingHand(arms, q0, arm.model.gravity(q0), settings.step_s)
+    still = (q0, np.zeros_like(q0))
+    logs = record_fleet(
+        arm.description, arms, lambda t: still, 20.0, settings, push=hand, motors_only=True
+    )[0]
+    for log, true in zip(logs, arms, strict=True):
+        for i in (0, 1):  # the shoulder, whose motors withstand it
+            gap = identify_gap(log, i, arm.transmission.torque_constant[i])
+            assert gap.verdict is GapVerdict.CLEAR, gap
+            assert gap.half_gap == pytest.approx(true.half_gap[i], abs=5e-4), gap
+            assert abs(gap.half_gap - true.half_gap[i]) < gap.confidence < 1e-3, gap
+            assert 1.0 / gap.compliance == pytest.approx(true.stiffness[i], rel=0.15)
+            assert "the gear bends by" in gap.reason
+
+
+class PressingHand(SoftHand):
+    """Leads every link to and fro within 1 s, the shoulder with 3.5 Nm and more."""
+
+    def __call__(self, t, q, q_dot):
+        visit, phase = divmod(t, 1.0)
+        strong = np.arange(len(q)) % 7 < 2
+        strength = np.where(strong, 3.5, self._strongest) * (1.0 + 0.25 * np.sin(1.7 * visit))
+        way = min(phase / 0.15 - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
+        pull = 60.0 * strength * (self._q0 + way * (self._half_gap + 0.03) - q)
+        return self._gravity + np.clip(pull, -strength, strength) - self._damping * q_dot
+
+
+class StoppingHand(SoftHand):
+    """On the way to a border that it does not reach it stops at 0.6 of the half-gap: with the first
+    arm on both sides, with the second only upwards, with the third only downwards."""
+
+    _short = np.repeat([[True, True], [False, True], [True, False]], 7, axis=0)
+
+    def __call__(self, t, q, q_dot):
+        visit, phase = divmod(t, 0.9)
+        upwards = int(visit) % 2 == 0
+        short = self._short[:, int(upwards)]
+        end = np.where(short, 0.6 * self._half_gap, self._half_gap + 0.008)
+        lead = min(phase / 0.25 - 1.0, 1.0) * (1.0 if upwards else -1.0)
+        spring = 100.0 * self._strongest * (self._q0 + lead * end - q)
+        spring = np.clip(spring, -self._strongest, self._strongest)
+        return self._gravity + spring - self._damping * q_dot
+
+
+def of(q: np.ndarray, theta: np.ndarray) -> MotionLog:
+    column = theta[:, None]
+    t = T * np.arange(len(q))
+    velocity = np.gradient(column, T, axis=0)
+    return MotionLog(("j",), t, np.zeros_like(column), q[:, None], velocity, column)
+
+
+@pytest.mark.parametrize(
+    ("q", "theta", "verdict"),
+    [
+        (visits(0.3, 20), visits(0.3, 20), GapVerdict.NO_LINK_ENCODER),
+        (np.zeros(500), np.zeros(500), GapVerdict.NO_MOTION),
+        (visits(0.06, 20), visits(0.03, 20), GapVerdict.MOTOR_MOVED),
+    ],
+)
+def test_says_which_encoder_is_to_blame(q, theta, verdict):
+    assert identify_gap(of(q, theta), 0, 1.0).verdict is verdict
+
+
+def two_encoders(skew_s: float, alpha: float, seconds: float = 60.0) -> tuple[np.ndarray, ...]:
+    """Both encoders of a joint with friction, moved at speeds that vary; the link's is late."""
+    fine = np.arange(0.0, seconds, 0.001)
+    theta = 0.5 * np.sin(2 * np.pi * 0.21 * fine) + 0.2 * np.sin(2 * np.pi * 0.47 * fine)
+    q = np.empty_like(theta)
+    q[0] = theta[0]
+    for k in range(1, len(q)):
+        q[k] = min(max(q[k - 1], theta[k] - alpha), theta[k] + alpha)
+    late = np.interp(fine - skew_s, fine, q)
+    rng = np.random.default_rng(0)
+    rows = slice(None, None, 10)
+    noise = 2e-5 * rng.standard_normal((2, len(fine[rows])))
+    return fine[rows], late[rows] + noise[0], theta[rows] + noise[1]
+
+
+def test_motion_shows_gap_and_skew_apart():
+    alpha, skew = 0.004, 0.003
+    t, q, theta = two_encoders(skew, alpha)
+    gap = from_motion("j", t, q, theta, np.gradient(theta, t))
+    assert gap.skew_s == pytest.approx(skew, abs=3e-4)
+    assert gap.half_gap == pytest.approx(alpha, rel=0.05)
+    # Taken for phi as it is, the skew would look like a gap.
+    assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
+
+
+@pytest.mark.parametrize("gives", [0.0003, 0.0012, 0.002])
+def test_what_a_gear_bends_in_motion_is_in_the_interval(gives):
+    """Friction of 1 Nm at the link and 1 Nm at the motor: phi rests that much beyond its gap, each
+    time the same, and scatters by nothing."""
+    alpha = 0.01
+    t, q, theta = two_encoders(0.0, alpha)
+    way = np.sign(np.gradient(theta, t))
+    at_border = np.clip((theta - q) / alpha, -1.0, 1.0)
+    q = q - gives * at_border
+    current = at_border + way
+    velocity = np.gradient(theta, t)
+    log = MotionLog(("j",), t, *(x[:, None] for x in (current, q, velocity, theta)))
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
+    wrong = identify_gap(replace(log, current=1000.0 * log.current), 0, 1.0)  # mA
+    assert wrong.verdict is GapVerdict.UNCLEAR, wrong
+    assert "another unit" in wrong.reason
+
+
+@pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
+def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
+    alpha = 0.0015
+    t, q, theta = two_encoders(0.001, alpha)
+    off = 0.0005 * np.sin(turns * theta + 1.0) + 0.0003 * np.sin(2.0 * turns * theta)
+    off += 0.0004 * np.cos(2.0 * q + 0.3)
+    gap = from_motion("j", t, q + off, theta, np.gradient(theta, t), gear=turns)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(alpha, rel=0.02)
+    found = {(one.encoder, one.order): one.amplitude for one in gap.harmonics}
+    assert found["motor", 1] == pytest.approx(0.0005, rel=0.1)
+    assert found["motor", 2] == pytest.approx(0.0003, rel=0.1)
+    assert ("link", 2) in found
+    # Without the gear's ratio the motor's turns are not known: refused, with figure and cause.
+    blind = from_motion("j", t, q + off, theta, np.gradient(theta, t))
+    assert blind.verdict is GapVerdict.UNCLEAR
+    assert blind.estimate == pytest.approx(alpha, rel=0.1)
+    assert blind.limit is not None
+    assert "scatter of phi" in blind.reason
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_an_encoder_that_was_not_read_is_not_accused(measured):
+    turns = 100.0
+    t, q, theta = two_encoders(0.0, 0.0015)
+    off = 0.0005 * np.sin(turns * theta + 1.0)
+    columns = (np.zeros_like(t), q + off, np.gradient(theta, t))
+    position = theta[:, None] if measured else None
+    log = MotionLog(("j",), t, *(one[:, None] for one in columns), position)
+    assert (
+        "motor" in {one.encoder for one in identify_gap(log, 0, 1.0, turns).harmonics}
+    ) is measured
+
+
+def test_good_encoders_are_not_accused():
+    t, q, theta = two_encoders(0.0, 0.004)
+    assert from_motion("j", t, q, theta, np.gradient(theta, t), gear=100.0).harmonics == ()
+
+
+def test_borders_that_wander_in_motion_are_none():
+    t, q, theta = two_encoders(0.0, 0.004)
+    wander = 0.003 * np.sin(2 * np.pi * 0.05 * t)
+    gap = from_motion("j", t, q + wander, theta, np.gradient(theta, t))
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert np.isnan(gap.half_gap)
+
+
+def test_one_border_is_no_proof_of_no_gap():
+    t, q, theta = two_encoders(0.0, 0.0)
+    gap = from_motion("j", t, q + 0.02, theta, np.gradient(theta, t))
+    assert gap.verdict is GapVerdict.UNCLEAR
+    assert not gap.usable
+
+
+def clamped(name: str) -> tuple[MotionLog, float]:
+    """Torque ramps of a cycloidal gear whose output is clamped: position is the motor's."""
+    path = DATA / "cycloid" / f"{name}.csv.gz"
+    if not path.exists():
+        pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")
+    with gzip.open(path, "rt") as stream:
+        rows = np.genfromtxt(stream, delimiter=",", names=True)
+    rows = rows[rows["test_nr"] >= 100]
+    t = np.linspace(rows["TIME"][0], rows["TIME"][-1], len(rows))  # quantised to 16 ms
+    theta = 2 * np.pi * rows["POSITION"][:, None]
+    current = rows["Q_CURRENT"][:, None]
+    large = np.abs(current[:, 0]) > 1.0
+    constant = float(np.median(rows["TORQUE"][large] / current[large, 0]))
+    still = np.zeros_like(theta)
+    return MotionLog(("j",), t, current, still, np.gradient(theta, t, axis=0), theta), constant
+
+
+def test_real_torque_ramps_with_a_dead_zone():
+    gap = identify_gap(*clamped_with("base_runin1"))
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.0325, rel=0.05)
+    assert gap.stiffness == pytest.approx(1066, rel=0.1)
+    assert gap.coulomb == pytest.approx(2.5, rel=0.1)
+    assert abs(gap.half_gap - 0.0325) < gap.confidence < 0.006
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 6.0])
+@pytest.mark.parametrize("every", [1, 17, 25])  # up to 60 ms
+def test_real_torque_ramps_however_slowly_and_from_wherever_they_are_sampled(begin_s, every):
+    def answer(name: str):
+        log, constant = clamped(name)
+        rows = slice(round(begin_s / log.period_s), None, every)
+        return identify_gap(log.select(rows), 0, constant)
+
+    gap = answer("base_runin1")
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.0325, abs=0.0015), gap
+    preloaded = answer("split_3pre1")
+    assert preloaded.verdict is GapVerdict.UNCLEAR, preloaded
+
+
+def sharp_gap(alpha: float, period_s: float) -> tuple[np.ndarray, ...]:
+    """Time, phi and torque of two ramps from rest to 20 Nm and back against a clamped link: gear of
+    1000 Nm/rad, friction of 2 Nm, and a gap that the motor crosses within a sample."""
+    t = np.arange(0.0, 40.0, period_s)
+    torque = 20.0 * np.interp(t, [0, 5, 15, 25, 35, 40], [0, 1, -1, 1, -1, 0])
+    bent = np.zeros_like(t)
+    for k in range(1, len(t)):
+        bent[k] = min(max(bent[k - 1], (torque[k] - 2.0) / 1000.0), (torque[k] + 2.0) / 1000.0)
+    rng = np.random.default_rng(0)
+    theta = bent + alpha * np.sign(bent) + 2e-5 * rng.standard_normal(len(t))
+    return t, -theta, torque + 0.05 * rng.standard_normal(len(t))
+
+
+@pytest.mark.parametrize("period_s", [0.01, 0.06])
+def test_the_sharpest_gap_is_the_clearest(period_s):
+    gap = from_ramps("j", *sharp_gap(0.02, period_s))
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert gap.half_gap == pytest.approx(0.02, rel=0.02)
+    assert gap.stiffness == pytest.approx(1000.0, rel=0.05)
+
+
+def test_the_first_ramp_counts_from_its_end_on():
+    t, phi, torque = sharp_gap(0.02, 0.01)
+    from_rest = from_ramps("j", t, phi, torque)
+    torque = np.where(t < 3.0, -torque, torque)  # whatever the friction was before
+    assert from_ramps("j", t, phi, torque) == from_rest
+
+
+def test_a_gap_that_velocities_do_not_show_is_not_called_none():
+    """The motor crosses it between two samples of its velocity, or is caught on the way now and
+    then: what is left is no gear without a gap."""
+    t, phi, torque = sharp_gap(0.02, 0.03)
+    velocity = -np.gradient(phi, t)
+    fast = np.abs(velocity) > 0.1
+    for shown in (0.0, 0.3):
+        seen = np.where(fast, shown * velocity * (np.arange(len(t)) % 3 > 0), velocity)
+        still = np.zeros((len(t), 1))
+        gap = identify_gap(MotionLog(("j",), t, torque[:, None], still, seen[:, None]), 0, 1.0)
+        assert gap.verdict is GapVerdict.UNCLEAR, gap
+        assert "log its position" in gap.reason, gap
+
+
+def test_a_gear_that_stiffens_with_its_load_is_in_the_interval_of_ramps():
+    t, phi, torque = sharp_gap(0.02, 0.01)
+    for hardens in (0.0, 0.5, 1.0):
+        beyond = np.abs(phi) - 0.02
+        bent = np.where(beyond > 0.0, beyond * (1.0 + hardens * np.exp(-beyond / 0.004)), beyond)
+        gap = from_ramps("j", t, np.sign(phi) * (0.02 + bent), torque)
+        assert gap.verdict is GapVerdict.CLEAR, gap
+        assert abs(gap.half_gap - 0.02) < gap.confidence < 0.25 * 0.02, gap
+
+
+def test_real_torque_ramps_of_preloaded_gears():
+    """What is refused shows its figure, the limit that it broke, and why that may be."""
+    gap = identify_gap(*clamped_with("split_3pre1"))
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert np.isnan(gap.half_gap)
+    assert 0.01 < gap.estimate < 0.03
+    assert gap.limit is not None
+    assert gap.limit.value > gap.limit.most
+    assert "slope inside over slope outside" in gap.reason
+    assert "preloaded" in gap.reason
+
+
+def columns(name: str) -> np.ndarray:
+    """Of a file of the TX40, at 100 Hz, (N, 6)."""
+    path = DATA / "tx40" / f"{name}.csv.gz"
+    if not path.exists():
+        pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")
+    return np.loadtxt(path, delimiter=",", skiprows=1)[::50]
+
+
+def test_a_real_arm_with_one_position_per_joint_has_no_link_encoder():
+    q, current = np.radians(columns("pos_read_data")), columns("curr_data")
+    joints = tuple(f"joint_{i}" for i in range(1, 7))
+    log = MotionLog(joints, T * np.arange(len(q)), current, q, np.gradient(q, T, axis=0), q)
+    for i in range(6):
+        gap = identify_gap(log, i, 1.0)
+        assert gap.verdict is GapVerdict.NO_LINK_ENCODER, gap
+        assert not gap.usable
+
+
+def clamped_with(name: str) -> tuple[MotionLog, int, float]:
+    log, constant = clamped(name)
+    return log, 0, constant

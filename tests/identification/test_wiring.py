@@ -1,0 +1,188 @@
+"""Wiring errors in a motion of 20 mrad: a wrong sign, a wrong scale, another joint's drive."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.rigs.arm_batch import record_fleet
+from identification.motion_log import MotionLog
+from identification.wiring import check_wiring, scale_unsure
+from programs.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
+from simulator.description import SimulationSettings
+from simulator.mismatch import true_parameters
+
+SHOULDER, ELBOW, WRIST = 0, 2, 5  # gravity and a gap; a small gap; no gap and no gravity
+
+
+@pytest.fixture(scope="session")
+def wired(arm) -> MotionLog:
+    """Three joints moved as `contactd identify wiring` does, at a pose with gravity; the arm is off
+    by what simulation.yaml says."""
+    settings = SimulationSettings()
+    pose = np.array([0.5, 0.3, 0.0, -0.8, -1.5, 0.0, 0.0])
+    paths = [
+        wiring_motion(pose, i, arm.transmission.half_gap[i], 0.01) for i in (SHOULDER, ELBOW, WRIST)
+    ]
+    seconds = max(len(path) for path in paths) * 0.01 + 0.5
+    speed = np.zeros((round(seconds / 0.01) + 1, 7))
+    for i, path in zip((SHOULDER, ELBOW, WRIST), paths, strict=True):
+        speed[40 : 40 + len(path), i] = np.gradient(path[:, i], 0.01)
+    true = true_parameters(arm.description, settings)
+    logs = record_fleet(
+        arm.description,
+        [true],
+        lambda t: (pose, speed[min(round(t / 0.01), len(speed) - 1)]),
+        seconds,
+        settings,
+        motors_only=True,
+    )
+    # The simulated drives take the arm's weight only when it has begun to fall.
+    return logs[0][0].select(slice(30, None))
+
+
+@pytest.fixture
+def check(arm):
+    t = arm.transmission
+
+    def run(log: MotionLog, joint: int):
+        return check_wiring(log, joint, arm.model, float(t.torque_constant[joint]))
+
+    return run
+
+
+def scaled(log: MotionLog, field: str, factor: float, joint: int) -> MotionLog:
+    by = np.where(np.arange(log.n) == joint, factor, 1.0)
+    return replace(log, **{field: getattr(log, field) * by})
+
+
+@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
+def test_a_well_wired_joint_passes(wired, check, joint):
+    found = check(wired, joint)
+    assert found.passed, found
+    assert found.follows == pytest.approx(1.0, abs=0.02)
+    assert found.friction > 0.0
+
+
+@pytest.mark.parametrize(
+    ("scale", "unsure"),
+    [(1.0, False), (0.98, False), (0.9, True), (1.1, True), (0.8, True), (0.6, False), (1.5, False),
+     (-1.0, False), (0.0, False)],
+)  # fmt: skip
+def test_a_share_that_chance_may_make_is_measured_again(wired, scale, unsure):
+    assert scale_unsure(scaled(wired, "link_position", scale, ELBOW), ELBOW) is unsure
+
+
+def test_a_link_that_falls_to_its_other_border_is_no_wrong_scale(wired, check):
+    """Where gravity turns, the link runs ahead of a motor that goes back, and halts it for a moment
+    when it strikes: a short way of the motor, steady by chance, in which the gear carries
+    nothing."""
+    moving = np.flatnonzero(np.abs(wired.motor_velocity[:, SHOULDER]) > 0.5 * WIRING_SPEED)
+    back = moving[np.flatnonzero(np.diff(wired.motor_velocity[moving, SHOULDER] > 0.0))[0] + 1]
+    velocity, link = wired.motor_velocity.copy(), wired.link_position.copy()
+    falls = slice(back, back + 28)
+    way = np.cumsum(velocity[falls, SHOULDER]) * wired.period_s
+    link[back : back + 28, SHOULDER] = link[back, SHOULDER] - 0.7 * way
+    velocity[back + 28 : back + 31, SHOULDER] = 0.0
+    found = check(replace(wired, motor_velocity=velocity, link_position=link), SHOULDER)
+    assert found.passed, found
+    assert found.follows == pytest.approx(1.0, abs=0.02)
+
+
+def floating(log: MotionLog, up: float, down: float) -> MotionLog:
+    """The elbow's link going farther than its motor, each way by a share of its own, as one does
+    that nothing holds and that its gear strikes ahead."""
+    link, motor = log.link_position.copy(), log.motor_velocity[:, ELBOW]
+    share = np.where(motor > 0.0, up, down)[1:]
+    link[1:, ELBOW] = link[0, ELBOW] + np.cumsum(np.diff(link[:, ELBOW]) * share)
+    return replace(log, link_position=link)
+
+
+def test_a_link_that_floats_in_its_gap_tells_nothing_of_the_gear(wired, check):
+    found = check(floating(wired, 1.0, 1.18), ELBOW)
+    assert not found.passed
+    assert not found.problems
+    (undetermined,) = found.undetermined
+    assert "floats in its gap" in undetermined
+    assert "once more" in undetermined
+
+
+def test_shares_that_differ_are_measured_again_though_their_mean_is_right(wired):
+    assert scale_unsure(floating(wired, 0.93, 1.07), ELBOW)
+
+
+def test_ways_that_agree_tell_a_gear_that_is_wrong(wired, check):
+    (problem,) = check(floating(wired, 1.1, 1.12), ELBOW).problems
+    assert "times as far as the motor reports" in problem
+
+
+def test_gravity_is_compared_where_there_is_some(wired, check):
+    found = check(wired, SHOULDER)
+    assert found.held == pytest.approx(found.gravity, rel=0.15)
+    assert abs(found.gravity) > 1.0
+    assert abs(check(wired, WRIST).gravity) < 0.1
+
+
+@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
+@pytest.mark.parametrize(
+    ("fields", "factor", "says"),
+    [
+        (["link_position"], -1.0, "link_sign or motor_sign"),
+        (["motor_velocity", "motor_position"], -1.0, "link_sign or motor_sign"),
+        (["motor_velocity", "motor_position"], 1.1, "times as far as the motor reports"),
+        (["motor_velocity", "motor_position"], 1 / 1.1, "times as far as the motor reports"),
+        (["motor_position"], 1.1, "motor_position changes 1."),
+        (["current"], -1.0, "sign of the current"),
+        (["motor_velocity"], 0.001, "the motor turned only"),
+        (["link_position"], 0.001, "wrong link_position object or scale"),
+    ],
+)
+def test_what_is_wired_wrong_is_named(wired, check, joint, fields, factor, says):
+    log = only(wired, joint)
+    for field in fields:
+        log = scaled(log, field, factor, joint)
+    found = check(log, joint)
+    assert not found.passed
+    assert any(says in problem for problem in found.problems), found.problems
+
+
+def swapped(log: MotionLog, one: int, other: int, fields: tuple[str, ...]) -> MotionLog:
+    order = np.arange(log.n)
+    order[[one, other]] = other, one
+    return replace(log, **{field: getattr(log, field)[:, order] for field in fields})
+
+
+def only(log: MotionLog, joint: int) -> MotionLog:
+    """As if the others had stood."""
+    others = np.arange(log.n) != joint
+    return replace(
+        log,
+        link_position=np.where(others, log.link_position[0], log.link_position),
+        motor_velocity=np.where(others, 0.0, log.motor_velocity),
+        motor_position=np.where(others, log.motor_position[0], log.motor_position),
+    )
+
+
+def test_link_encoders_of_two_joints_are_swapped(wired, check):
+    log = swapped(only(wired, SHOULDER), SHOULDER, 1, ("link_position",))
+    (problem,) = check(log, SHOULDER).problems
+    assert "LShoulderYaw moved" in problem
+    assert "swapped" in problem
+
+
+def test_whole_drives_are_swapped(wired, check):
+    """Their encoders agree with each other; gravity does not."""
+    everything = ("current", "link_position", "motor_velocity", "motor_position")
+    log = swapped(wired, SHOULDER, ELBOW, everything)
+    assert any("gravity" in problem for problem in check(log, SHOULDER).problems)
+
+
+@pytest.mark.parametrize("speeding_up", [False, True])
+def test_the_motion_is_small(arm, speeding_up):
+    for i, alpha in enumerate(arm.transmission.half_gap):
+        here = np.zeros(7)
+        path = wiring_motion(here, i, alpha, 0.01, speeding_up=speeding_up)
+        assert np.ptp(path[:, i]) == pytest.approx(2 * alpha + WIRING_TRAVEL, abs=0.008)
+        assert path[-1] == pytest.approx(here, abs=1e-9)
+        assert np.abs(np.diff(path[:, i])).max() <= WIRING_SPEED * 0.01 + 1e-9
+        assert (np.delete(path, i, axis=1) == 0.0).all()

@@ -1,0 +1,222 @@
+"""Client against a daemon, and against sockets that serve none."""
+
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from common.errors import ControlError, UnreachableError
+from daemon.protocol.messages import Reply, State
+from programs.clients.client import Client
+
+
+@pytest.fixture
+def listener(tmp_path: Path) -> Iterator[socket.socket]:
+    """A listening socket that nobody polls, at tmp_path / "control"."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
+        opened.bind(str(tmp_path / "control"))
+        opened.listen(1)
+        yield opened
+
+
+def script(listener: socket.socket, *packets: bytes | None) -> threading.Thread:
+    """Accept one client in a thread; per packet read a request (None: do not) and send it."""
+
+    def serve() -> None:
+        accepted, _ = listener.accept()
+        with accepted:
+            for packet in packets:
+                if packet is not None:
+                    accepted.recv(4096)
+                    accepted.send(packet)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    return thread
+
+
+def test_requests(fake_daemon: Any) -> None:
+    with Client(fake_daemon.path) as client:
+        assert client.request("enable").message == "enable done"
+        status = client.request("status").status
+        assert status is not None
+        assert status.pid == 4711
+    (command, peer), _ = fake_daemon.seen
+    assert (command, peer.uid, peer.pid) == ("enable", os.getuid(), os.getpid())
+
+
+def test_a_demand_raises_with_every_reason(fake_daemon: Any) -> None:
+    fake_daemon.refusals |= {"arm": ["too early", "too late"], "status": ["never"]}
+    with Client(fake_daemon.path) as client:
+        assert client.demand("enable").message == "enable done"
+        with pytest.raises(ControlError, match=r"^arm is refused; too early; too late$"):
+            client.demand("arm")
+        with pytest.raises(ControlError, match=r"^status is refused; never$"):
+            client.ask_status()
+        del fake_daemon.refusals["status"]
+        assert client.ask_status().pid == 4711
+    assert Reply(ok=False, reasons=["why"]).refusal == "refused; why"
+
+
+def test_states_keep_every_bit(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+    with Client(fake_daemon.path) as client:
+        snapshot, states = client.subscribe()
+        taken = list(islice(states, 20))
+    assert snapshot.tick == snapshot.memory["tick"]
+    assert taken[0].tick == snapshot.tick + 1
+    for state in taken:
+        assert state == make_state(state.tick)
+
+
+def test_refused_subscription(fake_daemon: Any) -> None:
+    fake_daemon.refusals["subscribe"] = ["too early", "too late"]
+    with (
+        Client(fake_daemon.path) as client,
+        pytest.raises(ControlError, match="subscribe is refused; too early; too late"),
+    ):
+        client.subscribe()
+
+
+def test_no_daemon(tmp_path: Path) -> None:
+    with pytest.raises(UnreachableError, match="no contactd serves") as caught:
+        Client(tmp_path / "control")
+    assert caught.value.exit_code == 69
+
+
+def test_dead_daemon(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as dead:
+        dead.bind(str(tmp_path / "control"))
+    with pytest.raises(UnreachableError, match="no contactd serves"):
+        Client(tmp_path / "control")
+
+
+@pytest.mark.parametrize(
+    ("group", "words"),
+    [
+        ("contact", "join the group contact (sudo usermod -aG contact YOU; it counts from your"),
+        ("root", "it belongs to the group root. Create the group contact, add yourself, and start"),
+        (KeyError(), "it belongs to the group {}. Create the group contact, add yourself, and"),
+        (PermissionError(), "its folder is closed to you"),
+    ],
+)
+def test_who_may_not_use_the_socket_is_told_how_to_be_let_in(
+    fake_daemon: Any, monkeypatch: pytest.MonkeyPatch, group: str | Exception, words: str
+) -> None:
+    def denied(self: socket.socket, address: str) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    def group_of(self: Path) -> str:
+        if isinstance(group, Exception):
+            raise group
+        return group
+
+    monkeypatch.setattr(socket.socket, "connect", denied)
+    monkeypatch.setattr(Path, "group", group_of)
+    with pytest.raises(UnreachableError) as caught:
+        Client(fake_daemon.path)
+    words = words.format(fake_daemon.path.stat().st_gid)
+    assert str(caught.value).startswith(f"you may not use {fake_daemon.path}: {words}")
+    assert "usermod -aG root" not in str(caught.value)
+
+
+def test_daemon_that_never_answers(listener: socket.socket) -> None:
+    with (
+        Client(Path(listener.getsockname()), timeout_s=0.05) as client,
+        pytest.raises(UnreachableError, match="does not answer"),
+    ):
+        client.request("status")
+
+
+def test_late_answer_is_not_taken_for_the_next(listener: socket.socket) -> None:
+    with Client(Path(listener.getsockname()), timeout_s=0.05) as client:
+        accepted, _ = listener.accept()
+        with accepted:
+            with pytest.raises(UnreachableError, match="does not answer"):
+                client.request("arm")
+            with suppress(BrokenPipeError):
+                accepted.send(b'{"ok": true, "message": "armed"}')
+            with pytest.raises(UnreachableError, match="connect again"):
+                client.request("disarm")
+
+
+def test_daemon_that_never_accepts(listener: socket.socket) -> None:
+    path = Path(listener.getsockname())
+    with (
+        Client(path),
+        Client(path),  # one more than the backlog, by the kernel's count
+        pytest.raises(UnreachableError, match="busy"),
+    ):
+        Client(path, timeout_s=0.05)
+
+
+def test_daemon_that_hangs_up(listener: socket.socket) -> None:
+    thread = script(listener, None)
+    with (
+        Client(Path(listener.getsockname())) as client,
+        pytest.raises(UnreachableError, match="closed"),
+    ):
+        client.request("status")
+    thread.join()
+
+
+def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -> None:
+    with Client(Path(listener.getsockname())) as client:
+        accepted, _ = listener.accept()
+        with accepted:
+            accepted.send(b'{"ok": false, "message": "full"}')
+        assert client.request("stop").message == "full"
+
+
+def test_whoever_made_room_is_told_so(fake_daemon: Any) -> None:
+    first = Client(fake_daemon.path)
+    first.request("status")
+    held = [first, *(Client(fake_daemon.path) for _ in range(256))]
+    held[-1].request("status")
+    reply = first.request("stop")
+    assert not reply.ok
+    assert "closed to make room: more than 256 connections" in reply.message
+    with Client(fake_daemon.path) as late:
+        assert late.request("stop").ok
+    for client in held:
+        client.close()
+
+
+def test_stream_that_stops_is_noticed(fake_daemon: Any, make_state: Callable[..., State]) -> None:
+    end = fake_daemon.tick + 200
+    fake_daemon.states = lambda tick: make_state(tick) if tick < end else None
+    with Client(fake_daemon.path, timeout_s=0.2) as client:
+        _, states = client.subscribe()
+        taken: list[State] = []
+        with pytest.raises(UnreachableError, match="the daemon fell silent"):
+            taken.extend(states)
+    # A reader that is too slow misses States, but gets none twice, nor in another order.
+    ticks = [state.tick for state in taken]
+    assert ticks
+    assert ticks == sorted(set(ticks))
+    assert ticks[-1] < end
+
+
+def test_stream_of_a_daemon_that_ends(fake_daemon: Any) -> None:
+    with Client(fake_daemon.path) as client:
+        _, states = client.subscribe()
+        next(states)
+        fake_daemon.stopped.set()
+        with pytest.raises(UnreachableError, match="the daemon closed the connection"):
+            list(states)
+
+
+@pytest.mark.parametrize("packet", [b"hello", b"[]", b'{"message": "no ok"}', b"\xff"])
+def test_answer_that_is_not_understood(listener: socket.socket, packet: bytes) -> None:
+    thread = script(listener, packet)
+    with (
+        Client(Path(listener.getsockname())) as client,
+        pytest.raises(ControlError, match="another version"),
+    ):
+        client.request("status")
+    thread.join()

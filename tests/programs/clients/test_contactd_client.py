@@ -1,0 +1,303 @@
+"""Client for other programs, against a daemon's socket, and against those that are none."""
+
+import ast
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+import contactd_client
+from common.errors import ContactdError
+from contactd_client import Client, ControlError, Joined, Lost, UnreachableError, follow
+from contactd_client.aio import AsyncClient
+from contactd_client.aio import follow as follow_async
+from contactd_client.paths import view_socket_path
+from daemon.protocol.messages import Reply, State
+from programs.clients.client import Client as OwnClient
+
+SOURCES = Path(contactd_client.__file__).parent
+
+
+def plain(message: msgspec.Struct) -> Any:
+    return json.loads(msgspec.json.encode(message))
+
+
+@pytest.fixture
+def view(fake_daemon: Any) -> Path:
+    return view_socket_path(fake_daemon.path)
+
+
+@pytest.fixture
+def listener(tmp_path: Path) -> Iterator[socket.socket]:
+    """A listening socket that nobody polls."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
+        opened.bind(str(tmp_path / "nobody"))
+        opened.listen(8)
+        yield opened
+
+
+def answering(listener: socket.socket, *packets: bytes | None) -> threading.Thread:
+    """Accept one client in a thread; read a request before each packet, and send it unless None."""
+
+    def serve() -> None:
+        accepted, _ = listener.accept()
+        with accepted:
+            for packet in packets:
+                accepted.recv(4096)
+                if packet is not None:
+                    accepted.send(packet)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    return thread
+
+
+# --- of what it is made --------------------------------------------------------------------
+
+
+def test_it_imports_nothing_but_the_standard_library() -> None:
+    names = set()
+    for source in SOURCES.glob("*.py"):
+        for node in ast.walk(ast.parse(source.read_text())):
+            if isinstance(node, ast.Import):
+                names |= {alias.name for alias in node.names}
+            if isinstance(node, ast.ImportFrom):
+                names.add(str(node.module))
+    tops = {name.partition(".")[0] for name in names}
+    assert tops - {"contactd_client"} <= set(sys.stdlib_module_names)
+
+
+def test_it_starts_without_what_takes_long() -> None:
+    """Apart from contactd, as in an environment of its own."""
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import contactd_client; "
+        "print(*sorted({name.partition('.')[0] for name in sys.modules}))"
+    )
+    words = [sys.executable, "-I", "-S", "-c", program, str(SOURCES.parent)]
+    loaded = subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
+    assert "contactd_client" in loaded
+    assert not {"asyncio", "msgspec", "numpy", "daemon", "ssl", "subprocess"} & set(loaded)
+
+
+def test_its_errors_are_those_of_contactd() -> None:
+    assert issubclass(UnreachableError, ContactdError)
+    assert UnreachableError.exit_code == 69
+
+
+# --- one connection ------------------------------------------------------------------------
+
+
+def test_the_view_socket_is_where_it_looks_first(
+    fake_daemon: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CONTACTD_SOCKET", str(fake_daemon.path))
+    with Client() as client:
+        assert client.status()["pid"] == 4711
+        reply = client.ask({"command": "arm"})
+    assert not reply["ok"]
+    assert "the view socket takes only" in reply.get("message", "")
+
+
+def test_states_are_those_that_were_sent(
+    fake_daemon: Any, view: Path, make_state: Callable[..., State]
+) -> None:
+    with Client(view) as client:
+        snapshot, states = client.states()
+        taken = list(islice(states, 20))
+    assert taken[0]["tick"] == snapshot["tick"] + 1
+    for state in taken:
+        assert state == plain(make_state(state["tick"]))
+
+
+def test_asyncio_gets_the_same(fake_daemon: Any, view: Path, make_state: Any) -> None:
+    async def run() -> tuple[Any, list[Any], Any]:
+        async with await AsyncClient.open(view) as client:
+            status = await client.status()
+            snapshot, states = await client.states()
+            taken = [await anext(states) for _ in range(20)]
+            assert taken[0]["tick"] == snapshot["tick"] + 1
+            return status, taken, await AsyncClient.open(view)
+
+    status, taken, other = asyncio.run(run())
+    other.close()
+    assert status["pid"] == 4711
+    for state in taken:
+        assert state == plain(make_state(state["tick"]))
+
+
+def test_a_refusal_gives_every_reason(fake_daemon: Any, view: Path) -> None:
+    fake_daemon.refusals |= {"status": ["too early", "too late"], "subscribe": ["never"]}
+    with Client(view) as client:
+        with pytest.raises(ControlError, match=r"^status is refused; too early; too late$"):
+            client.status()
+        with pytest.raises(ControlError, match=r"^subscribe is refused; never$"):
+            client.states()
+
+
+ANSWERS = [
+    (b"hello", "speaks another version"),
+    (b"[]", "speaks another version: no `ok`"),
+    (b"\xff\xfe", "speaks another version"),
+    (b"[" * 100_000, "speaks another version"),
+    (b'{"ok": true, "snapshot": 3}', "speaks another version: its `snapshot` is 3"),
+    (b'{"ok": true, "snapshot": [{}]}', "speaks another version: its `snapshot` is"),
+    (b'{"ok": false, "reasons": true}', "speaks another version: its `reasons` is True"),
+    (b'{"ok": false, "reasons": null}', "speaks another version: its `reasons` is None"),
+    (b'{"ok": false, "reasons": [3]}', "speaks another version: its `reasons` is"),
+    (b'{"ok": false, "message": 3}', "speaks another version: its `message` is 3"),
+    (b'{"ok": "yes"}', "speaks another version: its `ok` is 'yes'"),
+    (b'{"ok":true}', "^refused$"),
+    (b'{"ok":true,"snapshot":{"format":99}}', "are of format 99, this client reads 6"),
+    (b'{"ok":true,"snapshot":{}}', "are of format 0, this client reads 6"),
+]
+
+
+@pytest.mark.parametrize(("packet", "words"), ANSWERS)
+def test_what_is_no_answer_is_said(listener: socket.socket, packet: bytes, words: str) -> None:
+    thread = answering(listener, packet)
+    with Client(Path(listener.getsockname())) as client, pytest.raises(ControlError, match=words):
+        client.states()
+    thread.join()
+
+
+@pytest.mark.parametrize(("packet", "words"), ANSWERS)
+def test_asyncio_says_the_same(listener: socket.socket, packet: bytes, words: str) -> None:
+    async def run() -> None:
+        async with await AsyncClient.open(Path(listener.getsockname())) as client:
+            await client.states()
+
+    thread = answering(listener, packet)
+    with pytest.raises(ControlError, match=words):
+        asyncio.run(run())
+    thread.join()
+
+
+def test_a_late_answer_is_never_taken_for_the_next(listener: socket.socket) -> None:
+    async def run() -> None:
+        async with await AsyncClient.open(Path(listener.getsockname()), 0.05) as client:
+            with pytest.raises(UnreachableError, match="does not answer"):
+                await client.ask({"command": "arm"})
+            with pytest.raises(UnreachableError, match="connect again"):
+                await client.ask({"command": "disarm"})
+
+    asyncio.run(run())
+    with Client(Path(listener.getsockname()), 0.05) as client:
+        with pytest.raises(UnreachableError, match="does not answer"):
+            client.ask({"command": "arm"})
+        with pytest.raises(UnreachableError, match="connect again"):
+            client.ask({"command": "disarm"})
+
+
+def test_the_last_words_of_a_daemon_are_heard(listener: socket.socket) -> None:
+    async def run() -> str:
+        async with await AsyncClient.open(Path(listener.getsockname())) as client:
+            accepted, _ = listener.accept()
+            with accepted:
+                accepted.send(b'{"ok":false,"message":"full"}')
+            return (await client.ask({"command": "stop"})).get("message", "")
+
+    assert asyncio.run(run()) == "full"
+
+
+def test_slow_commands_are_waited_for(listener: socket.socket) -> None:
+    """The drives may have to boot before these."""
+
+    def serve() -> None:
+        accepted, _ = listener.accept()
+        with accepted:
+            accepted.recv(4096)
+            asked.wait()
+            accepted.send(b'{"ok":true}')
+
+    asked = threading.Event()
+    thread = threading.Thread(target=serve)
+    thread.start()
+    with Client(Path(listener.getsockname()), 0.01) as client:
+        threading.Timer(0.1, asked.set).start()
+        assert client.ask({"command": "reset"})["ok"]
+    thread.join()
+
+
+def test_what_is_no_json_is_never_sent(fake_daemon: Any, view: Path) -> None:
+    with Client(view) as client:
+        for lease in (float("nan"), object()):
+            with pytest.raises(ControlError, match="no request"):
+                client.ask({"command": "arm", "lease_s": lease})  # type: ignore[typeddict-item]
+        assert client.ask({"command": "status"})["ok"]
+
+
+# --- for ever ------------------------------------------------------------------------------
+
+
+def kinds(news: list[Any]) -> list[str]:
+    """What came, in order, States in a row as one."""
+    names = [type(one).__name__ for one in news]
+    return [name for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
+
+
+def test_it_joins_again(fake_daemon: Any, view: Path) -> None:
+    """The daemon closes its sockets, and opens them again at the same place."""
+    stream = follow(view, retry_s=0.01)
+    news = list(islice(stream, 5))
+    fake_daemon.stopped.set()
+    while not (isinstance(news[-1], Lost) and "no contactd serves" in news[-1].why):
+        news.append(next(stream))
+    fake_daemon.stopped.clear()
+    thread = threading.Thread(target=fake_daemon.run)
+    thread.start()
+    while kinds(news)[-2:] != ["Joined", "dict"]:
+        news.append(next(stream))
+    stream.close()
+    fake_daemon.stopped.set()
+    thread.join()
+    first, again = [one for one in news if isinstance(one, Joined)]
+    assert kinds(news)[:3] == ["Joined", "dict", "Lost"]
+    assert again.snapshot["tick"] > first.snapshot["tick"]
+    reasons = [one.why for one in news if isinstance(one, Lost)]
+    assert reasons == list(dict.fromkeys(reasons))  # none is told twice
+
+
+def test_each_loss_is_told(listener: socket.socket, make_snapshot: Any) -> None:
+    """Of a daemon that begins well and hangs up, every time."""
+
+    def serve() -> None:
+        for _ in range(3):
+            accepted, _ = listener.accept()
+            with accepted:
+                accepted.recv(4096)
+                reply = Reply(ok=True, snapshot=make_snapshot(0))
+                accepted.send(msgspec.json.encode(reply))
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    news = list(islice(follow(Path(listener.getsockname()), retry_s=0.001), 6))
+    thread.join()
+    assert [type(one).__name__ for one in news] == ["Joined", "Lost"] * 3
+    assert {one.why for one in news[1::2]} == {"the daemon closed the connection"}
+
+
+def test_it_waits_for_a_daemon_that_is_not_there_yet(tmp_path: Path) -> None:
+    async def first() -> object:
+        async for news in follow_async(tmp_path / "nothing"):
+            return news
+        return None
+
+    said = f"no contactd serves {tmp_path / 'nothing'}: is it running? (`contactd run CONFIG`)"
+    expected = Lost(said)
+    assert next(follow(tmp_path / "nothing")) == expected
+    assert asyncio.run(first()) == expected
+
+
+def test_contactd_itself_stands_on_it(fake_daemon: Any) -> None:
+    with OwnClient(fake_daemon.path) as client:
+        assert client.ask_status().pid == 4711
+    assert OwnClient.__init__.__globals__["Connection"] is contactd_client.client.Connection

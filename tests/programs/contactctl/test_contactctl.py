@@ -1,0 +1,340 @@
+"""`contactctl` against a daemon that answers, refuses, is slow, or is not there."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from daemon.protocol.messages import COMMANDS
+from programs.contactctl import contactctl
+from programs.contactd import contactd
+
+ROOT = Path(contactctl.__file__).parents[2]
+Run = Callable[..., Result]
+
+
+@pytest.mark.parametrize("command", ["start", "arm", "disarm", "reset"])
+def test_done_is_one_line(run: Run, fake_daemon: Any, command: str) -> None:
+    result = run(command)
+    assert (result.exit_code, result.stdout, result.stderr) == (0, f"{command} done\n", "")
+    assert [name for name, _ in fake_daemon.seen] == [command]
+
+
+@pytest.mark.parametrize(
+    "command", ["enable", "start", "pause", "arm", "disarm", "stop", "disable", "reset"]
+)
+def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) -> None:
+    fake_daemon.refusals[command] = ["first reason", "second reason"]
+    result = run(command)
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr.splitlines() == [
+        f"contactctl: {command} is refused",
+        "  - first reason",
+        "  - second reason",
+    ]
+    assert [name for name, _ in fake_daemon.seen if name != "status"] == [command]
+
+
+@pytest.mark.parametrize(
+    ("command", "before", "modes", "exit_code", "said"),
+    [
+        ("enable", "off", ["off", "enabling", "holding"], 0, "holding: because of holding"),
+        ("enable", "off", ["off", "enabling", "off"], 1, "not holding but off: because of off"),
+        ("enable", "enabling", ["off"], 1, "not holding but off: because of off"),
+        ("enable", "off", ["enabling", "faulted"], 1, "not holding but faulted"),
+        ("enable", "off", ["enabling"], 1, "not holding after 0 s enabling"),
+        ("disable", "holding", ["off"], 0, "off: because of off"),
+        ("disable", "tracking", ["tracking", "stopping", "off"], 0, "off: because of off"),
+        ("disable", "tracking", ["stopping", "faulted"], 1, "not off but faulted"),
+        ("stop", "tracking", ["tracking", "stopping", "holding"], 0, "holding"),
+        ("pause", "tracking", ["stopping", "holding"], 0, "holding: because of holding"),
+        # What is so already, the answer to the command says.
+        ("stop", "faulted", ["faulted"], 0, "stop done\n"),
+        ("stop", "off", ["off"], 0, "stop done\n"),
+        ("disable", "off", ["off"], 0, "disable done\n"),
+        ("pause", "holding", ["holding"], 0, "pause done\n"),
+        # Whoever guides the arm may do so for minutes.
+        ("pause", "admittance", ["admittance"], 0, "admittance: the trajectory is paused; the arm"),
+        ("pause", "retracting", ["retracting"], 0, "retracting: the trajectory is paused; the arm"),
+        (
+            "pause",
+            "tracking",
+            ["stopping", "admittance"],
+            0,
+            "paused; the arm holds once it is released",
+        ),
+        ("stop", "admittance", ["stopping", "admittance"], 1, "not holding after 0 s admittance"),
+        ("disarm", "stopping", ["stopping", "holding"], 0, "holding: because of holding"),
+        ("disarm", "stopping", ["stopping"], 1, "not holding after 0 s stopping"),
+    ],
+)
+def test_waits_until_it_is_done(
+    run: Run,
+    fake_daemon: Any,
+    command: str,
+    before: str,
+    modes: list[str],
+    exit_code: int,
+    said: str,
+) -> None:
+    fake_daemon.mode, fake_daemon.trajectory = before, "paused"
+    fake_daemon.modes[command] = modes
+    result = run(command)
+    assert result.exit_code == exit_code
+    assert said in (result.stderr if exit_code else result.stdout)
+    assert fake_daemon.mode == modes[-1]
+
+
+def test_pause_while_guided_without_a_trajectory(run: Run, fake_daemon: Any) -> None:
+    fake_daemon.mode = "admittance"
+    result = run("pause")
+    assert (result.exit_code, result.stdout) == (
+        0,
+        "admittance: no trajectory goes on; the arm holds once it is released\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "mode"),
+    [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off"), ("stop", "off")],
+)
+def test_a_stop_is_done_when_every_joint_is_seen_to_stand(
+    run: Run, fake_daemon: Any, command: str, mode: str
+) -> None:
+    fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
+    fake_daemon.proves_after = 3
+    result = run(command)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout == f"{mode}: because of {mode}\n"
+    assert [name for name, _ in fake_daemon.seen] == [command, "status", "status", "status"]
+
+
+@pytest.mark.parametrize("silenced", [False, True])
+@pytest.mark.parametrize("no_wait", [(), ("--no-wait",)])
+@pytest.mark.parametrize(
+    ("command", "mode"), [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off")]
+)
+def test_a_stop_that_nobody_has_seen_is_a_failure(
+    run: Run,
+    fake_daemon: Any,
+    command: str,
+    mode: str,
+    no_wait: tuple[str, ...],
+    silenced: bool,
+) -> None:
+    fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
+    fake_daemon.silenced = silenced
+    result = run(command, *no_wait)
+    assert (result.exit_code, result.stdout) == (1, "")
+    first, *others = result.stderr.splitlines()
+    assert first == (
+        "contactctl: not seen to stand: LElbowRoll, LWristYaw; press the emergency stop if it moves"
+    )
+    where = f"  - {command} done" if no_wait else f"  - {mode}: because of {mode}"
+    silent = ["  - the drives hear nothing of contactd until `reset`"] if silenced else []
+    assert others == [where, *silent]
+    answer = json.loads(run("--json", command, *no_wait).stdout)
+    assert (answer["ok"], answer["unproved"]) == (False, ["LElbowRoll", "LWristYaw"])
+
+
+@pytest.mark.parametrize("command", ["enable", "pause", "stop", "disable", "disarm"])
+def test_no_wait(run: Run, fake_daemon: Any, command: str) -> None:
+    result = run(command, "--no-wait")
+    assert (result.exit_code, result.stdout) == (0, f"{command} done\n")
+    assert [name for name, _ in fake_daemon.seen if name != "status"] == [command]
+
+
+def test_json_of_a_command(run: Run, fake_daemon: Any) -> None:
+    fake_daemon.modes["enable"] = ["enabling", "holding"]
+    answer = json.loads(run("--json", "enable").stdout)
+    assert answer == {"ok": True, "message": "holding: because of holding", "mode": "holding"}
+    fake_daemon.refusals["arm"] = ["because"]
+    result = run("--json", "arm")
+    assert result.exit_code == 1
+    assert result.stdout.count("\n") == 1
+    assert json.loads(result.stdout)["reasons"] == ["because"]
+
+
+def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = run("status")
+    assert result.exit_code == 0
+    for word in (
+        "OFF",
+        "not armed",
+        "failed  residual        LWristYaw feels +0.30 Nm",
+        "memory not locked",
+        "3 missed",
+    ):
+        assert word in result.stdout
+    assert "\x1b" not in result.stdout
+    assert all(line == line.rstrip() for line in result.stdout.splitlines())
+    assert json.loads(run("--json", "status").stdout)["pid"] == 4711
+
+
+def test_refused_status(run: Run, fake_daemon: Any) -> None:
+    fake_daemon.refusals["status"] = ["not yet"]
+    result = run("status")
+    assert (result.exit_code, result.stderr) == (1, "contactctl: status is refused; not yet\n")
+
+
+def test_no_daemon(tmp_path: Path) -> None:
+    for command in (["start"], ["status"], ["record", str(tmp_path / "x.mcap")]):
+        arguments = ["--socket", str(tmp_path / "nothing"), *command]
+        result = CliRunner().invoke(contactctl.main, arguments)
+        assert result.exit_code == 69
+        assert result.stderr.startswith("contactctl: no contactd serves ")
+        assert result.stderr.count("\n") == 1
+
+
+def path_options(group: click.Group) -> Iterator[click.Parameter]:
+    for command in group.commands.values():
+        yield from (one for one in command.params if isinstance(one.type, click.Path))
+        if isinstance(command, click.Group):
+            yield from path_options(command)
+
+
+def test_whoever_opens_a_file_says_that_it_may_not_be_read() -> None:
+    """Not click, whose exit status is that of a wrong command line."""
+    found = [one for main in (contactd.main, contactctl.main) for one in path_options(main)]
+    assert {one.name for one in found} >= {"config", "socket", "file", "output", "hand", "logs"}
+    assert [one.name for one in found if one.type.readable] == []
+
+
+@pytest.mark.parametrize(
+    "arguments", [["fly"], ["arm", "now"], ["record"], ["record", "x", "--seconds", "0"], ["watch"]]
+)
+def test_usage(run: Run, arguments: list[str]) -> None:
+    assert run(*arguments).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option", "values", "allowed"),
+    [
+        (["start", "move.csv"], "--speed", ["nan", "inf", "1e-300", "0", "1.01"], "0.01<=x<=1"),
+        (["arm"], "--lease", ["nan", "inf", "0", "86401"], "0.05<=x<=86400"),
+        (["record", "x.csv"], "--seconds", ["nan", "0", "-1"], "x>0"),
+    ],
+)
+def test_a_number_out_of_range_is_refused_at_its_option(
+    run: Run, fake_daemon: Any, arguments: list[str], option: str, values: list[str], allowed: str
+) -> None:
+    for value in values:
+        result = run(*arguments, option, value)
+        assert result.exit_code == 2
+        assert f"Invalid value for '{option}': {float(value)} is not in the range" in result.stderr
+        assert allowed in result.stderr
+    assert not fake_daemon.seen
+
+
+def test_gain_of_no_joint(run: Run, fake_daemon: Any) -> None:
+    for value in ([], ["0.1"]):
+        result = run("gain", "NoSuch\udcff", *value)
+        assert (result.exit_code, result.stdout) == (1, "")
+        refused, reason = result.stderr.splitlines()
+        assert refused == "contactctl: gain: refused"
+        assert reason.startswith("  - no joint 'NoSuch\\udcff'; there are: LShoulderPitch, LSh")
+        assert json.loads(run("--json", "gain", "NoSuch", *value).stdout)["ok"] is False
+    assert {command for command, _ in fake_daemon.seen} == {"status"}
+
+
+def test_help_lists_every_exit_status() -> None:
+    text = " ".join(CliRunner().invoke(contactctl.main, ["--help"]).stdout.split())
+    listed = text.split("Exit status: ")[1].split(".")[0]
+    assert re.findall(r"\b[0-9]+\b", listed) == ["0", "1", "2", "65", "69", "141"]
+
+
+SESSIONS = {
+    "README.md": r"^    \.venv/bin/contactctl (\w+)",
+    "docs/operating.md": r"^    contactctl (\w+)",
+    "docs/operating.md, the table": r"^\| `(\w+)[ `]",
+    "contactctl --help": r"(?<=[:;,] )(?:then )?(\w+)(?=[,;.]| or)",
+}
+
+
+@pytest.mark.parametrize("page", SESSIONS)
+def test_a_session_has_one_order_everywhere(page: str) -> None:
+    order = list(contactctl.main.commands)
+    path = ROOT / page.split(",", maxsplit=1)[0]
+    text = path.read_text() if path.exists() else str(contactctl.main.help).split("\n\n")[1]
+    told = [word for word in re.findall(SESSIONS[page], text, re.MULTILINE) if word in order]
+    told = [word for word in told if word not in ("status", "watch")]
+    assert told[:3] == ["enable", "arm", "start"]
+    assert told == sorted(told, key=order.index)
+
+
+def test_help_is_sentences() -> None:
+    assert set(contactctl.main.commands) == set(COMMANDS) - {"subscribe", "load", "renew"} | {
+        "hand",
+        "health",
+        "home",
+        "watch",
+        "record",
+    }
+    for name, command in contactctl.main.commands.items():
+        result = CliRunner().invoke(contactctl.main, [name, "--help"])
+        assert result.exit_code == 0
+        assert command.help is not None
+        assert command.help[0].isupper()
+        assert command.help.strip()[-1] in ".!"
+
+
+def test_starts_quickly_and_light() -> None:
+    program = (
+        "import sys; from programs.contactctl.contactctl import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'pinocchio', 'can', 'canopen', 'rich', 'mcap', 'msgspec', 'yaml'}\n"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
+    )
+    took = {}
+    for name, code in {"contactctl --help": program, "import click": "import click"}.items():
+        began = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-c", code], cwd=ROOT, check=True, stdout=subprocess.DEVNULL
+        )
+        took[name] = time.perf_counter() - began
+    print({name: f"{1e3 * seconds:.0f} ms" for name, seconds in took.items()})
+
+
+def test_commands_but_record_and_watch_are_light(fake_daemon: Any) -> None:
+    program = (
+        "import sys; from programs.contactctl.contactctl import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'pinocchio', 'can', 'canopen', 'mcap', 'yaml', 'rich'}\n"
+        "sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)"
+    )
+    command = [sys.executable, "-c", program, "--socket", str(fake_daemon.path), "stop"]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_done_is_done_where_nobody_can_be_told(fake_daemon: Any, closed: str) -> None:
+    main = "from programs.contactctl.contactctl import main; main()"
+    command = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), "stop"]
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *command]
+    done = subprocess.run(shell, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert fake_daemon.seen[0][0] == "stop"
+
+
+@pytest.mark.parametrize("command", [["stop"], ["status"], ["--json", "status"]])
+def test_an_answer_that_has_no_room_is_one_line(fake_daemon: Any, command: list[str]) -> None:
+    main = "from programs.contactctl.contactctl import main; main()"
+    words = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), *command]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.stderr == "contactctl: the answer cannot be written: No space left on device\n"
+    assert done.returncode == 65
+    assert [seen for seen, _ in fake_daemon.seen] == [one for one in command if one[0] != "-"]

@@ -1,0 +1,50 @@
+"""`contactctl hand`: what is typed, as the simulator gets it."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from programs.contactctl import contactctl, hand
+
+
+@pytest.fixture
+def acts(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """What the hand was told to do."""
+    told: list[dict[str, Any]] = []
+
+    def ask(_: Path, act: dict[str, Any]) -> str:
+        told.append(act)
+        return "done"
+
+    monkeypatch.setattr(hand, "ask_hand", ask)
+    return told
+
+
+def typed(*words: str) -> Result:
+    return CliRunner().invoke(contactctl.main, ["hand", "--hand-socket", "/none", *words])
+
+
+@pytest.mark.parametrize("dashes", [[], ["--"]])
+@pytest.mark.parametrize(
+    ("words", "key", "value"),
+    [
+        (("push", "elbow", "-3Nm"), "torque", -3.0),
+        (("lean", "elbow", "-0.5"), "torque", -0.5),
+        (("lead", "elbow", "-.8rad"), "to", {"elbow": -0.8}),
+    ],
+)
+def test_a_number_below_0_is_the_other_way(
+    acts: list[dict[str, Any]], words: tuple[str, ...], dashes: list[str], key: str, value: object
+) -> None:
+    assert typed(words[0], *dashes, *words[1:]).exit_code == 0
+    assert acts[0][key] == value
+
+
+def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str, Any]]) -> None:
+    assert typed("push", "elbow", "-3Nm", "--seconds", "2").exit_code == 0
+    assert typed("push", "--seconds", "2", "elbow", "-3Nm").exit_code == 0
+    assert [(act["torque"], act["duration_s"]) for act in acts] == [(-3.0, 2.0)] * 2
+    assert typed("push", "elbow", "-3Nm", "--long").exit_code == 2
+    assert typed("push", "-h").exit_code == 0

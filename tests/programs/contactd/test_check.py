@@ -1,0 +1,222 @@
+"""`contactd check`: quantities, PDOs and the load of the bus that follow from a configuration."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from programs.contactd.check import print_check
+from programs.contactd.contactd import main
+
+
+def check(folder: Path):
+    return CliRunner().invoke(main, ["check", str(folder)], catch_exceptions=False)
+
+
+def test_the_table_of_quantities():
+    lines = [line.split() for line in check(DESK_ARM).output.splitlines()]
+    for row in (
+        "torque 0x6077:00 INTEGER16 0.001 -1 0 of rated",
+        "link_position 0x6064:00 INTEGER32 2.39684e-05 -1 -1.24636 rad",
+        "motor_velocity 0x6069:00 INTEGER16 0.10472 +1 0 rad/s",
+        "without motor_position: integrated from the velocity",
+        "max_motor_speed 0x607F:00 UNSIGNED32 0.00628319 +1 0 rad/s",
+        "TPDO1 0x180 + node 4 statusword 0x6041:00/16, torque 0x6077:00/16",
+        "RPDO2 0x300 + node 4 target_velocity 0x60FF:00/32",
+        "without object 0x6073:00 (current limit, per mille of rated): it has no current limit of "
+        "its own",
+        "0x28C 6 100 115 swing TPDO2",
+    ):
+        assert row.split() in lines, row
+
+
+def test_a_field_is_explained():
+    result = CliRunner().invoke(main, ["check", "--explain", "joints[1] (swing).wiring.gear"])
+    assert result.exit_code == 0
+    first, find, typical = result.output.splitlines()
+    assert first == (
+        "joints.wiring.gear: turns of the motor per turn of the joint, all stages together"
+    )
+    assert find.startswith("  how to find it: data sheets")
+    assert typical.startswith("  typical: 30 to 200")
+    assert CliRunner().invoke(main, ["check", "--explain", "nose"]).exit_code == 78
+    assert CliRunner().invoke(main, ["check"]).exit_code == 2
+
+
+def test_what_is_most_likely_not_meant_is_told_and_good(tmp_path):
+    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("rotor_inertia: 0.03", "rotor_inertia: 3e-6"))
+    result = check(folder)
+    assert result.exit_code == 0
+    (told,) = [
+        line for line in result.output.splitlines() if "config.yaml:" in line and "at the" in line
+    ]
+    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "3e-6" in x)
+    assert told == (
+        f"{config}:{line}: joints[0] (column).rotor_inertia: 3e-06 kg m2 is less than a motor of "
+        "0.045 Nm has, seen from the link (0.0003416 at least): is it that at the shaft? times "
+        "gear^2 it is 0.03"
+    )
+    assert result.output.endswith("config.yaml: good\n")
+
+
+def test_a_refusal_ends_with_what_is_most_likely_behind_it(tmp_path):
+    folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("torque_constant: 3.0", "torque_constant: 0.03"))
+    result = check(folder)
+    assert result.exit_code == 78
+    *refused, likely = result.output.splitlines()
+    assert all("is beyond what can be" in line for line in refused)
+    assert likely.endswith("by that it is 3 Nm/A at the link")
+
+
+def test_the_load_of_the_bus():
+    last = check(DESK_ARM).output.splitlines()[-2]
+    # SYNC 55 bits; per drive TPDOs of 95 and 115, RPDOs of 75 and 95; heartbeats of 65, 25 a
+    # second from each drive and from the master, all on half a megabit.
+    exchange = 55 + 2 * (95 + 115 + 75 + 95)
+    load = (100 * exchange + 3 * 25 * 65) / 500_000
+    assert last == (
+        f"bus load at worst {load:.1%} of 500000 bit/s (allowed 80%); "
+        f"one exchange takes {exchange / 500:.2f} of 10 ms"
+    )
+
+
+@pytest.mark.parametrize("bitrate", [100_000, 10_000])
+def test_what_does_not_fit_the_bitrate_is_refused(tmp_path, bitrate):
+    for path in DESK_ARM.iterdir():
+        text = path.read_text()
+        (tmp_path / path.name).write_text(text.replace("bitrate: 500000", f"bitrate: {bitrate}"))
+    result = check(tmp_path)
+    assert result.exit_code == 78
+    assert f"bus.bitrate: bus load {1.7275 * 50_000 / bitrate:.0%} at {bitrate} bit/s" in (
+        result.output
+    )
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_no_figure_is_cut_on_a_narrow_terminal(columns, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", str(columns))
+    print_check(ROMEO)
+    printed = capsys.readouterr().out
+    assert "…" not in printed
+    for row in (
+        "quick_stop_deceleration 0x6085:00 UNSIGNED32 0.010472    +1   0      rad/s2",
+        "LElbowRoll     1.2   12     0.336 0.108  0.120    0.060   0.624  0.984   0.180",
+    ):
+        assert row in printed
+
+
+def test_gravity_is_shown_beside_what_the_motor_gives():
+    lines = [line.split() for line in check(DESK_ARM).output.splitlines()]
+    # 0.8 kg at 0.15 m, 1.3 rad off the vertical; 2.4 Nm/A times 2 A.
+    for row in (
+        "swing 12 80 1 2 2.4 +1 +1 0",
+        "joint half-gap mrad level Nm limits rad gravity Nm end",
+        "column 12 0.6 -1.40 +1.40 0.00 of 9.00 hold",
+        "swing 8 0.5 -1.30 +1.30 1.13 of 4.80 brake",
+    ):
+        assert row.split() in lines, row
+
+
+@pytest.mark.parametrize("folder", [ROMEO, DESK_ARM, SINGLE_JOINT])
+def test_shipped_arms_hold_themselves(folder):
+    output = check(folder).output
+    assert output.endswith("config.yaml: good\n")
+    assert "more than the motor can hold" not in output
+
+
+def scaled_urdf(folder: Path, tmp_path: Path, attribute: str, factor: float) -> Path:
+    """A copy of an arm, all figures of one attribute of its URDF larger by a factor."""
+    copy = shutil.copytree(folder, tmp_path / "arm")
+    urdf = copy / "arm.urdf"
+    urdf.write_text(
+        re.sub(
+            rf'({attribute}=")([^"]*)',
+            lambda found: found[1] + " ".join(f"{factor * float(x):g}" for x in found[2].split()),
+            urdf.read_text(),
+        )
+    )
+    return copy
+
+
+@pytest.mark.parametrize("scaled", ["mass value", "xyz"])
+def test_an_arm_in_grams_or_millimetres_is_refused(tmp_path, scaled):
+    folder = scaled_urdf(DESK_ARM, tmp_path, scaled, 1000.0)
+    result = check(folder)
+    assert result.exit_code == 78
+    assert (
+        "urdf (arm.urdf), joint swing: gravity at worst: 1134 Nm is beyond what can be: up to 9.6 "
+        "Nm, 2 times the motor's 4.8 Nm (torque_constant times max_current_A): are masses in kg "
+        "and lengths in m?"
+    ) in result.output
+    assert "joint column: gravity" not in result.output  # it is upright
+
+
+def test_an_arm_that_its_motors_cannot_hold_everywhere_is_told(tmp_path):
+    result = check(scaled_urdf(DESK_ARM, tmp_path, "mass value", 5.0))
+    assert result.exit_code == 0
+    *_, exchange, warning, refused, good = result.output.splitlines()
+    assert "belongs to another configuration" in refused  # which the URDF is part of
+    assert exchange.startswith("bus load")
+    assert warning == (
+        "swing: gravity is more than the motor can hold (5.672 Nm of 4.8 Nm): "
+        "are masses in kg and lengths in m?"
+    )
+    assert good.endswith("config.yaml: good")
+
+
+def test_what_comes_near_its_bounds_is_told_with_its_line(tmp_path):
+    folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
+    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
+    config = folder / "config.yaml"
+    levels = "contact: 0.5, collision: 4.0, least: 0.1"
+    assert levels in config.read_text()
+    config.write_text(
+        config.read_text().replace(levels, "contact: 4.3, collision: 6.0, least: 0.86")
+    )
+    result = check(folder)
+    assert result.exit_code == 0
+    *_, warning, good = result.output.splitlines()
+    line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "4.3" in x)
+    assert warning == (
+        f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm comes near what can be: "
+        "0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times max_current_A): "
+        "above, it presses with nearly its full torque before a contact is detected; below, the "
+        "noise of its current is detected as a contact"
+    )
+    assert good.endswith("config.yaml: good")
+    assert "comes near" not in check(SINGLE_JOINT).output
+
+
+def test_what_arm_would_refuse_is_told(tmp_path):
+    folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
+    shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
+    config = folder / "config.yaml"
+    assert "will be refused" not in check(SINGLE_JOINT).output
+    config.write_text(re.sub(r"known: .*", "known: {gap: none}", config.read_text()))
+    (folder / "identified.yaml").unlink()
+    result = check(folder)
+    assert result.exit_code == 0
+    *_, wiring, friction, thresholds, good = result.output.splitlines()
+    for line, what in ((wiring, "wiring"), (friction, "friction"), (thresholds, "thresholds")):
+        assert line.startswith(f"`contactctl arm` will be refused: the {what} of joint ")
+        assert f"`contactd identify {what}`" in line
+    assert good.endswith("config.yaml: good")
+
+
+def test_the_tables_of_the_arm_fit_into_80_columns():
+    lines = check(ROMEO).output.splitlines()
+    for title in (
+        "wiring",
+        "joints",
+        "travel in rad, at worst, from a fault at full speed until the joint stands",
+    ):
+        start = next(i for i, line in enumerate(lines) if line.strip() == title)
+        assert max(len(line.rstrip()) for line in lines[start : start + 9]) <= 80

@@ -1,0 +1,312 @@
+"""`contactd new`: a draft that can be checked and rehearsed at once, from URDF and EDS alone."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from bench.rigs.generated_arms import generate
+from bench.rigs.generated_makes import MAKES
+from bench.rigs.lockstep import DESK_ARM, ROMEO, lockstep_rig
+from bench.study.mistakes import told
+from programs.contactd.contactd import main
+from programs.simulate.simulated_robot import true_arm
+
+
+def new(folder: Path, urdf: Path, *sheets: str):
+    words = ["new", str(folder), "--urdf", str(urdf)]
+    for sheet in sheets:
+        words += ["--eds", sheet]
+    return CliRunner().invoke(main, words)
+
+
+def in_millimetres(urdf: str) -> str:
+    return re.sub(
+        r'(?<=<origin )xyz="([^"]*)"',
+        lambda found: f'xyz="{" ".join(f"{float(x) * 1e3:g}" for x in found[1].split())}"',
+        urdf,
+    )
+
+
+@pytest.fixture
+def given(tmp_path: Path):
+    """Writes what an owner has of the arm of a seed, and drafts a folder from it."""
+
+    def draft(seed: int) -> Path:
+        arm = generate(seed)
+        desk = tmp_path / "desk"
+        desk.mkdir()
+        (desk / "arm.urdf").write_text(arm.urdf)
+        (desk / "drive.eds").write_text(arm.make.eds())
+        result = new(tmp_path / "mine", desk / "arm.urdf", f"servo={desk / 'drive.eds'}")
+        assert result.exit_code == 0, result.output
+        assert "lines with CHECK hold guesses" in result.output
+        return tmp_path / "mine"
+
+    return draft
+
+
+@pytest.mark.parametrize("seed", range(len(MAKES)), ids=[make.name for make in MAKES])
+def test_the_draft_has_the_objects_of_the_data_sheet_and_passes_the_check(seed, given):
+    folder, arm = given(seed), generate(seed)
+    said = told(folder)
+    assert (said.refused, said.lines) == (False, [])
+    written = yaml.safe_load((folder / "config.yaml").read_text())
+    assert [joint["name"] for joint in written["joints"]] == list(arm.names)
+    drive = written["drives"]["servo"]
+    for name, quantity in arm.make.quantities.items():
+        found = drive[name]
+        assert (found["object"], found.get("subindex", 0), found["type"]) == (
+            quantity.index, quantity.subindex, quantity.type,
+        ), name  # fmt: skip
+    if "motor_position" in arm.make.quantities and arm.make.quantities["motor_position"].index == (
+        0x6064
+    ):
+        assert drive["motor_position"]["scale"] == arm.make.quantities["motor_position"].scale
+    if arm.make.fixed_pdos:
+        assert drive["tpdo"] == {n: list(e) for n, e in arm.make.tpdo.items()}
+        assert drive["rpdo"] == {n: list(e) for n, e in arm.make.rpdo.items()}
+
+
+def test_an_object_that_no_pdo_takes_is_passed_over(tmp_path):
+    text = (ROMEO / "drive.eds").read_text()
+    text, count = re.subn(r"(?s)(\[60E4sub1\].*?PDOMapping=)1", r"\g<1>0", text, count=1)
+    assert count
+    (tmp_path / "drive.eds").write_text(text)
+    assert new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds")).exit_code == 0
+    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
+    assert drive["link_position"]["object"] == 0x6064
+    assert "motor_position" not in drive
+
+
+def test_every_guess_of_a_data_sheet_is_marked(given):
+    text = (given(0) / "config.yaml").read_text()
+    lines = text.splitlines()
+    for field in ("node", "gear", "rated_current_A", "max_current_A", "torque_constant"):
+        of = [line for line in lines if re.match(rf"\s+{field}:", line)]
+        assert len(of) == 7
+        assert all("# CHECK" in line for line in of), field
+    scales = [line for line in lines if "scale:" in line]
+    sure = [line.split(":")[0].strip() for line in scales if "CHECK" not in line]
+    assert sure == ["current", "motor_position", "max_motor_speed"]
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_the_draft_can_be_rehearsed_at_once(seed, given):
+    folder = given(seed)
+    with lockstep_rig(folder, described=lambda robot, _: true_arm(robot)[0]) as rig:
+        rig.enable()
+        rig.run(1.0)
+        assert rig.tick.controller.machine.mode == "holding"
+
+
+@pytest.mark.parametrize("folder", [ROMEO, DESK_ARM], ids=lambda f: f.name)
+def test_shipped_arms_can_be_drafted(folder, tmp_path):
+    result = new(tmp_path / "mine", folder / "arm.urdf", str(folder / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    assert list(yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]) == [
+        "drive"
+    ]
+    assert told(tmp_path / "mine").lines == []
+
+
+def test_drives_of_several_makes_are_all_there_and_the_choice_is_marked(tmp_path):
+    one, other = (tmp_path / f"{MAKES[i].name}.eds" for i in (0, 4))
+    one.write_text(MAKES[0].eds())
+    other.write_text(MAKES[4].eds())
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(one), f"small={other}")
+    assert result.exit_code == 0, result.output
+    text = (tmp_path / "mine" / "config.yaml").read_text()
+    written = yaml.safe_load(text)
+    assert [j["wiring"]["profile"] for j in written["joints"]] == ["alder"] + 6 * ["small"]
+    assert text.count("# CHECK: which of the drives") == 7
+    assert told(tmp_path / "mine").lines == []
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "mine").mkdir()
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(ROMEO / "drive.eds"))
+    assert result.exit_code == 78
+    assert "exists: it is never overwritten" in result.output
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("edit", "says"),
+    [
+        (lambda u, e: (re.sub('type="revolute"', 'type="fixed"', u), e), "no joint moves"),
+        (lambda u, e: (u.replace('upper="2.22041"', 'upper="-3"'), e),
+         "line 1[0-9]: joint 'LShoulderPitch' has limits .* lower must be less than upper"),
+        (lambda u, e: (u.replace("</robot>", ""), e), "arm.urdf: not XML"),
+        (lambda u, e: (re.sub(r"(?s)<inertial>.*?</inertial>", "", u), e), "has a mass"),
+        (lambda u, e: (u, re.sub(r"\[60FF\].*?\n\n", "", e, flags=re.DOTALL)),
+         "no object for target_velocity"),
+        (lambda u, e: (u, "nothing"), "not a readable EDS"),
+        (lambda u, e: (in_millimetres(u), e),
+         "arm.urdf: joint '.*' would need a motor of .* Nm, at most 3000 can be: are masses in kg"
+         "(.|\n)*arm.urdf, line [0-9]+: joint 'LElbowRoll': its <origin> is .* m .*: in mm?"),
+        (lambda u, e: (re.sub(r'<mass value="([^"]+)"', r'<mass value="\g<1>e3"', u), e),
+         "arm.urdf: joint '.*' would need a motor of .* Nm(.|\n)*its inertia .* tungsten"),
+        (lambda u, e: (u.replace('upper="2.22041"', 'upper="two"'), e),
+         "arm.urdf: joint 'LShoulderPitch', line 1[0-9]: <limit upper=\"two\">: must be one"),
+        (lambda u, e: (u.replace('xyz="', 'xyz="left ', 1), e), "must be three finite numbers"),
+        *((lambda u, e, kind=kind: (u.replace('type="revolute"', f'type="{kind}"', 1), e),
+           f"line 1[0-9]: joint 'LShoulderPitch' is {kind}: a joint .* must be `revolute`")
+          for kind in ("prismatic", "continuous", "floating")),
+        (lambda u, e: (u, re.sub(r"\[6007\].*?\n\n", "", e, flags=re.DOTALL)),
+         "mine is not written: the draft made .* is refused:(.|\n)*0x6007:00"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_path):
+    urdf, eds = edit((ROMEO / "arm.urdf").read_text(), (ROMEO / "drive.eds").read_text())
+    (tmp_path / "arm.urdf").write_text(urdf)
+    (tmp_path / "drive.eds").write_text(eds)
+    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 78, result.output
+    assert re.search(says, result.output), result.output
+    assert not (tmp_path / "mine").exists()
+
+
+def test_limits_in_degrees_are_told_at_once(tmp_path):
+    urdf = (DESK_ARM / "arm.urdf").read_text().replace('lower="-1.6" upper="1.6"',
+                                                       'lower="-92" upper="92"')  # fmt: skip
+    (tmp_path / "arm.urdf").write_text(urdf)
+    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(DESK_ARM / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    assert "arm.urdf, line 11: joint 'column': its <limit> of -92 to 92 rad" in result.output
+
+
+def test_the_check_says_how_many_guesses_are_left(given):
+    folder = given(0)
+    config = folder / "config.yaml"
+    marked = config.read_text().count("# CHECK")
+    for left in (marked, marked - 1, 0):
+        kept = config.read_text().split("\n")
+        while sum("# CHECK" in line for line in kept) > left:
+            i = next(i for i, line in enumerate(kept) if "# CHECK" in line)
+            kept[i] = kept[i].partition("# CHECK")[0]
+        config.write_text("\n".join(kept))
+        said = CliRunner().invoke(main, ["check", str(folder)]).output
+        assert (f"{left} lines still hold guesses (CHECK)" in said) is (left > 0), said
+        assert ("guesses" in said) is (left > 0)
+
+
+def test_a_drive_without_cyclic_velocity_is_told(tmp_path):
+    text, found = re.subn(
+        r"(?s)(\[6502\].*?DefaultValue=)\w+", r"\g<1>0xA5", (DESK_ARM / "drive.eds").read_text()
+    )
+    assert found == 1
+    (tmp_path / "drive.eds").write_text(text)
+    new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    said = " ".join(CliRunner().invoke(main, ["check", str(tmp_path / "mine")]).output.split())
+    assert "drives.drive.eds: drive.eds has 0x000000A5 in 0x6502, without bit 8" in said
+
+
+def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
+    eds = str(ROMEO / "drive.eds")
+    twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={eds}")
+    assert (twice.exit_code, "two drives of one name" in twice.output) == (78, True)
+    missing = new(tmp_path / "mine", tmp_path / "none.urdf", eds)
+    assert (missing.exit_code, "cannot be read" in missing.output) == (78, True)
+
+
+@pytest.mark.parametrize(
+    ("folder", "urdf", "sheets", "says"),
+    [
+        ("mine", "arm.urdf", ["a=one/drive.eds", "b=other/drive.eds"], "both are copied to one"),
+        ("mine", "config.yaml", ["one/drive.eds"], "config.yaml is written here"),
+        ("mine", "simulation.urdf", ["one/drive.eds"], "simulation.urdf is written here"),
+        ("mine", "arm.urdf", ["=one/drive.eds"], "--eds =.*: must be NAME=FILE"),
+        ("mine", "arm.urdf", [f"{i}=one/drive.eds" for i in range(8)], "has only 7 joints"),
+        ("nowhere", "arm.urdf", ["one/drive.eds"], "nowhere exists: it is never overwritten"),
+        ("arm.urdf/mine", "arm.urdf", ["one/drive.eds"], "mine cannot be made: Not a directory"),
+    ],
+)
+def test_files_that_would_take_the_place_of_others_are_refused(
+    folder, urdf, sheets, says, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for name in ("arm.urdf", "config.yaml", "simulation.urdf"):
+        shutil.copy(ROMEO / "arm.urdf", tmp_path / name)
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        shutil.copy(ROMEO / "drive.eds", tmp_path / name)
+    (tmp_path / "nowhere").symlink_to(tmp_path / "gone")
+    result = new(Path(folder), Path(urdf), *sheets)
+    assert result.exit_code == 78, result.output
+    assert re.search(says, " ".join(result.output.split())), result.output
+    assert not (tmp_path / "mine").exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["on", "1e3", "Gelenk ä", "\N{ROBOT FACE}", "a'b#c", "a\nb: 1", "a\x85b", "a\u202eb"]
+)
+def test_a_joint_may_have_any_name(name, tmp_path):
+    urdf = (DESK_ARM / "arm.urdf").read_text()
+    attribute = "".join(f"&#{ord(character)};" for character in name)
+    (tmp_path / "arm.urdf").write_text(urdf.replace('"column"', f'"{attribute}"'))
+    result = new(tmp_path / "mine", tmp_path / "arm.urdf", str(DESK_ARM / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    written = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
+    assert [joint["name"] for joint in written["joints"]] == [name, "swing"]
+
+
+def test_a_makers_own_current_is_a_guess_and_no_demand(tmp_path):
+    text = (DESK_ARM / "drive.eds").read_text()
+    text = re.sub(r"(?s)\[6077\].*?\n\n", "", text)
+    for index, name in ((0x2010, "Motor current demand"), (0x2011, "Motor current actual")):
+        text += (
+            f"\n[{index:X}]\nParameterName={name}\nObjectType=0x7\nDataType=0x3\n"
+            "AccessType=ro\nPDOMapping=1\n"
+        )
+    (tmp_path / "drive.eds").write_text(text)
+    result = new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    (line,) = re.findall(r".*current: {.*", (tmp_path / "mine" / "config.yaml").read_text())
+    assert "0x2011" in line
+    assert "# CHECK" in line
+    assert line.endswith("mA are 0.001 / rated_current_A")
+
+
+def test_a_deceleration_is_guessed_in_its_own_unit(given):
+    (line,) = re.findall(r".*quick_stop_deceleration: {.*", (given(1) / "config.yaml").read_text())
+    assert "0.1 rpm/s is a guess: 1 rpm/s is" in line
+
+
+def test_fixed_pdos_that_repeat_an_object_are_passed_over(tmp_path):
+    """As makers fix them: the statusword in each."""
+    text = (DESK_ARM / "drive.eds").read_text()
+    for number, objects in enumerate(
+        ((0x60410010, 0x60770010), (0x60640020, 0x60690010), (0x60410010, 0x60640020))
+    ):
+        for sub, value in enumerate((2, *objects)):
+            section = rf"(?s)(\[1A0{number}sub{sub}\].*?AccessType=)rw(.*?DefaultValue=)\w+"
+            text, found = re.subn(section, rf"\g<1>const\g<2>0x{value:X}", text, count=1)
+            assert found
+    (tmp_path / "drive.eds").write_text(text)
+    result = new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 0, result.output
+    drive = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]["drive"]
+    assert drive["tpdo"] == {
+        "1": ["statusword", "torque"],
+        "2": ["link_position", "motor_velocity"],
+    }
+
+
+def test_a_data_sheet_whose_resolution_is_no_number_says_none(tmp_path):
+    text = (ROMEO / "drive.eds").read_text()
+    for sub in range(3):
+        text = re.sub(rf"(?s)\[608Fsub{sub}\].*?\n\n", "", text)
+    text = re.sub(r"(?s)\[608F\].*?\n\n", "", text)
+    text += "\n[608F]\nParameterName=Resolution\nObjectType=0x9\nSubNumber=3\n"
+    for sub, kind, value in ((0, "0x5", "2"), (1, "0x9", "many"), (2, "0x9", "one")):
+        text += (
+            f"\n[608Fsub{sub}]\nParameterName=s\nObjectType=0x7\nDataType={kind}\n"
+            f"AccessType=ro\nDefaultValue={value}\n"
+        )
+    (tmp_path / "drive.eds").write_text(text)
+    result = new(tmp_path / "mine", ROMEO / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert result.exit_code == 0, result.output

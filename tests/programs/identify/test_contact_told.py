@@ -1,0 +1,77 @@
+"""Warnings about a contact while a step of `contactd identify`, or a hand, moves the arm."""
+
+from pathlib import Path
+
+import pytest
+
+from bench.rigs.person import CommissionedArm
+from daemon.protocol.messages import Contact, Notice
+from programs.identify.contact_warnings import (
+    ContactWarning,
+    discarded,
+    other_joint_touched,
+    wiring_spoiled,
+)
+from tests.programs.identify.typed_session import TypedCommand, wired_joint
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> CommissionedArm:
+    return wired_joint(tmp_path)
+
+
+def contact(joint: str) -> Notice:
+    about = Contact(joint=joint, torque=-0.35, threshold=0.3, level="contact", side="left")
+    return Notice(kind="contact", text=f"{joint} -0.35 Nm (contact)", contact=about)
+
+
+@pytest.mark.parametrize(
+    ("warning", "says"),
+    [
+        (discarded, "elbow -0.35 Nm (contact): if that was you, hands off; it is discarded"),
+        (wiring_spoiled("wrist"), "elbow -0.35 Nm (contact): if that was you, hands off, and "
+                                    "check the wiring of wrist again"),
+        (other_joint_touched("wrist"), "contact at elbow, -0.35 Nm: move wrist alone"),
+        (other_joint_touched("elbow"), ""),
+    ],
+)  # fmt: skip
+def test_a_contact_is_what_the_step_makes_of_it(warning: ContactWarning, says: str) -> None:
+    assert warning(contact("elbow")) == says
+
+
+def pushed(arm: CommissionedArm, *words: str) -> str:
+    """What a step says that is stopped after a push of half a second, which the daemon felt."""
+    with arm.served() as served:
+        served.rig.enable()
+        typed = TypedCommand(served, *words)
+        typed.moves(1.0)
+        felt = []
+        served.rig.arm.external_torque[0] = 1.5
+        while typed.ticks_in_motion < 150:
+            typed.tick()
+            felt += [event for event in served.rig.last.notices if event.kind == "contact"]
+        served.rig.arm.external_torque[0] = 0.0
+        typed.ctrl_c()
+        said = typed.ends()[1]
+    assert felt
+    assert "stopped by you" in said
+    return said
+
+
+def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: CommissionedArm) -> None:
+    said = pushed(arm, "gap", "--by-hand")
+    assert "hands off" not in said
+    assert "contact at" not in said
+
+
+@pytest.mark.parametrize(
+    ("step", "says"),
+    [
+        ("wiring", "hands off, and check the wiring of joint again"),
+        ("thresholds", "hands off; it is discarded"),
+    ],
+)
+def test_a_hand_at_an_arm_that_moves_by_itself_is_told_what_becomes_of_it(
+    arm: CommissionedArm, step: str, says: str
+) -> None:
+    assert f"if that was you, {says}" in pushed(arm, step)

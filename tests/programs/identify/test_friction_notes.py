@@ -1,0 +1,82 @@
+"""Notes on fits of friction: wide intervals, and gravity that does not fit."""
+
+import math
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from bench.rigs.person import LONGER
+from identification.friction_verdict import Verdict
+from programs.contactd.contactd import main
+from programs.identify.friction_notes import LONGEST_S, off_scale, wide_intervals
+
+URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
+
+
+def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GOOD) -> object:
+    return SimpleNamespace(
+        joint=joint, verdict=verdict, unsure=unsure, seconds_for=lambda width: seconds,
+        unsure_after=lambda longer: {LONGEST_S: 0.8 * unsure}[longer],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fits", "weighed", "notes"),
+    [
+        ([fit("a", 0.14, 40.0)], True, ()),
+        ([fit("a", 0.1509, 61.0)], True, ()),  # the same, as it is shown
+        ([fit("a", 0.9, 40.0, Verdict.BAD_FIT)], True, ()),
+        (
+            [fit("a", 0.24, 131.0), fit("b", 0.1, 5.0)],
+            True,
+            ("friction is known of a to +-12 %: `--seconds 140` narrows that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.24, 600.0), fit("b", 0.2, 5.0)],
+            False,
+            (f"friction is known of a to +-12 %, b to +-10 %, {URDF}; where the URDF is as good, "
+             "`--seconds 600` narrows that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.5, math.inf), fit("b", 0.2, 131.0), fit("c", 0.25, 601.0)],
+            True,
+            ("friction is known of a to +-25 %, b to +-10 %, c to +-12 %: `--seconds 140` "
+             "narrows that of b to +-7.5 %; `--seconds 600` leaves a +-20 %, c +-10 %: what masses "
+             "and torque constants may be off does not go with a longer motion",),
+        ),
+    ],
+)  # fmt: skip
+def test_what_would_make_it_narrower(fits, weighed, notes):
+    assert wide_intervals(fits, masses_identified=weighed) == notes
+
+
+@pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])
+def test_what_is_advised_is_what_friction_takes(seconds):
+    words = ["identify", "friction", "--seconds", str(seconds), "--config", "nowhere", "--log", "a"]
+    said = CliRunner().invoke(main, words).output
+    assert ("--seconds" in said) is (seconds > LONGEST_S), said
+
+
+def test_the_person_of_the_bench_reads_it():
+    (note,) = wide_intervals([fit("a", 0.24, 131.0)], masses_identified=True)
+    told = LONGER.search(note.replace("seconds 140", "seconds\n140"))
+    assert told is not None
+    assert told[1] == "140"
+
+
+@pytest.mark.parametrize(
+    ("scale", "verdict", "says"),
+    [
+        (1.0, Verdict.GOOD, None),
+        (1.09, Verdict.GOOD, None),
+        (float("nan"), Verdict.GOOD, None),
+        (1.25, Verdict.GOOD, "masses are off: elbow by +25 %"),
+        (0.85, Verdict.GOOD, "masses are off: elbow by -15 %"),
+        (1.4, Verdict.WRONG_GRAVITY, None),  # its own reason says it
+    ],
+)
+def test_gravity_that_does_not_fit_is_reported(scale, verdict, says) -> None:
+    notes = off_scale([SimpleNamespace(joint="elbow", gravity_scale=scale, verdict=verdict)])
+    assert len(notes) == (says is not None)
+    assert all(says in note for note in notes)

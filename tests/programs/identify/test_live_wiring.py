@@ -1,0 +1,99 @@
+"""Wiring checked at the running arm: what a wrong sign is told as."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from bench.rigs.generated_arms import generate, in_yaml
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.person import CommissionedArm
+from bench.rigs.served_daemon import served_daemon
+from programs.simulate.simulated_robot import true_arm
+
+
+def test_a_wrong_sign_is_named_where_link_and_motor_come_too_far_apart(tmp_path: Path) -> None:
+    folder = generate(3).write(tmp_path / "arm")
+    path = folder / "config.yaml"
+    written = yaml.safe_load(path.read_text())
+    shoulder = written["joints"][1]["wiring"]
+    shoulder["motor_sign"] *= -1
+    path.write_text(in_yaml(written))
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        served.rig.enable()
+        result = served.contactd("identify", "wiring", "shoulder")
+    said = " ".join(result.output.split())
+    assert result.exit_code == 1
+    assert "motor and link apart: shoulder" in said
+    assert "shoulder: the link goes the other way than the motor: link_sign or motor_sign" in said
+    assert "nothing written" in said
+
+
+def test_a_gap_that_is_guessed_too_small_is_no_wrong_sign(tmp_path: Path) -> None:
+    arm = CommissionedArm(tmp_path, SINGLE_JOINT)
+    assert not arm.identify("wiring")
+    said = " ".join(arm.output.split())
+    assert "motor and link apart: joint" in said
+    assert "joint: its gap is larger than half_gap says" in said
+
+
+def test_torques_are_rounded_for_people(tmp_path: Path) -> None:
+    """A joint without gravity holds 0 Nm, not 3e-19."""
+    arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=lambda _: None)
+    arm.identify("wiring")
+    assert re.search(r"holds -?0(\.00\d)? Nm of -?0(\.00\d)? Nm gravity", arm.output)
+
+
+def test_a_link_that_moves_by_another_share_is_moved_once_more(tmp_path: Path) -> None:
+    def off(written: dict[str, Any]) -> None:
+        (drive,) = written["drives"].values()
+        drive["link_position"]["scale"] *= 0.85
+
+    arm = CommissionedArm(tmp_path, SINGLE_JOINT, change=off)
+    assert not arm.identify("wiring")
+    said = " ".join(arm.output.split())
+    assert said.count("by another share than its motor: once more") == 1
+    assert re.search(r"the link moves 0\.8\d+ times as far as the motor reports: gear, or", said)
+
+
+def said_of_a_free_link(folder: Path, seed: int, gear: float) -> str:
+    """Answer about a joint about the vertical, whose link nothing holds but its gear, and whose
+    configured gear is so many times the true one."""
+    arm = generate(seed).write(folder / "arm")
+    for name, change in (("simulation.yaml", _without_friction), ("config.yaml", _geared(gear))):
+        written = yaml.safe_load((arm / name).read_text())
+        change(written["joints"][0])
+        (arm / name).write_text(in_yaml(written))
+    with served_daemon(folder, arm, described=lambda robot, _: true_arm(robot)[0]) as served:
+        served.rig.enable()
+        return " ".join(served.contactd("identify", "wiring", "base").output.split())
+
+
+def _without_friction(joint: dict[str, Any]) -> None:
+    joint["friction"] |= {"link_coulomb": 0.0, "link_viscous": 0.0}
+
+
+def _geared(gear: float) -> Callable[[dict[str, Any]], None]:
+    def change(joint: dict[str, Any]) -> None:
+        joint["wiring"]["gear"] *= gear
+
+    return change
+
+
+def test_a_link_that_floats_in_its_gap_is_not_called_wrong(tmp_path: Path) -> None:
+    said = said_of_a_free_link(tmp_path, seed=1, gear=1.0)
+    assert re.search(r"base good link/motor (1\.00|0\.99)\d", said), said
+
+
+@pytest.mark.parametrize(
+    ("seed", "gear", "told"), [(1, 1.1, r"1\.(09|10)\d"), (2, 0.9, r"0\.(89|90)\d")]
+)
+def test_a_wrong_gear_is_found_at_a_link_that_floats(
+    tmp_path: Path, seed: int, gear: float, told: str
+) -> None:
+    said = said_of_a_free_link(tmp_path, seed, gear)
+    reported = rf"the link moves {told} times as far as the motor reports: gear, or"
+    assert re.search(reported, said), said

@@ -1,0 +1,131 @@
+"""Signs and zeros of link encoders: from positions seen, and at a simulated arm."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.rigs.generated_arms import generate
+from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.served_daemon import served_daemon
+from daemon.config.evidence import outdated
+from daemon.config.identified import Identified, WiringEntry, ZeroEntry, applied, identified_keys
+from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration
+from identification.resting_link import stands
+from programs.identify.merge import merged
+from programs.identify.steps.zero import not_possible, zero_outcome
+from programs.simulate.simulated_robot import true_arm
+
+WIRED = WiringEntry(date="today", log="00", follows=1.0)
+REST = [0.0] * 20  # [rad] from where the link stood
+
+
+def robot_with(sign: int, offset: float) -> Robot:
+    robot = load_robot(SINGLE_JOINT)
+    (joint,) = robot.configuration.joints
+    wiring = msgspec.structs.replace(joint.wiring, link_sign=sign, link_offset=offset)
+    joints = [msgspec.structs.replace(joint, wiring=wiring)]
+    return replace(robot, configuration=msgspec.structs.replace(robot.configuration, joints=joints))
+
+
+def found(robot: Robot, seen: list[float], stood: float, *, upward: bool) -> ZeroEntry | None:
+    outcome = zero_outcome(robot, "joint", np.array(seen), stood, upward=upward, date="today")
+    entry = outcome.entries.get("joint")
+    assert outcome.lines[0].good is (entry is not None)
+    assert entry is None or isinstance(entry, ZeroEntry)
+    return entry
+
+
+@pytest.mark.parametrize("true_sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("upward", [True, False])
+@pytest.mark.parametrize("raw", [0.4, -2.0, 9.0])  # some encoders count turns
+def test_sign_and_zero_are_those_with_which_the_link_stands_where_it_was_said(
+    true_sign: int, sign: int, upward: bool, raw: float
+) -> None:
+    stood, offset = 0.7, -0.3
+    pushed = true_sign * (0.004 if upward else -0.004)
+    seen = [sign * (raw + away) + offset for away in [*REST, *[pushed] * 40]]
+    entry = found(robot_with(sign, offset), seen, stood, upward=upward)
+    assert entry is not None
+    assert entry.link_sign == true_sign
+    assert entry.link_sign * raw + entry.link_offset == pytest.approx(stood, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "pushed",
+    [
+        [0.0009] * 40,  # less than is clear
+        [0.02] * 40 + [0.0] * 20,  # let go before the answer
+        [0.02] * 40 + [0.02, -0.02] * 10,  # shaken
+        [],
+        [0.02] * 5,
+    ],
+)
+def test_a_link_that_is_not_held_to_one_side_says_nothing(pushed: list[float]) -> None:
+    assert found(robot_with(1, 0.0), [*REST, *pushed], 0.0, upward=True) is None
+
+
+def test_only_a_link_at_rest_stands() -> None:
+    assert stands(np.full(20, 0.3), 20)
+    assert not stands(np.full(19, 0.3), 20)
+    assert not stands(np.linspace(0.3, 0.302, 20), 20)
+
+
+def test_a_zero_voids_what_was_found_before_it_and_not_itself() -> None:
+    robot = robot_with(1, 0.0)
+    entry = found(robot, [*REST, *[0.01] * 40], 0.5, upward=True)
+    assert entry is not None
+    wired = merged(robot, "wiring", {"joint": WIRED}, {})
+    zeroed = merged(replace(robot, identified=wired), "zero", {"joint": entry}, {})
+    c = applied(robot.configuration, zeroed)
+    assert c.joints[0].wiring.link_offset == 0.5
+    assert outdated("wiring", zeroed, c, robot.urdf) == ["joint"]
+    assert outdated("zero", zeroed, c, robot.urdf) == []
+    assert outdated("zero", zeroed, at_another_node(c), robot.urdf) == ["joint"]
+    assert place(c, zeroed) == ["joints", "joint", "zero", "link_offset"]
+    assert place(c, wired) == []
+
+
+def at_another_node(c: Configuration) -> Configuration:
+    wiring = msgspec.structs.replace(c.joints[0].wiring, node=99)
+    return msgspec.structs.replace(c, joints=[msgspec.structs.replace(c.joints[0], wiring=wiring)])
+
+
+def place(c: Configuration, identified: Identified) -> list[str | int]:
+    return identified_keys(["joints", 0, "wiring", "link_offset"], c, identified)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "meant"), [(25.0, "; in degrees? then elbow=0.4363"), (120.0, "")]
+)
+def test_an_angle_at_which_no_link_stands_is_refused(
+    tmp_path: Path, degrees: float, meant: str
+) -> None:
+    robot = load_robot(generate(1).write(tmp_path / "arm"))
+    i = robot.configuration.joint_names.index("elbow")
+    lower, upper = generate(1).stops[i]
+    assert not_possible(robot, {"elbow": lower - 0.1, "base": 0.0}) == []
+    said = f"elbow={degrees:g}: by the URDF it stands within [{lower:g}, {upper:g}] rad{meant}"
+    assert not_possible(robot, {"base": 0.1, "elbow": degrees}) == [said]
+
+
+def test_links_are_pushed_while_the_drives_are_off(tmp_path: Path) -> None:
+    folder = generate(1).write(tmp_path / "arm")
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        typo = served.contactd("identify", "zero", "elbo=0.1")
+        degrees = served.contactd("identify", "zero", "base=0.1", "elbow=25")
+        unmoved = served.contactd("identify", "zero", "elbow=0.1", answers=io.BytesIO(b"+\n"))
+        served.rig.enable()
+        holding = served.contactd("identify", "zero", "elbow=0.1")
+    assert "no joint elbo; there are: base, shoulder" in typo.output
+    assert degrees.exit_code == 78
+    assert "in degrees? then elbow=0.4363" in " ".join(degrees.output.split())
+    assert unmoved.exit_code == 1
+    assert "and hold it there until you have answered" in " ".join(unmoved.output.split())
+    assert "the arm is holding: links are pushed while the drives are off" in holding.output
+    assert not (folder / "identified.yaml").exists()

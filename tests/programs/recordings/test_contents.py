@@ -1,0 +1,211 @@
+"""Contents of a recording, by made-up States and by old files."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
+from programs.clients.replay import SAME_ESTIMATOR
+from programs.contactd.contactd import main
+from programs.recordings.contents import Contents
+from tests.programs.clients.test_damaged_recordings import changed, set_to
+from tests.programs.clients.test_damaged_recordings import written as damaged
+from tests.programs.clients.test_recorder import FORMATS
+
+MakeState = Callable[..., State]
+JOINT = 1  # the one that `make_state` pushes
+
+
+def notice(level: Any, torque: float = -1.3) -> Notice:
+    contact = Contact(joint="LShoulderYaw", torque=torque, threshold=0.5, level=level, side="left")
+    return Notice(kind="contact", text="touched", contact=contact)
+
+
+def found(states: list[State], snapshot: Snapshot) -> Contents:
+    contents = Contents()
+    contents.add_snapshot(snapshot)
+    contents.add(states[:7])
+    contents.add(states[7:])
+    return contents
+
+
+def test_a_contact_lasts_until_its_thresholded_residual_is_zero(
+    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    contents = found([make_state(tick) for tick in range(90, 260)], make_snapshot(89))
+    (contact,) = contents.contacts
+    assert (contact.joint, contact.peak, contact.level) == ("LShoulderYaw", -1.3, "contact")
+    assert contact.time_s == pytest.approx(0.10)
+    assert contact.duration_s == pytest.approx(1.0)
+    assert contents.modes == pytest.approx({"tracking": 0.7, "admittance": 1.0})
+    assert (contents.states, contents.lost) == (170, 0)
+    assert contents.duration_s == pytest.approx(1.69)
+
+
+def test_a_collision_belongs_to_the_contact_that_lasts(
+    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    states = [make_state(tick) for tick in range(90, 150)]
+    states[20] = make_state(110, notices=[notice("collision")])
+    (contact,) = found(states, make_snapshot(89)).contacts
+    assert (contact.level, contact.duration_s) == ("collision", None)
+
+
+def test_the_other_side_is_another_contact(
+    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    states = [make_state(tick) for tick in range(90, 150)]
+    states[20] = make_state(110, notices=[notice("contact", torque=2.0)])
+    first, second = found(states, make_snapshot(89)).contacts
+    assert first.duration_s == pytest.approx(0.10)
+    assert second.peak == 2.0
+
+
+def test_gaps_and_faults_are_counted(
+    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    fault = Notice(kind="fault", text="drive fault: joint 2")
+    states = [make_state(0), make_state(1), make_state(5, notices=[fault]), make_state(6)]
+    contents = found(states, make_snapshot(-1))
+    assert contents.lost == 3
+    assert [(one.time_s, one.text) for one in contents.faults] == [(0.05, "drive fault: joint 2")]
+    assert contents.events == contents.faults
+
+
+def test_how_long_a_contact_lasts_while_states_are_lost_is_not_made_up(
+    make_state: MakeState, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    ticks = [*range(90, 150), *range(1_000_000, 1_000_010)]
+    (contact,) = found([make_state(tick) for tick in ticks], make_snapshot(89)).contacts
+    assert contact.duration_s == pytest.approx(0.49)
+
+
+@pytest.mark.parametrize("version", FORMATS)
+def test_replay_says_what_is_in_a_file_of_each_format(version: int) -> None:
+    answer = CliRunner().invoke(main, ["replay", str(FORMATS[version])])
+    assert f"format {version}" in answer.output
+    assert "states of joint" in answer.output
+    assert ("bit-identical" in answer.output) == (version >= SAME_ESTIMATOR)
+    assert answer.exit_code == (0 if version >= SAME_ESTIMATOR else 65)
+    assert version != 2 or "1      0.26 s  joint            +2.95 Nm at most" in answer.output
+
+
+def test_replay_says_it_in_json() -> None:
+    answer = CliRunner().invoke(main, ["replay", "--json", str(FORMATS[STATE_FORMAT])])
+    told = json.loads(answer.stdout)
+    assert told["identical"] is True
+    assert told["contents"]["duration_s"] == pytest.approx(0.89)
+    assert told["contents"]["joints"] == ["joint"]
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def foreign(path: Path) -> None:
+    path.write_bytes(b"PK\x03\x04 something else altogether")
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(FORMATS[4].read_bytes()[:900])
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [(empty, "is empty"), (foreign, "is not an MCAP file"), (cut, "ends in the middle")],
+)
+def test_what_is_no_recording_gets_one_line(
+    tmp_path: Path, make: Callable[[Path], None], said: str
+) -> None:
+    path = tmp_path / "strange.mcap"
+    make(path)
+    answer = CliRunner().invoke(main, ["replay", str(path)])
+    assert answer.exit_code == 65
+    (line,) = answer.stderr.splitlines()
+    assert line.startswith(f"contactd: {path} {said}")
+
+
+NO_HALF_GAP = ("/snapshot", set_to("half_gap", value=[]))
+NO_JOINTS = ("/snapshot", set_to("joints", value=[]))
+RAGGED = ("/state", set_to("beside", value={"classical": [1.0, 2.0]}))
+EMPTY_BESIDE = ("/state", set_to("beside", value={"classical": []}))
+UNKNOWN = (
+    "/state",
+    set_to(
+        "notices",
+        value=[
+            {
+                "kind": "contact",
+                "text": "x",
+                "contact": {
+                    "joint": "nobody",
+                    "torque": 1.0,
+                    "threshold": 0.0,
+                    "level": "contact",
+                    "side": "left",
+                },
+            }
+        ],
+    ),
+)
+
+NO_TIME_OF_DAY = ("/state", set_to("timing", "wall_s", value=1e18))
+HUGE_VALUE = ("/state", set_to("residual", value=[1e308]))
+BESIDE_A_PATH = ("/state", set_to("beside", value={"x/../../y\0": [1.0]}))
+UNPRINTABLE = ("/snapshot", set_to("joints", value=["</script>\x1b]0;\n"]))
+NO_YAML = ("/snapshot", set_to("configuration", value="a: ["))
+NO_XML = ("/snapshot", set_to("urdf", value="<robot"))
+NO_ROBOT = ("/snapshot", set_to("urdf", value="<x/>"))
+NO_MEMORY = ("/snapshot", set_to("memory", value={"x": 1}))
+DAMAGES = {
+    "no half-gap": NO_HALF_GAP,
+    "no joints": NO_JOINTS,
+    "ragged": RAGGED,
+    "empty beside": EMPTY_BESIDE,
+    "unknown joint": UNKNOWN,
+    "no time of day": NO_TIME_OF_DAY,
+    "huge value": HUGE_VALUE,
+    "beside a path": BESIDE_A_PATH,
+    "unprintable": UNPRINTABLE,
+    "no YAML": NO_YAML,
+    "no XML": NO_XML,
+    "no robot": NO_ROBOT,
+    "no memory": NO_MEMORY,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["replay"],
+        ["plot", "-o", "{}/a.html"],
+        ["whatif", "--threshold", "joint=1,2"],
+        ["whatif", "--residual", "classical"],
+        ["whatif", "--set", "estimator.gain=20"],
+        ["whatif", "--propose-labels", "{}/l.csv"],
+        ["export", "--csv", "-o", "{}/a.csv"],
+        ["export", "--foxglove", "-o", "{}/f.mcap"],
+    ],
+    ids=" ".join,
+)
+def test_damage_never_ends_in_a_traceback(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: list[str],
+    damage: tuple[str, Callable[[Any], None]],
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = damaged(tmp_path / "damaged.mcap", changed(*damage))
+    arguments = [part.format(tmp_path) for part in command]
+    answer = CliRunner().invoke(main, [*arguments, str(path)])
+    assert answer.exit_code in {0, 1, 65}, answer.output
+    assert "Traceback" not in answer.output
+    assert answer.output.isascii()
+    assert "\x1b" not in answer.output
+    for line in answer.stderr.splitlines():
+        assert line.startswith(f"contactd: {path}")

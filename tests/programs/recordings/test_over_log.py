@@ -1,0 +1,151 @@
+"""`contactd replay` of a CSV: what the estimator makes of anybody's samples."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
+from common.errors import LogError
+from daemon.config.load import load_robot
+from daemon.modes.table import Event
+from daemon.protocol.messages import State
+from estimator.model import Model
+from identification.motion_log import MotionLog
+from programs.contactd.contactd import main
+from programs.identify.csv_log import read_csv
+from programs.recordings.over_log import over_log
+
+PUSH_S, LASTS_S, PUSH = 6.0, 0.6, 3.0
+
+
+@pytest.fixture(scope="module")
+def states() -> list[State]:
+    """12 s of the single joint on its sinusoid, pushed once."""
+    with lockstep_rig(SINGLE_JOINT) as rig:
+        rig.enable()
+        rig.request(Event.START)
+        found = rig.states(PUSH_S)
+        rig.arm.external_torque[0] = PUSH
+        found += rig.states(LASTS_S)
+        rig.arm.external_torque[0] = 0.0
+        return found + rig.states(5.0)
+
+
+def saved(path: Path, states: list[State], without: str = "", every: int = 1) -> Path:
+    columns = {
+        "time": [s.time_s for s in states],
+        "current.joint": [s.current[0] for s in states],
+        "link_position.joint": [s.link_position[0] for s in states],
+        "motor_velocity.joint": [s.motor_velocity[0] for s in states],
+        "motor_position.joint": [s.motor_position[0] if s.motor_position else 0 for s in states],
+    }
+    columns.pop(without, None)
+    rows = np.stack(list(columns.values()), axis=1)[::every]
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    return path
+
+
+def replayed(path: Path, *more: str):
+    return CliRunner().invoke(main, ["replay", str(path), "--config", str(SINGLE_JOINT), *more])
+
+
+def test_residual_and_contact_of_a_csv_are_those_of_the_daemon(tmp_path, states):
+    path = saved(tmp_path / "log.csv", states)
+    result = replayed(path, "--json")
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.output)
+    notices = [n for s in states for n in s.notices if n.kind == "contact"]
+    assert len(told["contacts"]) >= 1
+    assert len(notices) >= 1
+    (first, *_) = told["contacts"]
+    begun = states[0].time_s
+    (felt,) = [s for s in states if any(n.kind == "contact" for n in s.notices)][:1]
+    assert first["joint"] == "joint"
+    assert first["time_s"] == pytest.approx(felt.time_s - begun, abs=0.03)
+    assert first["peak"] == pytest.approx(PUSH, rel=0.3)
+    assert 0.3 < first["duration_s"] < 1.5
+    largest = max(abs(s.residual[0]) for s in states)
+    assert told["largest"] == pytest.approx([largest], rel=0.05)
+    said = replayed(path).output
+    assert "residual  joint" in said
+    assert "Nm at most, beyond" in said
+
+
+def test_a_collision_that_follows_belongs_to_its_contact(tmp_path, states):
+    robot = load_robot(SINGLE_JOINT)
+    c = robot.configuration
+    levels = msgspec.structs.replace(c.joints[0].thresholds, contact=0.8, collision=1.6)
+    lower = msgspec.structs.replace(c.joints[0], thresholds=levels)
+    log, _ = read_csv(saved(tmp_path / "log.csv", states), ["joint"], {})
+    made = over_log(log, msgspec.structs.replace(c, joints=[lower]), robot.model)
+    pushes = [one for one in made.contacts if abs(one.time_s - PUSH_S) < 0.5]
+    assert [one.level for one in pushes] == ["collision"]
+
+
+def test_samples_at_another_period_are_said_to_be(tmp_path, states):
+    # Those before the push, so that nothing fast is lost between two samples.
+    path = saved(tmp_path / "log.csv", states[:500], every=2)
+    result = replayed(path)
+    assert result.exit_code == 0, result.output
+    assert "samples every 20 ms: taken every 10 ms" in result.output
+    assert "contacts  none" in result.output
+
+
+@pytest.mark.parametrize(
+    ("without", "says", "status"),
+    [
+        ("current.joint", "no column current.joint", 65),
+        ("time", "no column time", 65),
+    ],
+)
+def test_what_it_needs_is_asked_for(tmp_path, states, without, says, status):
+    result = replayed(saved(tmp_path / "log.csv", states[:200], without))
+    assert result.exit_code == status
+    assert says in result.output
+
+
+def test_a_csv_needs_a_configuration_and_a_recording_has_its_own(tmp_path, states):
+    path = saved(tmp_path / "log.csv", states[:200])
+    result = CliRunner().invoke(main, ["replay", str(path)])
+    assert result.exit_code == 2
+    assert "a log of another program needs --config" in result.output
+    other = tmp_path / "log.mcap"
+    other.write_bytes(b"")
+    result = replayed(other)
+    assert result.exit_code == 2
+    assert "--config is for a log of another program" in result.output
+
+
+def test_motor_positions_that_the_estimator_takes_are_asked_for():
+    robot = load_robot(SINGLE_JOINT)
+    c = robot.configuration
+    estimator = msgspec.structs.replace(c.estimator, motor_position="measured")
+    t, zero = 0.01 * np.arange(200), np.zeros((200, 1))
+    log = MotionLog(("joint",), t, zero, zero, zero)
+    with pytest.raises(LogError, match="no motor_position of every joint"):
+        over_log(log, msgspec.structs.replace(c, estimator=estimator), robot.model)
+
+
+def test_milliseconds_are_no_seconds(tmp_path, states):
+    """Between samples 10 s apart nothing was measured; a long log would become a hundred million
+    samples."""
+    late = [msgspec.structs.replace(s, time_s=1e3 * s.time_s) for s in states]
+    result = replayed(saved(tmp_path / "log.csv", late))
+    assert result.exit_code != 0
+    assert "samples every 10 s, the configuration's period is 0.01 s" in result.output
+
+
+def test_a_pause_begins_anew_and_is_no_contact():
+    robot = load_robot(SINGLE_JOINT)
+    t, zero = 0.01 * np.arange(800), np.zeros((800, 1))
+    # Meanwhile it was moved, and its motor with it.
+    later = (np.arange(800) >= 400)[:, None] * 0.4
+    log = MotionLog(("joint",), np.where(later[:, 0] > 0.0, t + 20.0, t), zero, later, zero, later)
+    made = over_log(log, robot.configuration, robot.model)
+    assert np.isfinite(made.largest).all()
+    gravity = Model(robot.urdf, ["joint"]).gravity(np.array([0.4]))[0]
+    assert made.largest == pytest.approx([abs(gravity)], rel=0.1)  # which no current holds

@@ -1,0 +1,53 @@
+"""The page in Firefox: the same to eye, keyboard and screen reader, and to a stop."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from bench.rigs.page import Page
+from tests.programs.web.firefox import Window, firefox, window
+from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES
+
+FakeDaemon = Any  # of tests/fake_daemon.py
+FOCUS = "(e => e.id || e.name || e.localName)(document.activeElement)"
+SERIOUS = """axe.run().then((result) => result.violations
+  .filter((one) => ["serious", "critical"].includes(one.impact)).map((one) => one.id).join())"""
+
+pytestmark = pytest.mark.skipif(
+    firefox() is None, reason="NOT TRIED: no Firefox here (apt install firefox-esr)"
+)
+
+
+def test_it_is_seen_heard_and_stops_in_firefox(arm: FakeDaemon, page: Page) -> None:
+    arm.modes = {"stop": ["holding"]}
+
+    async def visit() -> None:
+        async with window() as one:
+            for name, size in (("desktop", DESKTOP), ("phone", PHONE)):
+                await one.open(f"{page.url}?scene=off", size)
+                await one.until("!document.body.classList.contains('stale')")
+                await one.until("document.querySelector('#checks li')")
+                await one.until("document.documentElement.scrollWidth <= innerWidth")
+                await one.picture(PICTURES / f"firefox_{name}.png")
+                await sees_nothing_serious(one)
+            found = []
+            for _ in range(4):
+                await one.press("Tab")
+                found.append(await one.value(FOCUS))
+            assert found == ["stop", "disarm", "summary", "mode"]
+            await one.press("Escape")
+            await one.until("document.querySelector('#outcome').dataset.outcome === 'stands'")
+            arm.states = lambda tick: None
+            await one.until("document.body.classList.contains('stale')")
+            assert one.errors == []
+
+    asyncio.run(visit())
+    assert [name for name, _ in arm.seen].count("stop") == 1
+
+
+async def sees_nothing_serious(one: Window) -> None:
+    """What axe finds, where there is axe."""
+    if AXE.exists():
+        await one.value(f"{AXE.read_text()}; 0")
+        assert await one.value(SERIOUS) == ""

@@ -1,0 +1,231 @@
+"""The page in a real browser: what a person sees, in every state, on a phone and on a wall."""
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.rigs.page import Page, page_of
+from daemon.modes.table import Mode
+from daemon.protocol.messages import Notice, Permit
+from tests.programs.web.screens import AXE, DESKTOP, PHONE, WALL, Screens
+
+FakeDaemon = Any  # of tests/fake_daemon.py
+
+ARMED = {
+    "mode": Mode.TRACKING,
+    "armed": True,
+    "cause": "start by uid 0 (pid 7)",
+    "permit": Permit(uid=0, pid=7, detached=True, left_s=552.0),
+}
+FAULTED = {
+    "mode": Mode.FAULTED,
+    "armed": False,
+    "cause": "drive does not follow: LElbowRoll",
+    "unproved": ["LElbowRoll"],
+    "permit": None,
+}
+
+SIZES = (
+    ("phone", PHONE, "light"),
+    ("phone_dark", PHONE, "dark"),
+    ("desktop", DESKTOP, "light"),
+    ("desktop_dark", DESKTOP, "dark"),
+    ("wall", WALL, "dark"),
+)
+
+
+@pytest.mark.parametrize(
+    ("state", "changes", "sizes"), [("armed", ARMED, SIZES), ("fault", FAULTED, SIZES[1:3])]
+)
+def test_every_size_shows_what_matters(
+    screens: Screens,
+    arm: FakeDaemon,
+    page: Page,
+    state: str,
+    changes: dict[str, Any],
+    sizes: tuple[tuple[str, tuple[int, int], str], ...],
+) -> None:
+    arm.changes = changes
+    for name, size, scheme in sizes:
+        screen = screens.open(f"{page.url}?scene=off", size, scheme)
+        screen.live()
+        screen.until("document.documentElement.scrollWidth <= innerWidth")
+        if state == "armed":
+            assert "tracking" in screen.text("#mode")
+            armed = "ARMED by root for another 9 min 12 s"
+            screen.until(f"document.querySelector('#permit').innerText.startsWith('{armed}')")
+            assert "start by uid 0" in screen.text("#cause")
+            assert screen.text("#live").startswith("● live, ")
+            assert not screen.page.is_visible("#fault")
+        else:
+            assert screen.text("#permit") == "not armed"
+            assert "Fault: drive does not follow: LElbowRoll" in screen.text("#fault")
+            assert not screen.page.is_visible("#cause")  # said once
+            assert "Not seen to stand: LElbowRoll." in screen.text("#fault")
+            assert screen.page.locator(".state[data-kind=bad]").count() == 1
+        for button in ("#stop", "#disarm"):
+            box = screen.page.locator(button).bounding_box()
+            assert 0 <= box["x"] <= box["x"] + box["width"] <= size[0]
+            assert 0 <= box["y"] <= box["y"] + box["height"] <= size[1]
+            assert box["height"] >= 44
+        screen.picture(f"{state}_{name}")
+        if name == "wall":  # and all of it, or a wall is half empty
+            ends = "document.querySelector('#joints').getBoundingClientRect().bottom"
+            assert 0.85 * size[1] < screen.page.evaluate(ends) <= size[1]
+            assert screen.page.locator(".curve").first.bounding_box()["height"] > 0.2 * size[1]
+        screen.page.close()
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="NOT TRIED: page/node_modules is not there (make web)")
+@pytest.mark.parametrize("changes", [ARMED, FAULTED], ids=["armed", "fault"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(
+    screens: Screens, arm: FakeDaemon, page: Page, changes: dict[str, Any], scheme: str
+) -> None:
+    arm.changes = changes
+    screen = screens.open(f"{page.url}?scene=off", DESKTOP, scheme)
+    screen.live()
+    screen.until("document.querySelector('#checks li')")
+    assert screen.faults_of_access() == []
+
+
+def test_all_can_be_reached_by_keyboard_and_stop_comes_first(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    screen.until("document.querySelector('#checks summary')")
+    name = "(e => e.id || e.name || e.localName)(document.activeElement)"
+    found = []
+    for _ in range(8):
+        screen.page.keyboard.press("Tab")
+        found.append(screen.page.evaluate(name))
+    assert found == ["stop", "disarm", "summary", "mode", "contact", "fault", "text", "events"]
+
+
+def test_markup_from_an_arm_stays_text(screens: Screens, arm: FakeDaemon, page: Page) -> None:
+    text = "<img src=x onerror=alert(1)><b>fault</b>"
+    arm.changes = {**FAULTED, "cause": text}
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    assert text in screen.text("#fault-cause")
+    assert screen.page.locator("img").count() == 0
+
+
+def test_several_arms_are_tabs(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:
+    arm.changes = ARMED
+    with page_of(arm.path, tmp_path / "other.sock") as both:
+        screen = screens.open(f"{both.url}?scene=off")
+        screen.live()
+        screen.until("document.querySelectorAll('#tabs a').length === 2")
+        screen.until("document.querySelector('#tabs').innerText.includes('tracking, armed')")
+        assert "no connection" in screen.text("#tabs")
+        screen.picture("tabs")
+        screen.page.click("#tabs a:nth-child(2)")
+        screen.until("document.querySelector('#connection').innerText.includes('other-view.sock')")
+        assert screen.text("#mode") == "no connection"
+        screen.picture("gone")
+
+
+def test_tabs_say_nothing_of_arms_once_their_server_is_lost(
+    screens: Screens, arm: FakeDaemon, tmp_path: Path
+) -> None:
+    arm.changes = ARMED
+    with page_of(arm.path, tmp_path / "other.sock") as both:
+        screen = screens.open(f"{both.url}?scene=off")
+        screen.until("document.querySelector('#tabs').innerText.includes('tracking, armed')")
+        both.process.send_signal(signal.SIGSTOP)
+        try:
+            screen.until("!document.querySelector('#tabs').innerText.includes('tracking')")
+            assert screen.text("#tabs").count("no connection") == 2
+        finally:
+            both.process.send_signal(signal.SIGCONT)
+        screen.until("document.querySelector('#tabs').innerText.includes('tracking, armed')")
+
+
+def test_read_only_has_no_buttons(screens: Screens, arm: FakeDaemon) -> None:
+    with page_of(arm.path, options=("--read-only", "--no-recordings")) as shown:
+        screen = screens.open(f"{shown.url}?scene=off")
+        screen.live()
+        assert not screen.page.is_visible("#stop")
+        screen.page.keyboard.press("Escape")
+    assert "stop" not in [name for name, _ in arm.seen]
+
+
+def test_the_token_is_typed_once(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:
+    token = tmp_path / "token"
+    token.write_text("0123456789abcdef")
+    token.chmod(0o600)
+    with page_of(arm.path, options=("--token-file", str(token), "--no-recordings")) as asking:
+        screen = screens.open(asking.url)
+        screen.page.fill("input", "0123456789abcdeg")
+        screen.page.click("button")
+        screen.until("document.querySelector('[role=alert]') !== null")
+        assert screen.text("[role=alert]") == "That is not the token."
+        screen.picture("token")
+        screen.errors.clear()  # the browser tells of the 401
+        screen.page.fill("input", "0123456789abcdef")
+        screen.page.click("button")
+        screen.live()
+        screen.page.reload()
+        screen.live()
+
+
+def test_what_is_felt_is_said_above_all_joints(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    arm.changes = {"residual": [0.1, 0.0, 0.0, -0.5, 0.0, 0.9, 0.0]}
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    assert screen.text("#felt") == "Feels: ▲ LWristYaw +0.9 Nm, LElbowYaw −0.5 Nm"
+    arm.changes = {"residual": [0.1] * 7}
+    screen.until("document.querySelector('#felt').innerText === 'Feels: nothing beyond its level'")
+
+
+def test_a_joint_that_senses_nothing_feels_nothing_that_it_felt_last(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    """Its residual stands still; of it nothing is known, which is not nothing felt."""
+    deaf = {"residual": [0.0] * 6 + [0.9], "sensing": [True] * 6 + [False]}
+    arm.changes = {**deaf, "fresh": [True] * 6 + [False]}
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    assert screen.text("#felt") == "Feels: not known of LWristPitch"
+    assert screen.page.locator(".joint.beyond").count() == 0
+    assert screen.text("article[aria-label=LWristPitch] .torque").startswith("was +0.90 of ")
+    arm.changes = {**deaf, "sensing": [False] * 7}
+    screen.until("document.querySelector('#felt').innerText.endsWith('no joint senses')")
+
+
+def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> None:
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    arm.changes = {"notices": [Notice(kind="contact", text="contact at LShoulderYaw")]}
+    screen.until("document.querySelectorAll('#events li[data-kind=contact]').length")
+    arm.changes = {}
+    screen.page.uncheck("#filter [name=contact]")
+    screen.until("!document.querySelectorAll('#events li[data-kind]').length")
+    screen.page.check("#filter [name=contact]")
+    screen.page.fill("#filter [name=text]", "nothing like it")
+    screen.until("document.querySelector('#events').innerText.includes('None of them')")
+
+
+def test_a_recording_from_the_page(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+    with page_of(arm.path, options=("--recordings", str(folder))) as recording:
+        screen = screens.open(f"{recording.url}?scene=off")
+        screen.live()
+        screen.page.click("#record")
+        screen.until("document.querySelector('#record').innerText.includes('End')")
+        screen.page.click("#record")
+        screen.until("document.querySelectorAll('#recordings a').length === 1")
+        with screen.page.expect_download() as download:
+            screen.page.click("#recordings a")
+        assert Path(download.value.path()).read_bytes().startswith(b"\x89MCAP")
+        for _ in range(8):  # asks once more, and anew where the list was drawn in between
+            screen.page.evaluate("document.querySelector('#recordings button')?.click()")
+            screen.page.wait_for_timeout(250)
+        screen.until("document.querySelectorAll('#recordings a').length === 0")
+    assert list(folder.iterdir()) == []

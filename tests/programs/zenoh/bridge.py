@@ -1,0 +1,79 @@
+"""The door to ROS 2 between any daemon's socket and a router: in a thread of this process, or as
+one of its own."""
+
+import contextlib
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from contactd_client.paths import view_socket_path
+from programs.zenoh.names import Distro, Node
+from programs.zenoh.serve import Settings, serve
+
+LONGEST_S: Final = 60.0
+
+
+def until(true: Callable[[], Any]) -> Any:
+    """What `true` returns once it is something. Raises TimeoutError where that never comes."""
+    end_s = time.monotonic() + LONGEST_S
+    while not (found := true()):
+        if time.monotonic() > end_s:
+            raise TimeoutError("it never came")
+        time.sleep(0.005)
+    return found
+
+
+class Bridge:
+    """`contactd-zenoh` of the daemon at this control socket, which it may use only with `arming`;
+    `said` is what it tells its log."""
+
+    def __init__(
+        self,
+        control: Path,
+        endpoint: str,
+        name: str = "left_arm",
+        *,
+        arming: bool = False,
+        configuration: Path | None = None,
+    ) -> None:
+        self.said: list[str] = []
+        self.node = Node(0, f"/{name}", "contactd", Distro.JAZZY)
+        view, full = view_socket_path(control), control if arming else None
+        settings = Settings(view, full, self.node, (endpoint,), configuration, arming)
+        self._ended = threading.Event()
+        self.thread = threading.Thread(target=serve, args=(settings, self.said.append, self._ended))
+        self.thread.start()
+
+    def heard(self, words: str) -> bool:
+        """True if it said so."""
+        return any(words in line for line in self.said)
+
+    def joined(self) -> None:
+        """Wait until it has joined the daemon."""
+        until(lambda: self.heard("joined"))
+
+    def close(self) -> None:
+        """End it."""
+        self._ended.set()
+        self.thread.join()
+
+
+@contextlib.contextmanager
+def bridge_of(control: Path, endpoint: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """`contactd-zenoh` of the daemon at this control socket as a process, which has joined it,
+    while the context lasts."""
+    command = [sys.executable, "-m", "programs.zenoh.contactd_zenoh", "--connect", endpoint]
+    command += ["--view-socket", str(view_socket_path(control)), *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            while "joined" not in (said := process.stdout.readline()):
+                if not said:
+                    raise RuntimeError("the bridge does not start")
+            yield process
+        finally:
+            process.kill()
