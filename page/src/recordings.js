@@ -8,6 +8,8 @@ const EVERY_MS = 2000;
 
 export class RecordingsPanel {
   #arm; #shown = null; #looking = false;
+  #sure = ""; // the file whose deletion waits for a second click
+  #changes = 0; // begun and ended: a list asked for before the last one may be old
 
   constructor(arm) {
     this.#arm = arm;
@@ -25,9 +27,11 @@ export class RecordingsPanel {
     if (at("recordings-section").hidden || document.hidden || this.#looking) return;
     this.#looking = true;
     try {
+      const before = this.#changes;
       // Requests that hang would leave the browser no connection for a stop.
       const response = await fetch("recordings", { cache: "no-store", signal: AbortSignal.timeout(EVERY_MS) });
-      if (response.ok) this.#draw(await response.json());
+      const found = response.ok ? await response.json() : null;
+      if (found && before === this.#changes) this.#draw(found);
     } catch {
       // The stream says that there is no connection.
     }
@@ -40,10 +44,13 @@ export class RecordingsPanel {
   }
 
   async #do(path, command) {
+    this.#changes += 1;
     try {
       this.#draw(await post(path, command));
     } catch (error) {
       say(at("record-note"), error.message);
+    } finally {
+      this.#changes += 1;
     }
   }
 
@@ -54,10 +61,14 @@ export class RecordingsPanel {
     const now = `${duration(found.seconds)}, ${size(found.bytes)}`;
     say(at("record-note"), running ? `Recording ${found.running}: ${now}` : found.said || `Room for ${size(found.room_bytes)}.`);
     at("recordings").replaceChildren(...found.files.map((file) => {
-      const remove = make("button", { type: "button", "aria-label": `Delete ${file.name}` }, "Delete");
+      const remove = make("button", { type: "button", "aria-label": `Delete ${file.name}` },
+        this.#sure === file.name ? "Really delete?" : "Delete");
       remove.addEventListener("click", () => {
-        if (remove.textContent === "Delete") remove.textContent = "Really delete?";
-        else this.#do(`recordings/${file.name}/delete`, "delete");
+        const sure = this.#sure === file.name;
+        this.#sure = sure ? "" : file.name;
+        if (!sure) return say(remove, "Really delete?");
+        remove.disabled = true;
+        this.#do(`recordings/${file.name}/delete`, "delete");
       });
       return make("li", {},
         make("a", { href: `recordings/${file.name}`, download: file.name }, file.name),

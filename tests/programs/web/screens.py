@@ -1,10 +1,11 @@
 """Screens: the page in windows of a browser, with what goes wrong in them, for tests."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PICTURES = ROOT / "build/page"
 AXE = ROOT / "page/node_modules/axe-core/axe.min.js"
 PATIENCE_MS = 60_000  # of what comes at once on a machine that has nothing else to do
@@ -23,8 +24,27 @@ class Screen:
         """Wait until an expression is true in the page."""
         self.page.wait_for_function(f"() => {script}", timeout=PATIENCE_MS)
 
-    def text(self, selector: str) -> str:
-        return str(self.page.inner_text(selector))
+    def shows(self, selector: str, text: str) -> None:
+        """Wait until the visible text of an element contains `text`."""
+        self._says(selector, f".includes({json.dumps(text)})")
+
+    def begins(self, selector: str, text: str) -> None:
+        """Wait until the visible text of an element begins with `text`."""
+        self._says(selector, f".startsWith({json.dumps(text)})")
+
+    def reads(self, selector: str, text: str) -> None:
+        """Wait until the visible text of an element is `text`."""
+        self._says(selector, f" === {json.dumps(text)}")
+
+    def hides(self, selector: str) -> None:
+        self.page.wait_for_selector(selector, state="hidden", timeout=PATIENCE_MS)
+
+    def counts(self, selector: str, number: int) -> None:
+        """Wait until there are as many elements."""
+        self.until(f"document.querySelectorAll({json.dumps(selector)}).length === {number}")
+
+    def _says(self, selector: str, condition: str) -> None:
+        self.until(f"document.querySelector({json.dumps(selector)})?.innerText{condition}")
 
     def live(self) -> None:
         self.until("!document.body.classList.contains('stale')")
@@ -61,7 +81,11 @@ class Screens:
         screen.page.on("pageerror", lambda error: screen.errors.append(str(error)))
         screen.page.on(
             "console",
-            lambda said: screen.errors.append(said.text) if said.type == "error" else None,
+            lambda said: (
+                screen.errors.append(f"{said.text} {said.location.get('url')}")
+                if said.type == "error"
+                else None
+            ),
         )
         screen.page.goto(url)
         self._opened.append(screen)

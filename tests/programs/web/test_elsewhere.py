@@ -207,8 +207,8 @@ def test_a_tab_a_line_and_a_stop(
             screen.until(
                 "document.querySelector('#tabs a[data-elsewhere]')?.innerText.includes('▶')"
             )
-            assert screen.text("#elsewhere tbody th") == "hall/left"
-            assert "armed" in screen.text("#elsewhere tbody tr")
+            screen.reads("#elsewhere tbody th", "hall/left")
+            screen.shows("#elsewhere tbody tr", "armed")
             screen.until("document.documentElement.scrollWidth <= innerWidth")
             screen.until(  # its word in one line
                 "(b => b.offsetWidth > b.offsetHeight)(document.querySelector('#elsewhere button'))"
@@ -219,8 +219,8 @@ def test_a_tab_a_line_and_a_stop(
             )
             screen.page.click("#stop-elsewhere")
             screen.until("document.querySelector('#elsewhere-note').dataset.kind === 'good'")
-        screen.until("document.querySelector('#tabs').innerText.includes('silent since')")
+        screen.shows("#tabs", "silent since")
         screen.page.click("#elsewhere tbody button")
         screen.until("document.querySelector('#elsewhere-note').dataset.kind === 'bad'")
-        assert "Use the emergency stop there." in screen.text("#elsewhere-note")
+        screen.shows("#elsewhere-note", "Use the emergency stop there.")
     assert [command for command, _ in daemon.seen].count("stop") >= 2

@@ -38,7 +38,7 @@ def test_stop_says_that_it_stands(screens: Screens, arm: FakeDaemon, page: Page,
     else:
         screen.page.focus("#filter [name=text]")
         screen.page.keyboard.press("Escape")
-    screen.until("document.querySelector('#outcome').innerText.includes('It stands')")
+    screen.shows("#outcome", "It stands")
     screen.picture(f"stands_{by}")
     assert [name for name, _ in arm.seen].count("stop") == 1
 
@@ -62,10 +62,10 @@ def test_a_frozen_server_is_old_and_not_reached_and_comes_back(
     page.process.send_signal(signal.SIGSTOP)
     try:
         screen.old()
-        screen.until("document.querySelector('#mode').innerText.startsWith('was ')")
+        screen.begins("#mode", "was ")
         screen.page.click("#stop")
-        screen.until("document.querySelector('#outcome').innerText.includes('NOT REACHED')")
-        assert "use the emergency stop" in screen.text("#outcome")
+        screen.shows("#outcome", "NOT REACHED")
+        screen.shows("#outcome", "use the emergency stop")
         screen.picture("not_reached")
     finally:
         page.process.send_signal(signal.SIGCONT)
@@ -79,11 +79,11 @@ def test_a_daemon_that_is_gone_is_said_and_comes_back(
     screen.live()
     with gone(arm):
         screen.old()
-        screen.until("document.querySelector('#connection').innerText.includes('No connection')")
-        screen.until("document.querySelector('#mode').innerText.startsWith('was ')")
-        screen.until("document.querySelector('#permit').innerText.startsWith('was ')")
-        screen.until("document.querySelector('#live').innerText.startsWith('◌ not live, as of ')")
-        screen.until("document.querySelector('#felt').innerText.startsWith('Felt then: ')")
+        screen.shows("#connection", "No connection")
+        screen.begins("#mode", "was ")
+        screen.begins("#permit", "was ")
+        screen.begins("#live", "◌ not live, as of ")
+        screen.begins("#felt", "Felt then: ")
         screen.picture("stale")
     screen.live()
     screen.until("!document.querySelector('#mode').innerText.startsWith('was ')")
@@ -95,15 +95,15 @@ def test_what_arming_needs_and_what_joints_sense_is_of_the_past_where_nothing_is
     arm.changes = ARMED
     screen = screens.open(f"{page.url}?scene=off")
     screen.live()
-    screen.until("document.querySelector('#arming-note').innerText.startsWith('It is armed.')")
-    screen.until("document.querySelector('.joint .state').innerText === '✓ senses'")
+    screen.begins("#arming-note", "It is armed.")
+    screen.reads(".joint .state", "✓ senses")
     arm.states = lambda tick: None
     screen.old()
     screen.until(
         "document.querySelector('#arming-note').innerText.startsWith('It was armed. To arm')"
     )
-    screen.until("document.querySelector('.joint .state').innerText === '◌ sensed then'")
-    screen.until("document.querySelector('.joint .torque').innerText.startsWith('was ')")
+    screen.reads(".joint .state", "◌ sensed then")
+    screen.begins(".joint .torque", "was ")
     screen.until("document.querySelector('.joint .bar').ariaValueText.startsWith('was ')")
     screen.until("/[0-9] s old/.test(document.querySelector('#loop').innerText)")
 
@@ -123,7 +123,7 @@ def test_a_silent_daemon_that_is_asked_again_leaves_the_cards_as_they_were(
     while [name for name, _ in arm.seen].count("subscribe") < before + 2:
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    screen.until("document.querySelector('.joint .torque').innerText.startsWith('was ')")
+    screen.begins(".joint .torque", "was ")
 
 
 def test_a_page_opened_after_the_daemon_died_says_what_passed_then(
@@ -137,8 +137,8 @@ def test_a_page_opened_after_the_daemon_died_says_what_passed_then(
     with gone(arm):
         screen.old()
         screen.page.reload()
-        screen.until("document.querySelector('#arming-note').innerText.includes('then')")
-        assert screen.text("#arming-note") == "2 of 3 checks failed then:"
+        screen.shows("#arming-note", "then")
+        screen.reads("#arming-note", "2 of 3 checks failed then:")
 
 
 def test_a_fault_that_ended_the_daemon_says_what_to_do(
@@ -147,13 +147,13 @@ def test_a_fault_that_ended_the_daemon_says_what_to_do(
     screen = screens.open(f"{page.url}?scene=off", PHONE)
     screen.live()
     arm.changes = {"mode": Mode.FAULTED, "cause": "bus off: can0", "permit": None}
-    screen.until("document.querySelector('#fault-cause').innerText.includes('bus off')")
+    screen.shows("#fault-cause", "bus off")
     with gone(arm):
         screen.old()
-        assert screen.text("#fault-cause") == "It was a fault: bus off: can0"
+        screen.reads("#fault-cause", "It was a fault: bus off: can0")
         section = SECTION_OF[Condition.BUS_OFF]
         advice = f"{TABLE[Condition.BUS_OFF].advice}; more: {section.replace('-', ' ')}"
-        assert advice.replace("`", "") in screen.text("#fault-advice")
+        screen.shows("#fault-advice", advice.replace("`", ""))
         screen.picture("ended")
         with screen.page.expect_popup() as opened:
             screen.page.click("#fault-advice a")
@@ -208,9 +208,9 @@ def test_a_network_that_is_too_slow_is_said_and_stop_works(
     screen = screens.open(url, PHONE)
     screen.live()
     bad.bytes_per_s = 5000.0
-    screen.until("document.querySelector('#connection').innerText.includes('too slow')")
+    screen.shows("#connection", "too slow")
     # What was still on its way may be of just now.
-    screen.until("document.querySelector('#live').innerText.startsWith('◌ not live')")
+    screen.begins("#live", "◌ not live")
     screen.picture("slow")
     screen.page.click("#stop")
     screen.until("document.querySelector('#outcome').dataset.outcome === 'stands'")
