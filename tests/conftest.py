@@ -6,6 +6,7 @@ whoever runs it. `make fuzz` draws thousands from a random seed that it prints. 
 number of examples of its own writes `max_examples=scaled(50)`, so that `make fuzz` reaches it, too.
 """
 
+import logging
 import signal
 from collections.abc import Iterator
 
@@ -40,6 +41,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 settings.register_profile("contactd", deadline=None, derandomize=True)
 settings.register_profile("fuzz", deadline=None, max_examples=3000, print_blob=True)
 settings.load_profile("contactd")
+
+
+@pytest.fixture(autouse=True)
+def log_as_before() -> Iterator[None]:
+    """Log at the level it had: a bench that a test runs may have silenced it."""
+    logger = logging.getLogger("contactd")
+    level = logger.level
+    yield
+    logger.setLevel(level)
 
 
 @pytest.fixture

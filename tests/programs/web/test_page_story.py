@@ -101,7 +101,7 @@ def test_the_story_is_seen_and_stopped_from_a_phone(screens: Screens, robot: Rob
         screen.until("document.querySelector('#scene').dataset.lit !== ''")
         screen.picture("story_yielding")
         screen.until("document.querySelector('#events li[data-kind=contact]') !== null")
-        screen.shows("#events", "LShoulderPitch")
+        screen.shows("#events li[data-kind=contact]", "Nm (contact)")
         robot.slow.clear()
         hand.take(Release(at_s=0.0))
         screen.until(mode("tracking"))
