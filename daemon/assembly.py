@@ -25,12 +25,12 @@ from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControllerSettings
 from daemon.tick.tick import Tick
-from drivers.boot.boot_up import DriveBoot
-from drivers.boot.data_sheet import load_data_sheet
-from drivers.boot.required_objects import DriveSetup
 from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import Wire
-from drivers.drives import Drives
+from drivers.canopen.boot.boot_up import DriveBoot
+from drivers.canopen.boot.data_sheet import load_data_sheet
+from drivers.canopen.boot.required_objects import DriveSetup
+from drivers.canopen.drives import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import LEAST_SHARE, Thresholds

@@ -17,8 +17,8 @@ from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Tick
-from drivers.cia402 import reached
-from drivers.drives import Drives
+from drivers.canopen.cia402 import reached
+from drivers.canopen.drives import Drives
 
 # Time for the drives to reach their final state [s].
 PATIENCE_S = 1.0

@@ -38,11 +38,11 @@ from daemon.service.status import Process, context_of
 from daemon.service.trend_line import TrendLine
 from daemon.tick.loop import Clock, Loop
 from daemon.tick.tick import Tick
-from drivers.boot.boot_up import DriveBoot
-from drivers.boot.required_objects import DriveSetup
 from drivers.can.bus import open_bus
-from drivers.can.bus_load import frame_rate_hz
 from drivers.can.frame_ring import RecordedWire
+from drivers.canopen.boot.boot_up import DriveBoot
+from drivers.canopen.boot.required_objects import DriveSetup
+from drivers.canopen.bus_load import frame_rate_hz
 
 _log = logging.getLogger("contactd")
 

@@ -27,8 +27,8 @@ from daemon.modes.table import Event, Mode
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.telemetry import Wakeup
 from daemon.tick.tick import Tick
-from drivers.answers import Samples
-from drivers.cia402 import DriveState, PowerTarget
+from drivers.canopen.answers import Samples
+from drivers.canopen.cia402 import DriveState, PowerTarget
 from estimator.estimate import Estimate
 
 _OFF, _ENABLED = 0x0250, 0x0237  # statuswords

@@ -18,10 +18,10 @@ from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import ON_TIME, Wakeup
 from drivers.can.wire import Wire
-from drivers.cia402 import FAULT_STATES, QUICK_STOP
-from drivers.codec import receive_pdos
-from drivers.drive import Drive
-from drivers.ids import EMERGENCY, SYNC
+from drivers.canopen.cia402 import FAULT_STATES, QUICK_STOP
+from drivers.canopen.codec import receive_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.ids import EMERGENCY, SYNC
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
 from simulator.state_machine import State

@@ -8,12 +8,12 @@ import can
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
 from bench.rigs.drive_faults import emergency
-from drivers.can.bus_load import bus_load
-from drivers.codec import receive_pdos, transmit_pdos
-from drivers.drive import Drive
-from drivers.drives import FRAMES_PER_PASS
-from drivers.events import MASTER_SILENT, OldAnswers
-from drivers.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
+from drivers.canopen.bus_load import bus_load
+from drivers.canopen.codec import receive_pdos, transmit_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.drives import FRAMES_PER_PASS
+from drivers.canopen.events import MASTER_SILENT, OldAnswers
+from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
 
 SHORTEST_FRAME = 111
 """Bits of a frame with eight bytes and no stuff bit, and of the gap to the next."""

@@ -20,8 +20,8 @@ from common.arrays import Vector
 from daemon.assembly import build_boot, build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from drivers.boot.data_sheet import load_data_sheet
 from drivers.can.wire import Wire
+from drivers.canopen.boot.data_sheet import load_data_sheet
 from simulator.arm import SimulatedArm
 from simulator.lockstep import Lockstep
 from simulator.sensors import Readings

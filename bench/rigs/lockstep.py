@@ -20,9 +20,9 @@ from daemon.tick.decision import Decision
 from daemon.tick.loop import Clock
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of
 from daemon.tick.tick import Tick
-from drivers.answers import Samples
-from drivers.boot.boot_up import DriveBoot
 from drivers.can.wire import Wire
+from drivers.canopen.answers import Samples
+from drivers.canopen.boot.boot_up import DriveBoot
 from estimator.estimate import Estimate
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.arm import SimulatedArm

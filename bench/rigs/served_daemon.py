@@ -29,7 +29,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.boot.sdo import ObjectAccess
+from drivers.canopen.boot.sdo import ObjectAccess
 from programs.clients.client import Client
 from programs.contactctl import contactctl
 from programs.contactd import contactd
@@ -74,8 +74,8 @@ class PatientAccess(ObjectAccess):
 def unhurried_drives() -> Iterator[None]:
     """Inside, no drive is too slow by this machine's clock: for where none is to be silent."""
     with (
-        mock.patch("drivers.boot.boot_up.ObjectAccess", PatientAccess),
-        mock.patch("drivers.boot.boot_up.STEP_TIMEOUTS", 600.0),
+        mock.patch("drivers.canopen.boot.boot_up.ObjectAccess", PatientAccess),
+        mock.patch("drivers.canopen.boot.boot_up.STEP_TIMEOUTS", 600.0),
     ):
         yield
 

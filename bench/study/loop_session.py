@@ -36,7 +36,7 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
 from drivers.can.virtual import QueueWire
-from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
+from drivers.canopen.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
 
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 RPDOS: Final = set(range(RPDO, RPDO + 4 * NEXT_PDO, NEXT_PDO))

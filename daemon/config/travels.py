@@ -5,9 +5,9 @@ from typing import Final
 
 from daemon.config.schema import Configuration
 from daemon.faults.following import LATENCY_TICKS, TICKS
-from drivers.heartbeat_watch import HEARTBEATS_MISSED
-from drivers.stop_stages import Travel, worst_travel
-from drivers.witness import FROZEN_READINGS
+from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED
+from drivers.canopen.stop_stages import Travel, worst_travel
+from drivers.canopen.witness import FROZEN_READINGS
 
 #: Of what is counted in samples, the first is the one with which the fault begins; the next SYNC
 #: brings it.

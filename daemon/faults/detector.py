@@ -14,9 +14,9 @@ from daemon.faults.plausibility import Plausibility
 from daemon.faults.supply import Supply
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
-from drivers.answers import Samples
-from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import (
+from drivers.canopen.answers import Samples
+from drivers.canopen.cia402 import FAULT_STATES, DriveState
+from drivers.canopen.events import (
     MASTER_SILENT,
     BusEvent,
     BusLoaded,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
-from drivers.cia402 import DriveState
+from drivers.canopen.cia402 import DriveState
 
 #: "Drive follows the command value" of the statusword.
 FOLLOWS: Final = 1 << 12

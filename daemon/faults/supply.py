@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cia402 import UNPOWERED, DriveState
+from drivers.canopen.cia402 import UNPOWERED, DriveState
 
 #: "Voltage enabled" of the statusword.
 VOLTAGE_ENABLED: Final = 1 << 4

@@ -15,7 +15,7 @@ from enum import IntEnum, StrEnum
 from typing import Final
 
 from daemon.modes.table import Event
-from drivers import events
+from drivers.canopen import events
 
 
 class Response(IntEnum):

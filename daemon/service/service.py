@@ -29,7 +29,7 @@ from daemon.service.trend_line import TrendLine
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
-from drivers.boot.boot_up import DriveBoot
+from drivers.canopen.boot.boot_up import DriveBoot
 
 # Keyed so that mypy reports a new command that `handle` omits.
 EVENT_OF_COMMAND: dict[

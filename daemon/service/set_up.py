@@ -15,7 +15,7 @@ from common.errors import ContactdError
 from daemon.modes.table import Event
 from daemon.motion.path import JointPath
 from daemon.tick.tick import Tick
-from drivers.boot.boot_up import DriveBoot
+from drivers.canopen.boot.boot_up import DriveBoot
 
 #: Events that require drives with a verified set-up.
 PROVED: Final = frozenset({Event.ENABLE, Event.RESET})

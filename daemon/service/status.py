@@ -32,8 +32,8 @@ from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
-from drivers.boot.identity import DriveIdentity
-from drivers.can.bus_load import bus_load
+from drivers.canopen.boot.identity import DriveIdentity
+from drivers.canopen.bus_load import bus_load
 
 ASK_AGAIN = "request the motion again: it is forgotten when the program that began it ends"
 

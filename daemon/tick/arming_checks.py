@@ -19,9 +19,9 @@ from daemon.protocol.lease import SENSES_S
 from daemon.protocol.messages import Check
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES, TickRecord
-from drivers.answers import Samples
-from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import MASTER_SILENT, Emergency, Rebooted, described
+from drivers.canopen.answers import Samples
+from drivers.canopen.cia402 import FAULT_STATES, DriveState
+from drivers.canopen.events import MASTER_SILENT, Emergency, Rebooted, described
 from estimator.estimate import Estimate
 
 #: In the order in which they are shown, after the mode.

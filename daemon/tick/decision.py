@@ -7,7 +7,7 @@ from daemon.faults.finding import Finding
 from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.hand_witness import IndependentResidual, beyond_stated
-from drivers.cia402 import PowerTarget
+from drivers.canopen.cia402 import PowerTarget
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
 from daemon.tick.decision import ControlInput, ControllerSettings
 from daemon.tick.refusals import leaves_limits
-from drivers.cia402 import in_words
+from drivers.canopen.cia402 import in_words
 
 
 class OwnEvents:

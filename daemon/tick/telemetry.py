@@ -12,8 +12,8 @@ from daemon.faults.finding import Finding
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Contact, Notice, PerJoint, Permit, SideName, State, Timing
 from daemon.tick.decision import Decision
-from drivers.answers import Samples
-from drivers.cia402 import DriveState
+from drivers.canopen.answers import Samples
+from drivers.canopen.cia402 import DriveState
 from estimator import contact as estimator_contact
 from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side

@@ -24,9 +24,9 @@ from daemon.tick.load_watch import LoadWatch
 from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing, SensingNews
 from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup, contact_notice
-from drivers.answers import Samples
-from drivers.cia402 import DriveState, PowerTarget
-from drivers.drives import Drives
+from drivers.canopen.answers import Samples
+from drivers.canopen.cia402 import DriveState, PowerTarget
+from drivers.canopen.drives import Drives
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.payload import Payload

@@ -18,8 +18,8 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.boot.boot_up import DriveBoot
-from drivers.cia402 import DriveState
+from drivers.canopen.boot.boot_up import DriveBoot
+from drivers.canopen.cia402 import DriveState
 from simulator.state_machine import State
 
 SOMEBODY = Peer(uid=1000, pid=1)

@@ -9,8 +9,8 @@ import pytest
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.load import load_robot
 from daemon.config.travels import noticing_ticks, travels
-from drivers.cia402 import PowerTarget
-from drivers.stop_stages import worst_travel
+from drivers.canopen.cia402 import PowerTarget
+from drivers.canopen.stop_stages import worst_travel
 from programs.contactd.check import print_check
 
 MASTERS_HEARTBEAT = 0x77F

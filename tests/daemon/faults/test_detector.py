@@ -12,9 +12,9 @@ from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.faults.table import Condition, Response
 from daemon.modes.table import SENSING, Mode
-from drivers.answers import Samples
-from drivers.cia402 import DriveState
-from drivers.events import (
+from drivers.canopen.answers import Samples
+from drivers.canopen.cia402 import DriveState
+from drivers.canopen.events import (
     Absent,
     AdapterGone,
     BadSetpoint,

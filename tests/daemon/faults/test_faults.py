@@ -13,8 +13,8 @@ from common.errors import ProgramError
 from daemon.ending import REPEATS, stop_on_error
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Event, Mode
-from drivers.cia402 import FAULT_STATES, QUICK_STOP
-from drivers.ids import EMERGENCY
+from drivers.canopen.cia402 import FAULT_STATES, QUICK_STOP
+from drivers.canopen.ids import EMERGENCY
 from simulator.state_machine import State
 
 # A stop command is on the bus so many ticks after the fault was found, at most; where the bus does

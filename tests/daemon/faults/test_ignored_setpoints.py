@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.faults.ignored_setpoints import FOLLOWS, IGNORED_TICKS, IgnoredSetpoints
-from drivers.cia402 import DriveState
+from drivers.canopen.cia402 import DriveState
 
 ON, STOPS = DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE
 FOLLOWING, IGNORING = 0x0237 | FOLLOWS, 0x0237

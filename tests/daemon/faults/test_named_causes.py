@@ -11,7 +11,7 @@ from daemon.faults.finding import advice_on
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
-from drivers.ids import SDO_REQUEST
+from drivers.canopen.ids import SDO_REQUEST
 from simulator.state_machine import Trigger
 
 

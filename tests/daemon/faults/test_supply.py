@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.faults.supply import GONE_TICKS, VOLTAGE_ENABLED, Supply
-from drivers.cia402 import DriveState, drive_state
+from drivers.canopen.cia402 import DriveState, drive_state
 
 ON, OFF, FAULT, STOPPED = 0x27, 0x40, 0x08, 0x07
 WITH = VOLTAGE_ENABLED

@@ -6,7 +6,7 @@ import pytest
 
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Event
-from drivers.events import BusEvent
+from drivers.canopen.events import BusEvent
 
 # What one tick gets over; where what is measured can still be trusted; what ends the program.
 # Everything else stops all drives until a person has looked.

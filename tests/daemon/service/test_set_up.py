@@ -31,10 +31,10 @@ from bench.rigs.drive_faults import (
 from bench.rigs.lines import LINES
 from common.errors import DriveError
 from daemon.modes.table import Event, Mode
-from drivers.cia402 import FAULT_STATES
-from drivers.codec import receive_pdos
-from drivers.events import ForeignMaster
-from drivers.ids import EMERGENCY, SYNC
+from drivers.canopen.cia402 import FAULT_STATES
+from drivers.canopen.codec import receive_pdos
+from drivers.canopen.events import ForeignMaster
+from drivers.canopen.ids import EMERGENCY, SYNC
 
 STANDS = 0.02  # [rad/s]
 FAULTS: dict[str, Fault] = {

@@ -17,8 +17,8 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
 from daemon.tick.arming_checks import NAMES, SAMPLED, ArmingResult
 from daemon.tick.telemetry import Wakeup
-from drivers.cia402 import DriveState
-from drivers.events import Emergency, Rebooted
+from drivers.canopen.cia402 import DriveState
+from drivers.canopen.events import Emergency, Rebooted
 from estimator.estimate import Flag
 
 

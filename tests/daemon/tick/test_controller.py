@@ -13,7 +13,7 @@ from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath
-from drivers.cia402 import PowerTarget
+from drivers.canopen.cia402 import PowerTarget
 from tests.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")

@@ -15,9 +15,9 @@ from daemon.config.schema import Configuration, JointLimits, Levels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import state_of
 from drivers.can.wire import Frame
-from drivers.cia402 import ENABLE_OPERATION
-from drivers.codec import link_side, receive_pdos, transmit_pdos
-from drivers.drive import Drive
+from drivers.canopen.cia402 import ENABLE_OPERATION
+from drivers.canopen.codec import link_side, receive_pdos, transmit_pdos
+from drivers.canopen.drive import Drive
 from tests.examples import scaled
 
 TICKS = 90

@@ -17,8 +17,8 @@ from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision
 from daemon.tick.telemetry import TickRecord, state_of
 from daemon.tick.tick import LONGEST_STEP
-from drivers.cia402 import DriveState
-from drivers.codec import transmit_pdos
+from drivers.canopen.cia402 import DriveState
+from drivers.canopen.codec import transmit_pdos
 from estimator.estimate import Flag
 
 ELBOW = 2

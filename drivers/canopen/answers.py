@@ -1,0 +1,192 @@
+"""Answers of the drives to SYNC: TPDOs received so far, and the samples made of them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Vector
+from drivers.canopen.cia402 import DriveState, drive_state
+from drivers.canopen.codec import SampleDecoder
+from drivers.canopen.drive import Drive
+from drivers.canopen.events import BusEvent, LateAnswer, OldAnswers, TwoDrives
+from drivers.canopen.ids import NODE
+from drivers.canopen.punctuality import Punctuality
+
+#: A drive may take so many ticks from NMT start to its first answer.
+START_TICKS = 30
+
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Measurements of one tick, SI at the link side, one row per joint; states and events beside
+    them. Nothing of it changes afterwards: the arrays, of shape (n,), are read-only.
+
+    A joint is fresh when all its TPDOs of this SYNC came in time; of any other the values are the
+    last that came (NaN before the first), not necessarily of one SYNC, and `age_ticks` counts the
+    ticks since, or those for which SYNC has been sent again. `starting` are those that have not
+    answered since then and may still be on their way to operational.
+    """
+
+    current: Vector  # A
+    link_position: Vector  # rad
+    motor_velocity: Vector  # rad/s
+    motor_position: Vector | None  # rad; None unless every drive sends it
+    fresh: NDArray[np.bool_]
+    age_ticks: NDArray[np.int64]
+    starting: NDArray[np.bool_]
+    states: tuple[DriveState, ...]
+    statuswords: tuple[int, ...]  # -1 before the first
+    events: tuple[BusEvent, ...] = ()
+
+
+@dataclass(slots=True)
+class Counters:
+    """Counters of irregular frames and failures on the bus."""
+
+    unknown_frames: int = 0
+    short_frames: int = 0
+    late_frames: int = 0
+    missing_frames: int = 0
+    error_frames: int = 0
+    send_errors: int = 0
+    dropped_events: int = 0
+
+
+class Answers:
+    """TPDOs in, samples out. Which are still awaited is one integer, a bit for each of them."""
+
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        counters: Counters,
+        report: Callable[[BusEvent], None],
+        period_s: float,
+    ) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        self._counters, self._report = counters, report
+        self.punctuality = Punctuality(period_s)
+        self._nodes = tuple(drive.node for drive in drives)
+        self._decoder = SampleDecoder(drives)
+        self._raw = self._decoder.raw
+        slots = self._decoder.slots
+        self._tpdos = {
+            cob_id: (1 << bit, start, stop, layout)
+            for bit, (cob_id, (_, start, stop, layout)) in enumerate(slots.items())
+        }
+        self._joint_bits = [0] * len(drives)
+        for bit, (joint, *_) in enumerate(slots.values()):
+            self._joint_bits[joint] |= 1 << bit
+        self._all = (1 << len(self._tpdos)) - 1
+        self.missing = 0
+        """Not zero while one is awaited."""
+        self._asked = False  # by a SYNC in this tick
+        n = len(drives)
+        self._every = _frozen(np.ones(n, dtype=np.bool_))
+        self._none = self._starting = _frozen(np.zeros(n, dtype=np.bool_))
+        self._start_ticks = 0  # left, in which a drive may still be on its way to operational
+        self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
+        self._statuswords: tuple[int, ...] = ()
+        self._states: tuple[DriveState, ...] = ()  # encoded in them
+        self.samples = self._samples(self._none, ())
+        """Samples of the last tick; before the first, NaN and unknown states."""
+
+    def start_anew(self) -> None:
+        """Start over after a time without SYNC: count the age of samples from the next tick on, and
+        take no earlier frame for an answer."""
+        self._age_ticks = self._no_age
+        self.missing, self._asked = 0, False
+        self.punctuality.start_anew()
+        self._start_ticks, self._starting = START_TICKS, self._every
+
+    def expect_none(self) -> None:
+        """Count every frame until the next SYNC as late."""
+        self.missing = 0
+
+    def expect_all(self, now: float) -> None:
+        """Await an answer of every drive: SYNC is about to go out."""
+        self.punctuality.asked(now)
+        self.missing, self._asked = self._all, True
+
+    def miss_all(self) -> None:
+        """Count the answers of this tick as missing: they belong to no SYNC, or not surely to this
+        one."""
+        self.missing = self._all
+
+    def joints_of(self, tpdos: int) -> list[int]:
+        """Joints whose drives send one of these."""
+        return [i for i, bits in enumerate(self._joint_bits) if bits & tpdos]
+
+    def judge(self) -> None:
+        """Report drives that answer twice, or a period late, by the numbers of their answers."""
+        found = self.punctuality
+        if found.twice:
+            self._report(TwoDrives(tuple(self._nodes[i] for i in self.joints_of(found.twice))))
+        if found.old:
+            self._report(OldAnswers(tuple(self._nodes[i] for i in self.joints_of(found.old))))
+
+    def take(self, cob_id: int, data: bytes | bytearray) -> bool:
+        """Keep a frame if it is a TPDO; False if it is none."""
+        slot = self._tpdos.get(cob_id)
+        if slot is None:
+            return False
+        bit, start, stop, layout = slot
+        if len(data) < layout.size:
+            self._counters.short_frames += 1
+            return True
+        self._raw[start:stop] = layout.unpack_from(data)
+        if self.missing & bit:
+            self.missing ^= bit
+        else:
+            self._counters.late_frames += 1
+            if self.punctuality.unawaited(bit):
+                self._report(LateAnswer(cob_id & NODE))
+        return True
+
+    def finish(self, events: tuple[BusEvent, ...]) -> Samples:
+        """Make the samples of this tick from the frames received so far, with `events`."""
+        missing, fresh = self.missing, self._every
+        if self._asked:
+            self.punctuality.ended(missing)
+            self._asked = False
+        self._decoder.decode()
+        if missing:
+            self._counters.missing_frames += missing.bit_count()
+            fresh = _frozen(np.array([not missing & bits for bits in self._joint_bits]))
+            self._age_ticks = _frozen(np.where(fresh, 0, self._age_ticks + 1))
+            if self._start_ticks:
+                self._start_ticks -= 1
+                self._starting = _frozen(self._starting & ~fresh)
+            else:
+                self._starting = self._none
+        else:
+            self._age_ticks, self._starting, self._start_ticks = self._no_age, self._none, 0
+        self.samples = self._samples(fresh, events)
+        return self.samples
+
+    def _samples(self, fresh: NDArray[np.bool_], events: tuple[BusEvent, ...]) -> Samples:
+        decoder = self._decoder
+        if decoder.statuswords != self._statuswords:
+            self._statuswords = decoder.statuswords
+            self._states = tuple(map(drive_state, decoder.statuswords))
+        return Samples(
+            current=decoder.current,
+            link_position=decoder.link_position,
+            motor_velocity=decoder.motor_velocity,
+            motor_position=decoder.motor_position,
+            fresh=fresh,
+            age_ticks=self._age_ticks,
+            starting=self._starting,
+            states=self._states,
+            statuswords=decoder.statuswords,
+            events=events,
+        )
+
+
+def _frozen(array: NDArray[T]) -> NDArray[T]:
+    array.setflags(write=False)
+    return array
