@@ -53,6 +53,7 @@ TESTS: Final[dict[str, tuple[str, ...]]] = {
         "tests/drivers/canopen/test_stop_stages.py",
         "tests/drivers/canopen/test_stop_proof.py",
     ),
+    "drivers/canopen/stop_travel.py": ("tests/drivers/canopen/test_stop_stages.py",),
 }
 
 

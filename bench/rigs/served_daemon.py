@@ -202,10 +202,9 @@ def serve(
 ) -> Service:
     """The service around a rig's tick, off, with the first samples of its drives."""
     loop = Loop(rig.tick, rig.clock(), rig.robot.configuration.period_s)
-    serials = [identity.serial for identity in rig.boot.identities]
     rig.run(0.1)
-    process = Process(rig.robot, 1, [], serials, not_taken_up, files)
-    service = Service(process, loop, control, notifier, rig.boot)
+    process = Process(rig.robot, 1, [], rig.drives.serials, not_taken_up, files)
+    service = Service(process, loop, control, notifier, rig.drives)
     service.set_up.by_sdo = rig.by_sdo
     # Here a second may pass while a client is not given a turn.
     service.attendance.silent_s = math.inf

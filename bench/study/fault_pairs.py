@@ -135,7 +135,7 @@ class Judge:
             servo = on.rig.arm.servo
             energised, speed = servo.energised(joint), self._speed(joint)
             obey()
-            told_first = on.rig.tick.drives.stopped_in_vain(joint)
+            told_first = on.rig.drives.stopped_in_vain(joint)
             if energised and not servo.energised(joint) and speed >= MOVES and not told_first:
                 self.verdict.cut.append(f"{self._name(joint)} at {speed:.2f} rad/s")
 

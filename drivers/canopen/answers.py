@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
-from drivers.canopen.cia402 import DriveState, drive_state
+from drivers.api import DriveStatus, Event, Samples
+from drivers.canopen.cia402 import DriveState, drive_state, drive_status
 from drivers.canopen.codec import SampleDecoder
 from drivers.canopen.drive import Drive
 from drivers.canopen.events import BusEvent, LateAnswer, OldAnswers, TwoDrives
@@ -19,29 +20,6 @@ from drivers.canopen.punctuality import Punctuality
 START_TICKS = 30
 
 T = TypeVar("T", bound=np.generic)
-
-
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """Measurements of one tick, SI at the link side, one row per joint; states and events beside
-    them. Nothing of it changes afterwards: the arrays, of shape (n,), are read-only.
-
-    A joint is fresh when all its TPDOs of this SYNC came in time; of any other the values are the
-    last that came (NaN before the first), not necessarily of one SYNC, and `age_ticks` counts the
-    ticks since, or those for which SYNC has been sent again. `starting` are those that have not
-    answered since then and may still be on their way to operational.
-    """
-
-    current: Vector  # A
-    link_position: Vector  # rad
-    motor_velocity: Vector  # rad/s
-    motor_position: Vector | None  # rad; None unless every drive sends it
-    fresh: NDArray[np.bool_]
-    age_ticks: NDArray[np.int64]
-    starting: NDArray[np.bool_]
-    states: tuple[DriveState, ...]
-    statuswords: tuple[int, ...]  # -1 before the first
-    events: tuple[BusEvent, ...] = ()
 
 
 @dataclass(slots=True)
@@ -70,6 +48,7 @@ class Answers:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._counters, self._report = counters, report
         self.punctuality = Punctuality(period_s)
+        self._period_s = period_s
         self._nodes = tuple(drive.node for drive in drives)
         self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
@@ -89,16 +68,20 @@ class Answers:
         self._every = _frozen(np.ones(n, dtype=np.bool_))
         self._none = self._starting = _frozen(np.zeros(n, dtype=np.bool_))
         self._start_ticks = 0  # left, in which a drive may still be on its way to operational
-        self._no_age = self._age_ticks = _frozen(np.zeros(n, dtype=np.int64))
+        self._no_ticks = self._age_ticks = np.zeros(n, dtype=np.int64)
+        self._no_age: Vector = _frozen(np.zeros(n))
+        self._age_s = self._no_age
         self._statuswords: tuple[int, ...] = ()
-        self._states: tuple[DriveState, ...] = ()  # encoded in them
+        self.states: tuple[DriveState, ...] = ()
+        """States that the last statuswords encode."""
+        self._drives: tuple[DriveStatus, ...] = ()  # the same, in the words of the daemon
         self.samples = self._samples(self._none, ())
         """Samples of the last tick; before the first, NaN and unknown states."""
 
     def start_anew(self) -> None:
         """Start over after a time without SYNC: count the age of samples from the next tick on, and
         take no earlier frame for an answer."""
-        self._age_ticks = self._no_age
+        self._age_ticks, self._age_s = self._no_ticks, self._no_age
         self.missing, self._asked = 0, False
         self.punctuality.start_anew()
         self._start_ticks, self._starting = START_TICKS, self._every
@@ -147,7 +130,7 @@ class Answers:
                 self._report(LateAnswer(cob_id & NODE))
         return True
 
-    def finish(self, events: tuple[BusEvent, ...]) -> Samples:
+    def finish(self, events: tuple[Event, ...]) -> Samples:
         """Make the samples of this tick from the frames received so far, with `events`."""
         missing, fresh = self.missing, self._every
         if self._asked:
@@ -157,32 +140,34 @@ class Answers:
         if missing:
             self._counters.missing_frames += missing.bit_count()
             fresh = _frozen(np.array([not missing & bits for bits in self._joint_bits]))
-            self._age_ticks = _frozen(np.where(fresh, 0, self._age_ticks + 1))
+            self._age_ticks = np.where(fresh, 0, self._age_ticks + 1)
+            self._age_s = _frozen(np.multiply(self._age_ticks, self._period_s, dtype=float))
             if self._start_ticks:
                 self._start_ticks -= 1
                 self._starting = _frozen(self._starting & ~fresh)
             else:
                 self._starting = self._none
         else:
-            self._age_ticks, self._starting, self._start_ticks = self._no_age, self._none, 0
+            self._age_ticks, self._age_s = self._no_ticks, self._no_age
+            self._starting, self._start_ticks = self._none, 0
         self.samples = self._samples(fresh, events)
         return self.samples
 
-    def _samples(self, fresh: NDArray[np.bool_], events: tuple[BusEvent, ...]) -> Samples:
+    def _samples(self, fresh: NDArray[np.bool_], events: tuple[Event, ...]) -> Samples:
         decoder = self._decoder
         if decoder.statuswords != self._statuswords:
             self._statuswords = decoder.statuswords
-            self._states = tuple(map(drive_state, decoder.statuswords))
+            self.states = tuple(map(drive_state, decoder.statuswords))
+            self._drives = tuple(map(drive_status, decoder.statuswords))
         return Samples(
             current=decoder.current,
             link_position=decoder.link_position,
             motor_velocity=decoder.motor_velocity,
             motor_position=decoder.motor_position,
             fresh=fresh,
-            age_ticks=self._age_ticks,
+            age_s=self._age_s,
             starting=self._starting,
-            states=self._states,
-            statuswords=decoder.statuswords,
+            drives=self._drives,
             events=events,
         )
 

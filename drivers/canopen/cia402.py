@@ -4,7 +4,10 @@ Nothing here waits: one statusword in, one controlword out, every tick. The tabl
 """
 
 from enum import IntEnum
+from functools import lru_cache
 from typing import Final
+
+from drivers.api import DriveCondition, DriveStatus, PowerTarget
 
 
 class DriveState(IntEnum):
@@ -21,14 +24,6 @@ class DriveState(IntEnum):
     FAULT = 8
 
 
-class PowerTarget(IntEnum):
-    """Target state of a drive: without power, following its setpoint, or stopped and holding."""
-
-    OFF = 0
-    ON = 1
-    QUICK_STOP = 2
-
-
 # (mask, value, state): statusword & mask == value.
 STATUSWORD_TABLE: Final = (
     (0x4F, 0x00, DriveState.NOT_READY_TO_SWITCH_ON),
@@ -40,6 +35,11 @@ STATUSWORD_TABLE: Final = (
     (0x4F, 0x0F, DriveState.FAULT_REACTION_ACTIVE),
     (0x4F, 0x08, DriveState.FAULT),
 )
+
+#: Bits of the statusword beside the state: the power stage has voltage, in any state; the drive
+#: follows the command value (in cyclic synchronous velocity). Not every drive has them.
+VOLTAGE_ENABLED: Final = 1 << 4
+FOLLOWS: Final = 1 << 12
 
 DISABLE_VOLTAGE: Final = 0x0000
 QUICK_STOP: Final = 0x0002
@@ -84,11 +84,22 @@ UNPOWERED: Final = frozenset(
 
 FAULT_STATES: Final = frozenset({_S.FAULT_REACTION_ACTIVE, _S.FAULT})
 
-REACHED: Final = {
-    PowerTarget.OFF: UNPOWERED - {_S.SWITCHED_ON},
-    PowerTarget.ON: frozenset({_S.OPERATION_ENABLED}),
-    PowerTarget.QUICK_STOP: UNPOWERED | {_S.QUICK_STOP_ACTIVE},
+_C = DriveCondition
+
+CONDITION_OF: Final = {
+    _S.UNKNOWN: _C.UNKNOWN,
+    _S.NOT_READY_TO_SWITCH_ON: _C.OFF,
+    _S.SWITCH_ON_DISABLED: _C.OFF,
+    _S.READY_TO_SWITCH_ON: _C.OFF,
+    _S.SWITCHED_ON: _C.STANDBY,
+    _S.OPERATION_ENABLED: _C.OPERATING,
+    _S.QUICK_STOP_ACTIVE: _C.STOPPED,
+    _S.FAULT_REACTION_ACTIVE: _C.FAILING,
+    _S.FAULT: _C.FAILED,
 }
+
+# Statuswords of one drive differ in few bits; those of all drives that are in use find room.
+_STATUSES_KEPT: Final = 512
 
 
 def _classify(statusword: int) -> DriveState:
@@ -107,12 +118,30 @@ def drive_state(statusword: int) -> DriveState:
     return _STATES[statusword & 0x6F]
 
 
+def state_name(state: DriveState) -> str:
+    """Name of a state: `switch on disabled`."""
+    return state.name.lower().replace("_", " ")
+
+
 def in_words(statusword: int) -> str:
     """Statusword as text: `switch on disabled (statusword 0x0250)`; negative is none yet."""
     if statusword < 0:
         return "no reported state"
-    name = drive_state(statusword).name.lower().replace("_", " ")
-    return f"{name} (statusword 0x{statusword:04X})"
+    return f"{state_name(drive_state(statusword))} (statusword 0x{statusword:04X})"
+
+
+@lru_cache(_STATUSES_KEPT)
+def drive_status(statusword: int) -> DriveStatus:
+    """Report of a drive in the words of the daemon; negative is none yet."""
+    state = drive_state(statusword)
+    none = statusword < 0
+    return DriveStatus(
+        condition=CONDITION_OF[state],
+        state=state_name(state),
+        detail=in_words(statusword),
+        supplied=None if none else bool(statusword & VOLTAGE_ENABLED),
+        following=not none and bool(statusword & FOLLOWS),
+    )
 
 
 def controlword(
@@ -130,8 +159,3 @@ def controlword(
         return DISABLE_VOLTAGE if previous & FAULT_RESET else FAULT_RESET
     word = CONTROLWORD_TABLE[state][target]
     return QUICK_STOP if previous == ENABLE_OPERATION and word in _TAKES_POWER else word
-
-
-def reached(state: DriveState, target: PowerTarget) -> bool:
-    """True if a drive in `state` needs no further step towards `target`."""
-    return state in REACHED[target]

@@ -1,4 +1,4 @@
-"""Drives of one arm on their bus: every tick SYNC out, samples in, setpoints out.
+"""CANopen drives of one arm on their bus: every tick SYNC out, samples in, setpoints out.
 
 One thread owns the bus: no lock, no thread, no SDO that is waited for, no log line. Time is an
 argument; the `clock` only measures how much of a deadline is left, and how long reading took.
@@ -8,58 +8,30 @@ bus, is an exception.
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Final
 
 from common.arrays import Vector
-from drivers.can.bus import BUS_FAILURES
-from drivers.can.wire import ERROR, Frame, Wire
-from drivers.canopen.answers import Answers, Counters, Samples
-from drivers.canopen.cia402 import PowerTarget
+from drivers.api import Objection, PowerTarget, Samples
+from drivers.can.wire import Frame, Wire
+from drivers.canopen.answers import Counters
+from drivers.canopen.crossing import crossing
 from drivers.canopen.drive import Drive
-from drivers.canopen.events import (
-    OF_COMMUNICATION,
-    Absent,
-    BadSetpoint,
-    BusEvent,
-    BusOff,
-    Emergency,
-    ForeignMaster,
-    bus_failure,
-    error_frame,
-)
-from drivers.canopen.expedited_stop import expedited_quick_stops
-from drivers.canopen.ids import (
-    EMERGENCY,
-    ENTER_PRE_OPERATIONAL,
-    HEARTBEAT,
-    NMT,
-    NODE,
-    OPERATIONAL,
-    SDO_ANSWER,
-    START_NODE,
-    SYNC,
-)
-from drivers.canopen.node_watches import NodeWatches
+from drivers.canopen.emergencies import Emergencies
+from drivers.canopen.event_queue import EventQueue
+from drivers.canopen.events import Absent, BadSetpoint
+from drivers.canopen.ids import EMERGENCY, HEARTBEAT
+from drivers.canopen.inbox import FRAMES_PER_PASS, Inbox
+from drivers.canopen.objections import objections_of
+from drivers.canopen.outbox import SYNC_FRAME, Outbox
 from drivers.canopen.presence import Presence
 from drivers.canopen.sdo_watch import SdoWatch
-from drivers.canopen.setpoints import Setpoints
-from drivers.canopen.stop_stages import least_patience_s
+from drivers.canopen.stop_travel import least_patience_s
 from drivers.canopen.stops import Stops
-from drivers.canopen.traffic import Traffic
 
-SYNC_FRAME: Final[Frame] = (SYNC, b"")
-
-#: Bounds of one tick: a flooded bus must not hold the loop, nor its memory.
-FRAMES_PER_PASS: Final = 512
-EVENTS_PER_TICK: Final = 32
+_OFF, _ON, _STOP = PowerTarget
 
 
-class Drives:
-    """All drives of an arm on one bus.
-
-    A tick is `sync(now)`, `collect(deadline)`, `command(...)`. Before the first come `boot_up`
-    (SDO) and `start(now)`; `end()` comes after the last.
-    """
+class CanopenDrives:
+    """Drives of an arm on one bus, set up by others: `drivers.api.Drives`, their start and end."""
 
     def __init__(
         self,
@@ -74,24 +46,27 @@ class Drives:
         self.names = tuple(drive.name for drive in drives)
         self.nodes = tuple(drive.node for drive in drives)
         self.counters = Counters()
-        self._wire, self._clock = wire, clock
-        self._answers = Answers(drives, self.counters, self._report, period_s)
-        self._traffic = Traffic(drives, period_s, bitrate)
-        self._setpoints = Setpoints(drives)
+        self._clock, self._now = clock, 0.0
+        self._joints = dict(zip(self.nodes, self.names, strict=True))
+        self._events = EventQueue(self.counters)
+        self._report = self._events.report
+        self._presence = Presence(least_patience_s(drives), period_s)
+        self._outbox = Outbox(wire, drives, master_node, self.counters, self._report)
+        self._setpoints = self._outbox.setpoints
+        self._inbox = Inbox(
+            *(wire, drives, period_s, bitrate, self._outbox.masters_own),
+            *(self.counters, self._report),
+            on_sdo=self._hear_sdo,
+            on_node=self._address,
+            on_bus_off=self._presence.lost,
+        )
+        self._answers, self._nodes = self._inbox.answers, self._inbox.nodes
+        self._emergencies = Emergencies(self._joints)
         self._new_stops = partial(Stops, drives, period_s)
         self._stops = self._new_stops()
-        self._stops_by_sdo = expedited_quick_stops(drives)
-        self._all_on = [PowerTarget.ON] * len(drives)
-        self._now = 0.0
-        self._nodes = NodeWatches(drives, self.counters)
         self._sdo_watch = SdoWatch(drives)
-        self._presence = Presence(least_patience_s(drives), period_s)
-        self._to_be_stopped = False  # all drives: absence has just begun
+        self._all_on = [_ON] * len(drives)
         self._backlog = False
-        self._heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
-        setpoint_ids = {cob_id for cob_id, _ in self._setpoints.frames}
-        self._masters_own = {NMT, SYNC, HEARTBEAT + master_node} | setpoint_ids
-        self._events: list[BusEvent] = []
 
     @property
     def samples(self) -> Samples:
@@ -116,49 +91,25 @@ class Drives:
             if renewed is not None:
                 self._stops.take_over(before)
         self._answers.start_anew()
-        self._traffic.begin(now, self.counters.late_frames)
+        self._inbox.traffic.begin(now, self.counters.late_frames)
         self._sdo_watch.forget()
         if renewed is None:
-            self._receive_queued()
-            self._events.clear()
-        queued = self._queued()
+            self._inbox.read_queued(now)
+            self._events.take()
+        queued = self._inbox.queued()
         self._nodes.start(now, renewed)
-        self._hear(heard, queued, renewed or ())
+        self._emergencies.renewed(renewed)
+        # `queued` came after the set-up: a boot-up message among them is news.
+        self._inbox.take_after_set_up(heard, (HEARTBEAT, EMERGENCY), renewed or (), now)
+        self._inbox.take_after_set_up(queued, (EMERGENCY,), renewed or (), now)
         self._address()
         if self._stops.silent:
             return  # until all drives are set up again
-        fit = [node for node, fit in zip(self.nodes, self._nodes.set_up, strict=True) if fit]
-        self._send([self._heartbeat, *_nmt(START_NODE, fit)])
-
-    def _hear(
-        self, heard: Sequence[Frame], queued: Sequence[Frame], renewed: Sequence[int]
-    ) -> None:
-        """Take the frames that came while drives were set up again, except those that belong to
-        that set-up: boot-up, earlier heartbeats and emergencies of communication of these drives.
-        `queued` came after it: a boot-up message among them is news."""
-        for frames, over in ((heard, (HEARTBEAT, EMERGENCY)), (queued, (EMERGENCY,))):
-            for can_id, data in frames:
-                service, joint = can_id & ~NODE, self._nodes.joint_of.get(can_id & NODE)
-                kind = data[1] << 8 if len(data) > 1 else 0
-                of_set_up = service == HEARTBEAT or kind in OF_COMMUNICATION
-                if joint in renewed and service in over and of_set_up:
-                    continue
-                if not self._answers.take(can_id, data):
-                    self._take_other(can_id, data)
-
-    def _queued(self) -> list[Frame]:
-        """Frames that wait in the wire, at most those of one pass."""
-        frames: list[Frame] = []
-        try:
-            while len(frames) < FRAMES_PER_PASS and (frame := self._wire.receive(0.0)):
-                frames.append(frame)
-        except BUS_FAILURES as error:
-            self._report(bus_failure("receiving", error))
-        return frames
+        self._outbox.start(self._nodes.fit)
 
     def _address(self) -> None:
         """Let setpoints go to the drives that are set up, and to no others."""
-        self._setpoints.address(i for i, fit in enumerate(self._nodes.set_up) if fit)
+        self._setpoints.address(self._nodes.fit)
 
     def distrust(self, joints: Sequence[int]) -> None:
         """Take the drives of these joints for not set up, until they are."""
@@ -168,9 +119,8 @@ class Drives:
     def unfit(self) -> list[int]:
         """Joints whose drives must be set up again before a reset can help: all, once they were
         left to themselves; else those that their `NodeWatches` find unfit."""
-        if self._stops.silent:
-            return list(range(len(self.names)))
-        return self._nodes.unfit(self.samples.states)
+        every = list(range(len(self.names)))
+        return every if self._stops.silent else self._nodes.unfit(self._answers.states)
 
     def sync(self, now: float) -> None:
         """Begin a tick: read what came since the last, beat if it is time, then send SYNC.
@@ -185,9 +135,8 @@ class Drives:
         self._notice_absence(now)
         # A TPDO that is here before its SYNC is a late answer to the one before.
         self._answers.expect_none()
-        self._backlog = not self._receive_queued()
-        for event in self._nodes.check(now):
-            self._report(event)
+        self._backlog = not self._inbox.read_queued(now)
+        self._report(*self._nodes.check(now))
         if self._stops.silent:
             self._backlog = True  # no frame counts as an answer
             return
@@ -197,7 +146,7 @@ class Drives:
         frames = self._frames_after_absence() if presence.absent else []
         beats = presence.beats(now)
         if beats:
-            frames.append(self._heartbeat)
+            frames.append(self._outbox.heartbeat)
         # A tick without SYNC shows drives that answer a period late; not in the middle of a stop.
         looks = not self._stops.busy and self._answers.punctuality.leaves_out(now)
         if presence.absent or looks:
@@ -205,19 +154,19 @@ class Drives:
         else:
             self._answers.expect_all(now)
             frames.append(SYNC_FRAME)
-        if self._send(frames) and beats:
+        if self._outbox.send(frames) and beats:
             presence.beaten(now)
 
     def _notice_absence(self, now: float) -> None:
         gap_s = self._presence.gap_s(now)
         if gap_s is not None and not self._stops.silent:
             self._report(Absent(gap_s))
-            self._presence.absent = self._to_be_stopped = True
+            self._presence.lost()
 
     def _frames_after_absence(self) -> list[Frame]:
         """Stop commands until they are confirmed: over what the drives have pending, and by SDO."""
-        if self._to_be_stopped:
-            self._to_be_stopped = False
+        if self._presence.news:
+            self._presence.news = False
             return [*self._setpoints.quick_stops, *self._stops.begin_all(self._now, self.samples)]
         self._presence.absent = not self._stops.confirmed
         return []
@@ -229,28 +178,26 @@ class Drives:
         before which not all could be read (the bus has come back, or is flooded), nothing counts
         as its answer.
         """
-        answers, frames_left = self._answers, FRAMES_PER_PASS
+        answers, inbox, frames_left = self._answers, self._inbox, FRAMES_PER_PASS
         if self._backlog:
             answers.expect_none()
-            self._receive_queued()
+            inbox.read_queued(self._now)
             answers.miss_all()
             frames_left = 0
-        try:
-            while answers.missing and frames_left:
-                frame = self._wire.receive(max(deadline - self._clock(), 0.0))
-                if frame is None:
-                    break
-                if not answers.take(*frame):
-                    self._take_other(*frame)
-                frames_left -= 1
-        except BUS_FAILURES as error:
-            self._report(bus_failure("receiving", error))
+        while answers.missing and frames_left:
+            frame = inbox.receive(max(deadline - self._clock(), 0.0))
+            if frame is None:
+                break
+            inbox.take(*frame, self._now)
+            frames_left -= 1
         answers.judge()
-        self._traffic.step(self._now, self.counters.late_frames)
-        self._report(self._traffic.loaded)
-        events = tuple(self._events)
-        self._events.clear()
-        return answers.finish(events)
+        self._inbox.traffic.step(self._now, self.counters.late_frames)
+        self._report(self._inbox.traffic.loaded)
+        events = self._events.take()
+        crossed = [event for each in events if (event := crossing(each, self._joints))]
+        samples = answers.finish(tuple(crossed))
+        self._emergencies.watch(events, samples.drives)
+        return samples
 
     def command(
         self,
@@ -267,42 +214,35 @@ class Drives:
         """
         targets = [power] * len(self.names) if isinstance(power, PowerTarget) else list(power)
         if self._presence.absent:
-            on, stop = PowerTarget.ON, PowerTarget.QUICK_STOP
-            targets = [stop if target is on else target for target in targets]
-        for event in self._stops.follow(self._now, self.samples, targets, velocity):
-            self._report(event)
+            targets = [_STOP if target is _ON else target for target in targets]
+        self._report(*self._stops.follow(self._now, self.samples, targets, velocity))
         if self._stops.busy or targets != self._all_on:
-            self._stop(targets)
+            frames, events = self._stops.step(
+                self._now, targets, self.samples, self._answers.states, self._nodes.set_up
+            )
+            if frames:
+                self._outbox.send(frames)
+            self._report(*events)
             # Power is taken from drives that stand. A moving one gets a ramp first.
             targets = [
-                PowerTarget.QUICK_STOP
-                if target is PowerTarget.OFF and not self._stops.may_be_off(i)
-                else target
+                _STOP if target is _OFF and not self._stops.may_be_off(i) else target
                 for i, target in enumerate(targets)
             ]
         if self._stops.silent:
             return
         try:
-            self._setpoints.write(self.samples.states, targets, velocity, reset)
+            self._setpoints.write(self._answers.states, targets, velocity, reset)
         except ValueError as error:
             self._report(BadSetpoint(str(error)))
-        self._send(self._setpoints.frames)
+        self._outbox.send(self._setpoints.frames)
         if not ask or self._stops.busy:
             self._sdo_watch.rest()
         elif question := self._sdo_watch.ask(self._now):
-            self._send(question)
-
-    def _stop(self, targets: Sequence[PowerTarget]) -> None:
-        """Ensure that every drive commanded to stop does."""
-        frames, events = self._stops.step(self._now, targets, self.samples, self._nodes.set_up)
-        if frames:
-            self._send(frames)
-        for event in events:
-            self._report(event)
+            self._outbox.send(question)
 
     def unproved(self) -> tuple[str, ...]:
         """Joints commanded to stop and not confirmed at standstill since."""
-        return tuple(self.names[i] for i in self._stops.unproved)
+        return self._named(self._stops.unproved)
 
     def stopped_in_vain(self, joint: int) -> bool:
         """True where a quick stop was seen not to stop a joint: it may lose its power in motion."""
@@ -323,91 +263,39 @@ class Drives:
         """Command all drives to quick-stop and hold, now, whatever else is broken or unknown: those
         that are set up with a SYNC, all without."""
         if not self._stops.silent:
-            self._send([*self._setpoints.quick_stops, *self._stops_by_sdo, SYNC_FRAME])
+            self._outbox.quick_stop()
 
     def end(self) -> None:
-        """End the session: drives pre-operational, so that no late setpoint acts; heartbeat last.
-
-        The drives notice the silence after that and stop by themselves (0x6007), which asks
-        nothing more of one that is off or holds in quick stop.
-        """
-        self._send([*_nmt(ENTER_PRE_OPERATIONAL, self.nodes), self._heartbeat])
+        """End the session."""
+        self._outbox.end()
 
     def restarted(self) -> tuple[str, ...]:
         """Joints whose drives restarted and have not been set up again since."""
-        fit = zip(self.names, self._nodes.set_up, strict=True)
-        return tuple(name for name, set_up in fit if not set_up)
+        return self._named(self._nodes.unset)
 
     def silent(self) -> tuple[str, ...]:
         """Joints whose drive sends no heartbeat, or reports that it is not operational."""
-        beats = zip(self.names, self._nodes.heard, strict=True)
-        return tuple(name for name, heard in beats if not heard)
+        return self._named(self._nodes.unheard)
 
-    def doubted(self) -> tuple[str, ...]:
-        """Joints whose samples may be a period old, which is about to be seen."""
+    def objections(self) -> tuple[Objection, ...]:
+        """Reasons against arming that samples do not show."""
         doubted = self._answers.punctuality.doubted(self._now)
-        return tuple(self.names[i] for i in self._answers.joints_of(doubted))
+        found = objections_of(
+            no_sdo=self._named(self._sdo_watch.silent),
+            doubted=self._named(self._answers.joints_of(doubted)),
+            silent=self.silent(),
+            emergencies=self._emergencies.objections(),
+            unset=self.restarted(),
+        )
+        return tuple(found)
 
-    def no_sdo(self) -> tuple[str, ...]:
-        """Joints whose drives answered no SDO when they were asked last."""
-        return tuple(self.names[i] for i in self._sdo_watch.silent)
+    def acknowledge(self) -> None:
+        """A person has reset the fault: emergencies that no drive shows any more are over."""
+        self._emergencies.acknowledge()
 
-    def _send(self, frames: Sequence[Frame]) -> bool:
-        """Send; False, and an event, if the bus does not take them all."""
-        try:
-            self._wire.send(frames)
-        except BUS_FAILURES as error:
-            self.counters.send_errors += 1
-            self._report(bus_failure("sending", error))
-            return False
-        return True
+    def _named(self, joints: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self.names[i] for i in joints)
 
-    def _receive_queued(self) -> bool:
-        """Read the queued frames; False if there were more than a pass reads."""
-        try:
-            for _ in range(FRAMES_PER_PASS):
-                frame = self._wire.receive(0.0)
-                if frame is None:
-                    return True
-                if not self._answers.take(*frame):
-                    self._take_other(*frame)
-        except BUS_FAILURES as error:
-            self._report(bus_failure("receiving", error))
-            return True
-        return False
-
-    def _take_other(self, can_id: int, data: bytes | bytearray) -> None:
-        if can_id & ERROR:
-            self.counters.error_frames += 1
-            self._take_error(error_frame(can_id & ~ERROR, data))
-            return
-        unknown = self.counters.unknown_frames
-        if can_id & ~NODE == SDO_ANSWER:  # 11-bit identifiers: a flag makes it another number
-            self._stops.hear(can_id & NODE, data)
-            self._sdo_watch.hear(can_id & NODE, data)
-        elif can_id in self._masters_own:
-            self._report(ForeignMaster(can_id))
-        elif event := self._nodes.hear(can_id, data, self._now):
-            if not isinstance(event, Emergency):
-                self._address()
-            self._report(event)
-        self._traffic.take(can_id, len(data), unknown=self.counters.unknown_frames > unknown)
-
-    def _take_error(self, event: BusEvent) -> None:
-        if isinstance(event, BusOff) and not self._presence.absent:
-            # The frames sent last may have got stuck, and go out when the bus is back.
-            self._presence.absent = self._to_be_stopped = True
-        self._report(event)
-
-    def _report(self, event: BusEvent | None) -> None:
-        """Keep an event for the next samples, once, within bounds."""
-        if event is None or event in self._events:
-            return
-        if len(self._events) < EVENTS_PER_TICK:
-            self._events.append(event)
-        else:
-            self.counters.dropped_events += 1
-
-
-def _nmt(command: int, nodes: Iterable[int]) -> list[Frame]:
-    return [(NMT, bytes([command, node])) for node in nodes]
+    def _hear_sdo(self, node: int, data: bytes | bytearray) -> None:
+        self._stops.hear(node, data)
+        self._sdo_watch.hear(node, data)

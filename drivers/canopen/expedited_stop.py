@@ -12,8 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from drivers.api import PowerTarget
 from drivers.can.wire import Frame
-from drivers.canopen.cia402 import DISABLE_VOLTAGE, QUICK_STOP, PowerTarget, drive_state
+from drivers.canopen.cia402 import DISABLE_VOLTAGE, QUICK_STOP, drive_state
 from drivers.canopen.codec import STRUCT_CODES, WORDS, harmonics, link_side, quantity
 from drivers.canopen.drive import Drive
 from drivers.canopen.ids import SDO_REQUEST

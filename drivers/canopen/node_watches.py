@@ -10,13 +10,8 @@ from typing import Final
 from drivers.canopen.answers import Counters
 from drivers.canopen.cia402 import DriveState
 from drivers.canopen.drive import Drive
-from drivers.canopen.events import (
-    OF_COMMUNICATION,
-    PROTOCOL_ERROR,
-    UNKNOWN_CODE,
-    BusEvent,
-    Emergency,
-)
+from drivers.canopen.emergency_codes import OF_COMMUNICATION, PROTOCOL_ERROR, UNKNOWN_CODE
+from drivers.canopen.events import BusEvent, Emergency
 from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
 from drivers.canopen.ids import EMERGENCY, HEARTBEAT, NODE
 
@@ -87,9 +82,20 @@ class NodeWatches:
         return [not node.beat.forgot for node in self._nodes]
 
     @property
-    def heard(self) -> list[bool]:
-        """True for each drive whose heartbeat arrives and reports operational."""
-        return [node.beat.operational and not node.beat.lost for node in self._nodes]
+    def fit(self) -> list[int]:
+        """Joints whose drives do."""
+        return [i for i, set_up in enumerate(self.set_up) if set_up]
+
+    @property
+    def unset(self) -> list[int]:
+        """Joints whose drives do not."""
+        return [i for i, set_up in enumerate(self.set_up) if not set_up]
+
+    @property
+    def unheard(self) -> list[int]:
+        """Joints whose drives send no heartbeat, or one that does not report operational."""
+        beats = (node.beat for node in self._nodes)
+        return [i for i, beat in enumerate(beats) if beat.lost or not beat.operational]
 
     def unfit(self, states: Sequence[DriveState]) -> list[int]:
         """Joints whose drives are silent, restarted, no longer operational, or in fault after an

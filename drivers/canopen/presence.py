@@ -20,10 +20,17 @@ class Presence:
         self._absence_s = patience_s - 0.5 * period_s
         self._beaten_s = -math.inf
         self.absent = False
+        self.news = False
+        """Absence has just begun: all drives are to be stopped."""
 
     def begin(self, now: float) -> None:
         """The drives hear us from now on."""
         self._beaten_s, self.absent = now, False
+
+    def lost(self) -> None:
+        """The drives may have heard nothing of us, or hear the past."""
+        self.news = self.news or not self.absent
+        self.absent = True
 
     def beaten(self, now: float) -> None:
         """A heartbeat has gone out."""

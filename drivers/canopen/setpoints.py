@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from operator import itemgetter
 
 from common.arrays import Vector
+from drivers.api import PowerTarget
 from drivers.can.wire import Frame
-from drivers.canopen.cia402 import QUICK_STOP, DriveState, PowerTarget, controlword
+from drivers.canopen.cia402 import QUICK_STOP, DriveState, controlword
 from drivers.canopen.codec import SetpointEncoder, receive_pdos
 from drivers.canopen.drive import Drive
 

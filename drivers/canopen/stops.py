@@ -9,9 +9,9 @@ import math
 from collections.abc import Sequence
 
 from common.arrays import Vector
+from drivers.api import PowerTarget, Samples
 from drivers.can.wire import Frame
-from drivers.canopen.answers import Samples
-from drivers.canopen.cia402 import PowerTarget
+from drivers.canopen.cia402 import DriveState
 from drivers.canopen.drive import Drive
 from drivers.canopen.events import BusEvent, NotSeenToStop, Repeats, RunningOn, Unproved
 from drivers.canopen.expedited_stop import ExpeditedStop
@@ -23,10 +23,8 @@ from drivers.canopen.stop_stages import (
     Stage,
     StopBounds,
     StopWatch,
-    least_patience_s,
-    stage_ticks,
-    worst_travel,
 )
+from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
 
 
 class Stops:
@@ -44,7 +42,7 @@ class Stops:
         self._expedited = [ExpeditedStop(drive) for drive in drives]
         self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
         # From the first command on: noticing is over by then.
-        travels = worst_travel(drives, period_s, noticing_ticks=0)
+        travels = worst_travel(drives, period_s, noticing_s=0.0)
         self._watches = [
             StopWatch(
                 StopBounds(
@@ -146,16 +144,18 @@ class Stops:
         now: float,
         targets: Sequence[PowerTarget],
         samples: Samples,
+        states: Sequence[DriveState],
         reached: Sequence[bool],
     ) -> tuple[list[Frame], Sequence[BusEvent]]:
-        """Judge every drive commanded to stop; `reached`: whether setpoints are sent to it."""
+        """Judge every drive commanded to stop, by its samples and the state in their statusword;
+        `reached`: whether setpoints are sent to it."""
         frames = self._wake()
         doubted, lost, running, beyond = [], [], [], []
         for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
             if target is PowerTarget.ON:
                 watch.allow()
                 continue
-            seen = self._seen(i, samples)
+            seen = self._seen(i, samples, states[i])
             if watch.stage is Stage.NONE:
                 first = Stage.SETPOINT if seen and reached[i] else Stage.SDO
                 self._begin(now, i, first, samples)
@@ -210,12 +210,11 @@ class Stops:
         self._watches[joint].begin(now, stage, speed)
         self._expedited[joint].begin()
 
-    def _seen(self, joint: int, samples: Samples) -> Seen | None:
+    def _seen(self, joint: int, samples: Samples, state: DriveState) -> Seen | None:
         """Newest fresh reading of a drive; a sample holds more than a reading by SDO."""
         asked, motors = self._expedited[joint].take(), samples.motor_position
         if not samples.fresh[joint]:
             return asked
-        state = samples.states[joint]
         if self._repeat[joint]:
             # Of its samples at most the statusword is still information.
             return asked or (Seen(state, math.nan) if state in OBEYING else None)

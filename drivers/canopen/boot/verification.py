@@ -19,7 +19,7 @@ from drivers.canopen.boot.required_objects import (
 )
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.cia402 import DriveState, drive_state
-from drivers.canopen.events import OF_COMMUNICATION, emergency_words
+from drivers.canopen.emergency_codes import OF_COMMUNICATION, emergency_words
 
 _NUMBERS: Final = ((1, "vendor"), (2, "product"), (4, "serial"))
 

@@ -4,13 +4,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 import can
 import msgspec
 import pytest
-import yaml
 
 from drivers.can.frame_ring import FrameRing
 from drivers.can.virtual import QueueWire
@@ -20,15 +18,13 @@ from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.identity import DriveIdentity
 from drivers.canopen.boot.required_objects import DriveSetup
 from drivers.canopen.drive import Drive
-from drivers.canopen.drives import Drives
+from drivers.canopen.drives import CanopenDrives
 from drivers.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
 from simulator.lockstep import Lockstep
-from tests.drivers.canopen.scripted_wire import ScriptedWire
+from tests.drivers.canopen.scripted_wire import CONFIG, ROBOT, ScriptedWire
 
-ROBOT = Path(__file__).parents[3] / "configs" / "romeo_left_arm"
-CONFIG: dict[str, Any] = yaml.safe_load((ROBOT / "config.yaml").read_text())
 PERIOD_S = 0.010
 _channels = count()
 
@@ -96,7 +92,7 @@ class Bench:
         """What an object of a drive holds."""
         return self.simulated.drives[drive].objects.number(index, subindex)
 
-    def tick(self, drives: Drives) -> Any:
+    def tick(self, drives: CanopenDrives) -> Any:
         """SYNC and samples; the command is the caller's."""
         self.ticks += 1
         drives.sync(self.now)
@@ -158,9 +154,9 @@ def make_bench() -> Iterator[Callable[[], Bench]]:
 
 
 @pytest.fixture
-def make_drives(joint_drives: list[Drive]) -> Callable[[Wire], Drives]:
+def make_drives(joint_drives: list[Drive]) -> Callable[[Wire], CanopenDrives]:
     """An arm whose clock stands still: `collect` reads what is queued."""
-    return lambda wire: Drives(wire, joint_drives, PERIOD_S, lambda: 0.0)
+    return lambda wire: CanopenDrives(wire, joint_drives, PERIOD_S, lambda: 0.0)
 
 
 @pytest.fixture
@@ -169,7 +165,7 @@ def scripted() -> ScriptedWire:
 
 
 @pytest.fixture
-def drives(scripted: ScriptedWire, make_drives: Callable[[Any], Drives]) -> Drives:
+def drives(scripted: ScriptedWire, make_drives: Callable[[Any], CanopenDrives]) -> CanopenDrives:
     """On the scripted bus; started, at time 0."""
     drives = make_drives(scripted)
     drives.start(0.0)

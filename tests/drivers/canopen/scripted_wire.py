@@ -2,14 +2,20 @@
 
 import struct
 from collections.abc import Sequence
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import can
+import yaml
 
+from drivers.api import Event, Samples
 from drivers.can.wire import Frame, frame_of
-from drivers.canopen.answers import Samples
-from drivers.canopen.drives import Drives
+from drivers.canopen.crossing import crossing
+from drivers.canopen.drives import CanopenDrives
+from drivers.canopen.events import BusEvent
 
+ROBOT = Path(__file__).parents[3] / "configs" / "romeo_left_arm"
+CONFIG: dict[str, Any] = yaml.safe_load((ROBOT / "config.yaml").read_text())
 N: Final = 7
 PERIOD_S: Final = 0.010
 OPERATION_ENABLED: Final = 0x27
@@ -56,8 +62,14 @@ class ScriptedWire:
         self.sent += [(can_id, bytes(data)) for can_id, data in frames]
 
 
+def crossed(*events: BusEvent) -> tuple[Event, ...]:
+    """These, as the daemon gets them."""
+    joints = {number: joint["name"] for number, joint in enumerate(CONFIG["joints"], start=1)}
+    return tuple(event for each in events if (event := crossing(each, joints)))
+
+
 def tick(
-    drives: Drives, wire: ScriptedWire, frames: list[can.Message], now: float = PERIOD_S
+    drives: CanopenDrives, wire: ScriptedWire, frames: list[can.Message], now: float = PERIOD_S
 ) -> Samples:
     """SYNC, and these frames as the answer; the command is the caller's."""
     drives.sync(now)

@@ -4,15 +4,16 @@ import itertools
 
 import pytest
 
+from drivers.api import PowerTarget
 from drivers.canopen.cia402 import (
+    CONDITION_OF,
     CONTROLWORD_TABLE,
     FAULT_RESET,
     STATUSWORD_TABLE,
     DriveState,
-    PowerTarget,
     controlword,
     drive_state,
-    reached,
+    drive_status,
 )
 from simulator.state_machine import State, on_controlword
 
@@ -82,7 +83,7 @@ def test_no_single_statusword_takes_the_power_of_a_drive_in_operation(claimed, t
     word = controlword(claimed, target, told)
     after = on_controlword(runs, told, word, 6)
     assert after in (runs, State.QUICK_STOP_ACTIVE)
-    assert reached(drive_state(drive(after, target, ticks=3)[-1].value), target)
+    assert drive_status(drive(after, target, ticks=3)[-1].value).condition.reached(target)
 
 
 def test_the_table_has_every_state_and_target():
@@ -107,7 +108,7 @@ LIVE = [s for s in State if s not in (State.NOT_READY_TO_SWITCH_ON, State.FAULT_
 @pytest.mark.parametrize(("state", "target"), list(itertools.product(LIVE, PowerTarget)))
 def test_a_drive_gets_to_the_target_and_stays(state, target):
     path = drive(state, target, ticks=6, reset=True)
-    assert reached(drive_state(path[-1].value), target)
+    assert drive_status(path[-1].value).condition.reached(target)
     assert path[-1] is path[-2]
 
 
@@ -151,4 +152,19 @@ def test_reached():
         (ON, {"OPERATION_ENABLED"}),
         (STOP, without_torque | {"SWITCHED_ON", "QUICK_STOP_ACTIVE"}),
     ):
-        assert {state.name for state in DriveState if reached(state, target)} == wanted
+        found = {state.name for state, each in CONDITION_OF.items() if each.reached(target)}
+        assert found == wanted
+
+
+def test_a_status_holds_what_the_daemon_asks_for():
+    assert set(CONDITION_OF) == set(DriveState)
+    powered = {state.name for state, condition in CONDITION_OF.items() if condition.powered}
+    on = {"OPERATION_ENABLED", "QUICK_STOP_ACTIVE", "FAULT_REACTION_ACTIVE", "UNKNOWN"}
+    assert powered == on
+    faults = {state.name for state, condition in CONDITION_OF.items() if condition.in_fault}
+    assert faults == {"FAULT", "FAULT_REACTION_ACTIVE"}
+    for word, supplied, following in ((0x0027, False, False), (0x1037, True, True)):
+        status = drive_status(word)
+        assert (status.supplied, status.following) == (supplied, following)
+        assert status.detail == f"operation enabled (statusword 0x{word:04X})"
+    assert (drive_status(-1).supplied, drive_status(-1).following) == (None, False)

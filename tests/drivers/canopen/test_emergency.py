@@ -2,7 +2,8 @@
 
 import pytest
 
-from drivers.canopen.events import Emergency, emergency_words
+from drivers.canopen.emergency_codes import emergency_words
+from drivers.canopen.events import Emergency
 
 
 @pytest.mark.parametrize(

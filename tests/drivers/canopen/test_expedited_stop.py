@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.canopen.cia402 import DriveState, PowerTarget
+from drivers.api import PowerTarget
+from drivers.canopen.cia402 import DriveState
 from drivers.canopen.codec import link_side
 from drivers.canopen.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
 from drivers.canopen.stop_stages import Seen

@@ -5,8 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from drivers.canopen.cia402 import PowerTarget
-from drivers.canopen.events import BadSetpoint
+from drivers.api import Kind, PowerTarget
 from tests.drivers.canopen.scripted_wire import OPERATION_ENABLED, PERIOD_S, N, everything, tick
 
 STILL = np.zeros(N)
@@ -49,7 +48,7 @@ def test_a_velocity_that_is_not_finite_stops_the_arm(scripted, drives, bad):
     velocity[2] = bad
     drives.command(PowerTarget.ON, velocity)
     assert {data for _, data in scripted.sent} == {struct.pack("<Hi", 0x02, 0)}
-    assert [type(event) for event in tick(drives, scripted, []).events] == [BadSetpoint]
+    assert [event.kind for event in tick(drives, scripted, []).events] == [Kind.BAD_SETPOINT]
 
 
 def test_a_reset_is_an_edge(scripted, drives):

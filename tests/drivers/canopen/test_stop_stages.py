@@ -13,10 +13,8 @@ from drivers.canopen.stop_stages import (
     Seen,
     Stage,
     StopWatch,
-    least_patience_s,
-    stage_ticks,
-    worst_travel,
 )
+from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
 from tests.drivers.canopen.one_watch import ON, RUNS, STOPS, T, readings, told
 from tests.examples import scaled
 
@@ -135,7 +133,7 @@ def test_a_drive_that_never_obeys_ends_in_silence_in_time(speed: float, seen: Se
 )
 def test_the_travel_of_a_joint(joint_drives: list[Drive], velocity: float, braking: float) -> None:
     drives = [replace(drive, velocity=velocity, quick_stop=10.0) for drive in joint_drives]
-    travel = worst_travel(drives, T, noticing_ticks=3)[0]
+    travel = worst_travel(drives, T, noticing_s=3 * T)[0]
     assert travel.noticing == pytest.approx(0.03 * velocity)  # three ticks of 10 ms
     assert travel.stages == pytest.approx(0.09 * velocity)  # three ticks each
     assert travel.patience == 0.1 * velocity  # 100 ms
