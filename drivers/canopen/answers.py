@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
-from drivers.api import DriveStatus, Event, Samples
+from drivers.api import DriveStatus, Event, Kind, Samples
 from drivers.canopen.cia402 import DriveState, drive_state, drive_status
 from drivers.canopen.codec import SampleDecoder
 from drivers.canopen.drive import Drive
-from drivers.canopen.events import BusEvent, LateAnswer, OldAnswers, TwoDrives
+from drivers.canopen.events import Fact
 from drivers.canopen.ids import NODE
 from drivers.canopen.punctuality import Punctuality
 
@@ -42,7 +42,7 @@ class Answers:
         self,
         drives: Sequence[Drive],
         counters: Counters,
-        report: Callable[[BusEvent], None],
+        report: Callable[[Fact], None],
         period_s: float,
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
@@ -104,13 +104,18 @@ class Answers:
         """Joints whose drives send one of these."""
         return [i for i, bits in enumerate(self._joint_bits) if bits & tpdos]
 
+    def _nodes_of(self, tpdos: int) -> tuple[int, ...]:
+        return tuple(self._nodes[i] for i in self.joints_of(tpdos))
+
     def judge(self) -> None:
         """Report drives that answer twice, or a period late, by the numbers of their answers."""
         found = self.punctuality
         if found.twice:
-            self._report(TwoDrives(tuple(self._nodes[i] for i in self.joints_of(found.twice))))
+            text = "two drives answer as this node"
+            self._report(Fact(Kind.TWO_DRIVES, self._nodes_of(found.twice), text))
         if found.old:
-            self._report(OldAnswers(tuple(self._nodes[i] for i in self.joints_of(found.old))))
+            text = "it answers when no SYNC is sent"
+            self._report(Fact(Kind.OLD_SAMPLES, self._nodes_of(found.old), text))
 
     def take(self, cob_id: int, data: bytes | bytearray) -> bool:
         """Keep a frame if it is a TPDO; False if it is none."""
@@ -127,7 +132,8 @@ class Answers:
         else:
             self._counters.late_frames += 1
             if self.punctuality.unawaited(bit):
-                self._report(LateAnswer(cob_id & NODE))
+                text = "answers later than a whole period"
+                self._report(Fact(Kind.DISTURBED, (cob_id & NODE,), text))
         return True
 
     def finish(self, events: tuple[Event, ...]) -> Samples:

@@ -3,20 +3,21 @@
 import errno
 from typing import Final
 
-from drivers.canopen.events import AdapterGone, BusOff, BusTrouble, ErrorPassive
+from drivers.api import Kind
+from drivers.canopen.events import Fact
 
 # A socket that raised one of these does not come back, whatever becomes of the adapter. ENETDOWN is
 # not among them: an interface that is set up again serves the sockets it had.
 _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, errno.ESHUTDOWN})
 
 
-def bus_failure(doing: str, error: Exception) -> AdapterGone | BusTrouble:
+def bus_failure(doing: str, error: Exception) -> Fact:
     """Event for a failure of the bus; `doing` is "sending" or "receiving"."""
     number = getattr(error, "errno", None) or getattr(error, "error_code", None)
     # select() raises ValueError for a socket that was closed.
     gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
-    text = f"{doing} failed: {error}"
-    return AdapterGone(text) if gone else BusTrouble(text)
+    kind = Kind.ADAPTER_GONE if gone else Kind.DISTURBED
+    return Fact(kind, text=f"{doing} failed: {error}")
 
 
 # Classes of Linux' error frames (linux/can/error.h), and the bits that detail class 4.
@@ -36,12 +37,13 @@ _ERROR_CLASSES: Final = (
 )
 
 
-def error_frame(error_class: int, data: bytes | bytearray) -> BusOff | ErrorPassive | BusTrouble:
+def error_frame(error_class: int, data: bytes | bytearray) -> Fact:
     """Event for an error frame; `error_class` is its identifier. An adapter that reports trouble of
     the controller without detail (socketcand) is taken to mean error-passive."""
     if error_class & _BUS_OFF:
-        return BusOff()
+        return Fact(Kind.OFF_BUS)
     if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):
-        return ErrorPassive()
+        return Fact(Kind.PASSIVE, text="cable, termination, bitrate?")
     found = [text for bit, text in _ERROR_CLASSES if error_class & bit]
-    return BusTrouble("error frame: " + (", ".join(found) or f"class 0x{error_class:X}"))
+    words = ", ".join(found) or f"class 0x{error_class:X}"
+    return Fact(Kind.DISTURBED, text=f"error frame: {words}")

@@ -10,14 +10,13 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from common.arrays import Vector
-from drivers.api import Objection, PowerTarget, Samples
+from drivers.api import Kind, Objection, PowerTarget, Samples
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.answers import Counters
-from drivers.canopen.crossing import crossing
 from drivers.canopen.drive import Drive
 from drivers.canopen.emergencies import Emergencies
 from drivers.canopen.event_queue import EventQueue
-from drivers.canopen.events import Absent, BadSetpoint
+from drivers.canopen.events import Fact, crossing
 from drivers.canopen.ids import EMERGENCY, HEARTBEAT
 from drivers.canopen.inbox import FRAMES_PER_PASS, Inbox
 from drivers.canopen.objections import objections_of
@@ -160,7 +159,8 @@ class CanopenDrives:
     def _notice_absence(self, now: float) -> None:
         gap_s = self._presence.gap_s(now)
         if gap_s is not None and not self._stops.silent:
-            self._report(Absent(gap_s))
+            text = f"the drives heard nothing of it for {1000 * gap_s:.0f} ms"
+            self._report(Fact(Kind.ABSENT, text=text))
             self._presence.lost()
 
     def _frames_after_absence(self) -> list[Frame]:
@@ -233,7 +233,7 @@ class CanopenDrives:
         try:
             self._setpoints.write(self._answers.states, targets, velocity, reset)
         except ValueError as error:
-            self._report(BadSetpoint(str(error)))
+            self._report(Fact(Kind.BAD_SETPOINT, text=str(error)))
         self._outbox.send(self._setpoints.frames)
         if not ask or self._stops.busy:
             self._sdo_watch.rest()

@@ -2,10 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from drivers.api import DriveStatus, Objection
-from drivers.canopen.crossing import described
-from drivers.canopen.emergency_codes import MASTER_SILENT, NO_LONGER
-from drivers.canopen.events import BusEvent, Emergency, Rebooted
+from drivers.api import DriveStatus, Kind, Objection
+from drivers.canopen.events import BusEvent, Emergency, described
 
 
 class Emergencies:
@@ -20,12 +18,11 @@ class Emergencies:
     def watch(self, events: Sequence[BusEvent], drives: Sequence[DriveStatus]) -> None:
         """Note the emergencies of one tick, and those that are over."""
         for event in events:
-            if isinstance(event, Rebooted) or (
-                isinstance(event, Emergency) and event.code == NO_LONGER
-            ):
-                self._over(event.node)
-            elif isinstance(event, Emergency):
+            if isinstance(event, Emergency) and not event.over:
                 self._open[event.node] = event
+            elif isinstance(event, Emergency) or event.kind is Kind.RESTARTED:
+                for node in event.nodes:
+                    self._over(node)
         # A drive that leaves its fault has no emergency any more, whether it reports this or not.
         for node in tuple(self._open):
             if node in self._index and drives[self._index[node]].condition.in_fault:
@@ -56,5 +53,5 @@ class Emergencies:
         """Emergencies that are not over."""
         for emergency in self._open.values():
             text = f"emergency of {described(emergency, self._joints)}, and not over"
-            unheard = emergency.code == MASTER_SILENT
+            unheard = emergency.kind is Kind.UNHEARD
             yield Objection("heartbeats" if unheard else "emergencies", text)

@@ -6,7 +6,8 @@ Time is an argument.
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.canopen.events import HeartbeatLost, NotOperational, Rebooted
+from drivers.api import Kind
+from drivers.canopen.events import Fact
 from drivers.canopen.ids import BOOT_UP, OPERATIONAL
 
 #: Heartbeats that may go missing.
@@ -34,22 +35,24 @@ class HeartbeatWatch:
         """Count from `now`: the bus was not read until then."""
         self.heard_at = now
 
-    def hear(self, nmt_state: int, now: float) -> NotOperational | Rebooted | None:
+    def hear(self, nmt_state: int, now: float) -> Fact | None:
         """A heartbeat or boot-up message has come."""
         self.heard_at, self.lost = now, False
         state = nmt_state & 0x7F  # bit 7 is node guarding's toggle
         if state == BOOT_UP:
             self.operational, self.forgot = False, True
-            return Rebooted(self.node)
+            return Fact(Kind.RESTARTED, (self.node,), "its set-up is lost")
         was_operational, self.operational = self.operational, state == OPERATIONAL
         if self.operational or not was_operational:
             return None
         self.forgot = True
-        return NotOperational(self.node, state)
+        # 127 is pre-operational, 4 stopped: its PDOs are off.
+        text = f"no longer operational (NMT state {state})"
+        return Fact(Kind.DROPPED, (self.node,), text)
 
-    def check(self, now: float) -> HeartbeatLost | None:
+    def check(self, now: float) -> Fact | None:
         """Report a heartbeat that has just become overdue, once."""
         if self.lost or now - self.heard_at <= self.timeout_s:
             return None
         self.lost = True
-        return HeartbeatLost(self.node)
+        return Fact(Kind.SILENT, (self.node,))

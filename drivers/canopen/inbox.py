@@ -6,6 +6,7 @@ Nothing that arrives, and no failure of the bus, is an exception.
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from drivers.api import Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import ERROR, Frame, Wire
 from drivers.canopen.answers import Answers, Counters
@@ -13,7 +14,7 @@ from drivers.canopen.bus_failures import bus_failure, error_frame
 from drivers.canopen.drive import Drive
 from drivers.canopen.emergency_codes import OF_COMMUNICATION
 from drivers.canopen.event_queue import Report
-from drivers.canopen.events import BusOff, Emergency, ForeignMaster
+from drivers.canopen.events import Emergency, Fact
 from drivers.canopen.ids import HEARTBEAT, NODE, SDO_ANSWER
 from drivers.canopen.node_watches import NodeWatches
 from drivers.canopen.traffic import Traffic
@@ -92,7 +93,7 @@ class Inbox:
         if can_id & ERROR:
             self._counters.error_frames += 1
             event = error_frame(can_id & ~ERROR, data)
-            if isinstance(event, BusOff):
+            if event.kind is Kind.OFF_BUS:
                 self._on_bus_off()
             self._report(event)
             return
@@ -100,7 +101,7 @@ class Inbox:
         if can_id & ~NODE == SDO_ANSWER:  # 11-bit identifiers: a flag makes it another number
             self._on_sdo(can_id & NODE, data)
         elif can_id in self._masters_own:
-            self._report(ForeignMaster(can_id))
+            self._report(Fact(Kind.FOREIGN_MASTER, text=f"it sends 0x{can_id:03X}"))
         elif found := self.nodes.hear(can_id, data, now):
             if not isinstance(found, Emergency):
                 self._on_node()

@@ -7,13 +7,14 @@ heartbeat serves all drives.
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 from common.arrays import Vector
-from drivers.api import PowerTarget, Samples
+from drivers.api import Kind, PowerTarget, Samples
 from drivers.can.wire import Frame
 from drivers.canopen.cia402 import DriveState
 from drivers.canopen.drive import Drive
-from drivers.canopen.events import BusEvent, NotSeenToStop, Repeats, RunningOn, Unproved
+from drivers.canopen.events import Fact
 from drivers.canopen.expedited_stop import ExpeditedStop
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
 from drivers.canopen.stop_stages import (
@@ -25,6 +26,10 @@ from drivers.canopen.stop_stages import (
     StopWatch,
 )
 from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
+
+REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"
+MOVES_ON: Final = "it reports that it stops, but moves on"
+BEYOND: Final = "beyond its travel: power cut"
 
 
 class Stops:
@@ -91,7 +96,7 @@ class Stops:
 
     def follow(
         self, now: float, samples: Samples, targets: Sequence[PowerTarget], velocity: Vector
-    ) -> tuple[BusEvent, ...]:
+    ) -> tuple[Fact, ...]:
         """Record the motion and the commanded `velocity` (n,) [rad/s] of each drive, in every tick,
         whether it is to stop or not. Returns an event for drives whose samples begin to repeat.
         """
@@ -119,7 +124,8 @@ class Stops:
             return ()
         before, self._repeat = self._repeat, repeat
         begun = [i for i, is_so in enumerate(repeat) if is_so and not before[i]]
-        return (Repeats(tuple(self._nodes[i] for i in begun)),) if begun else ()
+        nodes = tuple(self._nodes[i] for i in begun)
+        return (Fact(Kind.REPEATED_SAMPLES, nodes, REPEATS),) if begun else ()
 
     def take_over(self, before: "Stops") -> None:
         """Take over the motion history of the drives until now."""
@@ -146,7 +152,7 @@ class Stops:
         samples: Samples,
         states: Sequence[DriveState],
         reached: Sequence[bool],
-    ) -> tuple[list[Frame], Sequence[BusEvent]]:
+    ) -> tuple[list[Frame], Sequence[Fact]]:
         """Judge every drive commanded to stop, by its samples and the state in their statusword;
         `reached`: whether setpoints are sent to it."""
         frames = self._wake()
@@ -194,10 +200,10 @@ class Stops:
         events = [
             event
             for event in (
-                NotSeenToStop(tuple(doubted)),
-                NotSeenToStop(tuple(running), RunningOn.MOVES),
-                NotSeenToStop(tuple(beyond), RunningOn.BEYOND),
-                Unproved(tuple(lost)),
+                Fact(Kind.NOT_SEEN_TO_STOP, tuple(doubted), "NMT stop sent"),
+                Fact(Kind.NOT_SEEN_TO_STOP, tuple(running), MOVES_ON),
+                Fact(Kind.NOT_SEEN_TO_STOP, tuple(beyond), f"{MOVES_ON} {BEYOND}"),
+                Fact(Kind.UNPROVED, tuple(lost), "no heartbeat of ours any more"),
             )
             if event.nodes
         ]

@@ -8,11 +8,10 @@ from typing import Any, Final
 import can
 import yaml
 
-from drivers.api import Event, Samples
+from drivers.api import Event, Kind, Samples
 from drivers.can.wire import Frame, frame_of
-from drivers.canopen.crossing import crossing
 from drivers.canopen.drives import CanopenDrives
-from drivers.canopen.events import BusEvent
+from drivers.canopen.events import BusEvent, Fact, crossing
 
 ROBOT = Path(__file__).parents[3] / "configs" / "romeo_left_arm"
 CONFIG: dict[str, Any] = yaml.safe_load((ROBOT / "config.yaml").read_text())
@@ -60,6 +59,16 @@ class ScriptedWire:
         if self.failure:
             raise self.failure
         self.sent += [(can_id, bytes(data)) for can_id, data in frames]
+
+
+def restarted(node: int) -> Fact:
+    """A drive has restarted."""
+    return Fact(Kind.RESTARTED, (node,), "its set-up is lost")
+
+
+def dropped(node: int, nmt_state: int = 127) -> Fact:
+    """A drive has left operational."""
+    return Fact(Kind.DROPPED, (node,), f"no longer operational (NMT state {nmt_state})")
 
 
 def crossed(*events: BusEvent) -> tuple[Event, ...]:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from drivers.api import DriveCondition
+from drivers.api import DriveCondition, Kind
 from drivers.canopen.answers import START_TICKS
 from drivers.canopen.drives import CanopenDrives
 from drivers.canopen.emergency_codes import UNKNOWN_CODE
-from drivers.canopen.events import Emergency, LateAnswer
+from drivers.canopen.events import Emergency, Fact
 from drivers.canopen.outbox import SYNC_FRAME
 from tests.drivers.canopen.scripted_wire import (
     PERIOD_S,
@@ -106,7 +106,9 @@ def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, drives):
     late = tick(drives, scripted, everything(), 3 * PERIOD_S)  # here it is, taken for the third
     assert late.events == ()
     scripted.incoming += everything()[:1]  # and here is the third
-    assert tick(drives, scripted, everything(), 4 * PERIOD_S).events == crossed(LateAnswer(1))
+    assert tick(drives, scripted, everything(), 4 * PERIOD_S).events == crossed(
+        Fact(Kind.DISTURBED, (1,), "answers later than a whole period")
+    )
     assert tick(drives, scripted, everything(), 5 * PERIOD_S).events == ()
 
 

@@ -5,7 +5,8 @@ import pytest
 from drivers.api import Objection
 from drivers.canopen.cia402 import drive_status
 from drivers.canopen.emergencies import Emergencies
-from drivers.canopen.events import Emergency, Rebooted
+from drivers.canopen.events import Emergency
+from tests.drivers.canopen.scripted_wire import restarted
 
 ON, OFF, FAULT = (drive_status(word) for word in (0x27, 0x40, 0x08))
 HOT, OVER = Emergency(3, 0x4210, 8), Emergency(3, 0, 0)
@@ -32,8 +33,8 @@ def test_it_lasts_until_the_drive_takes_it_back(emergencies):
 
 def test_it_is_over_when_the_drive_restarts_or_is_set_up_again(emergencies):
     after(emergencies, HOT)
-    assert after(emergencies, Rebooted(3)) == []
-    assert after(emergencies, Rebooted(3), HOT) == ["emergencies"]
+    assert after(emergencies, restarted(3)) == []
+    assert after(emergencies, restarted(3), HOT) == ["emergencies"]
     emergencies.renewed([0])  # another joint's
     assert after(emergencies) == ["emergencies"]
     emergencies.renewed([1])

@@ -2,8 +2,10 @@
 
 import pytest
 
-from drivers.canopen.events import HeartbeatLost, NotOperational, Rebooted
+from drivers.api import Kind
+from drivers.canopen.events import Fact
 from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
+from tests.drivers.canopen.scripted_wire import dropped, restarted
 
 PRE_OPERATIONAL, OPERATIONAL, STOPPED, BOOT_UP = 127, 5, 4, 0
 
@@ -19,14 +21,14 @@ def test_three_may_go_missing():
 
 def test_silence_is_told_once(watch):
     assert watch.check(10.25) is None
-    assert watch.check(10.251) == HeartbeatLost(3)
+    assert watch.check(10.251) == Fact(Kind.SILENT, (3,))
     assert watch.check(10.3) is None
 
 
 def test_silence_while_nobody_listened_is_excused(watch):
     watch.excuse(20.0)
     assert watch.check(20.25) is None
-    assert watch.check(20.251) == HeartbeatLost(3)
+    assert watch.check(20.251) == Fact(Kind.SILENT, (3,))
     watch.excuse(30.0)
     assert watch.lost, "what was lost before must be heard first"
 
@@ -35,7 +37,7 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
     watch.check(11.0)
     assert watch.hear(OPERATIONAL, 12.0) is None
     assert watch.check(12.25) is None
-    assert watch.check(12.3) == HeartbeatLost(3)
+    assert watch.check(12.3) == Fact(Kind.SILENT, (3,))
 
 
 @pytest.mark.parametrize(
@@ -43,16 +45,40 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
     [
         ([], [], False),
         ([OPERATIONAL, OPERATIONAL], [], False),
-        ([OPERATIONAL, PRE_OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)], True),
-        ([OPERATIONAL, STOPPED], [NotOperational(3, 4)], True),
+        (
+            [OPERATIONAL, PRE_OPERATIONAL, PRE_OPERATIONAL],
+            [dropped(3)],
+            True,
+        ),
+        (
+            [OPERATIONAL, STOPPED],
+            [dropped(3, 4)],
+            True,
+        ),
         # The first ones may have been sent before NMT start came.
         ([PRE_OPERATIONAL, PRE_OPERATIONAL, OPERATIONAL], [], False),
-        ([PRE_OPERATIONAL, OPERATIONAL, PRE_OPERATIONAL], [NotOperational(3, 127)], True),
-        ([BOOT_UP], [Rebooted(3)], True),
-        ([OPERATIONAL, BOOT_UP, PRE_OPERATIONAL], [Rebooted(3)], True),
-        ([OPERATIONAL, STOPPED, OPERATIONAL, STOPPED], [NotOperational(3, 4)] * 2, True),
+        (
+            [PRE_OPERATIONAL, OPERATIONAL, PRE_OPERATIONAL],
+            [dropped(3)],
+            True,
+        ),
+        ([BOOT_UP], [restarted(3)], True),
+        (
+            [OPERATIONAL, BOOT_UP, PRE_OPERATIONAL],
+            [restarted(3)],
+            True,
+        ),
+        (
+            [OPERATIONAL, STOPPED, OPERATIONAL, STOPPED],
+            [dropped(3, 4)] * 2,
+            True,
+        ),
         # Operational again by somebody else: it does not hold what it was told, all the same.
-        ([OPERATIONAL, STOPPED, OPERATIONAL], [NotOperational(3, 4)], True),
+        (
+            [OPERATIONAL, STOPPED, OPERATIONAL],
+            [dropped(3, 4)],
+            True,
+        ),
         # Node guarding toggles bit 7.
         ([OPERATIONAL | 0x80, OPERATIONAL], [], False),
     ],
