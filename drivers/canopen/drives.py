@@ -102,9 +102,8 @@ class CanopenDrives:
         self._inbox.take_after_set_up(heard, (HEARTBEAT, EMERGENCY), renewed or (), now)
         self._inbox.take_after_set_up(queued, (EMERGENCY,), renewed or (), now)
         self._address()
-        if self._stops.silent:
-            return  # until all drives are set up again
-        self._outbox.start(self._nodes.fit)
+        if not self._stops.silent:  # which ends when all drives are set up again
+            self._outbox.start(self._nodes.fit)
 
     def _address(self) -> None:
         """Let setpoints go to the drives that are set up, and to no others."""

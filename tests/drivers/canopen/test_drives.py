@@ -185,7 +185,7 @@ def test_the_heartbeat_is_last(scripted, drives):
 )
 def test_what_happens_beside_samples_is_an_event(scripted, drives, message, event):
     assert tick(drives, scripted, [message]).events == crossed(event)
-    assert event.kind
+    assert event.text
     assert tick(drives, scripted, []).events == (), "and is told once"
     scripted.incoming.append(message)  # between two ticks
     assert tick(drives, scripted, []).events == crossed(event)

@@ -32,4 +32,4 @@ def test_words(code: int, words: str) -> None:
 
 def test_an_emergency_says_what_it_is() -> None:
     assert Emergency(3, 0x3220, 0x04).text == "0x3220 (DC link under-voltage), error register 0x04"
-    assert str(Emergency(3, 0xA123, 0x01)) == "0xA123, error register 0x01"
+    assert Emergency(3, 0xA123, 0x01).text == "0xA123, error register 0x01"
