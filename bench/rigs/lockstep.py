@@ -126,7 +126,7 @@ class Rig:
     @property
     def set_up(self) -> SetUp:
         """Set-up of the drives, as the daemon proves it for its clients."""
-        return SetUp(self.drives, self.tick, lambda: self.time_s, by_sdo=self.by_sdo)
+        return SetUp(self.drives, self.tick, lambda: self.time_s, asking=self.by_sdo)
 
     def ask(self, event: Event) -> list[str]:
         """Request an event as a client would, `enable` and `reset` with the set-up proved; returns

@@ -205,7 +205,7 @@ def serve(
     rig.run(0.1)
     process = Process(rig.robot, 1, [], rig.drives.serials, not_taken_up, files)
     service = Service(process, loop, control, notifier, rig.drives)
-    service.set_up.by_sdo = rig.by_sdo
+    service.set_up.asking = rig.by_sdo
     # Here a second may pass while a client is not given a turn.
     service.attendance.silent_s = math.inf
     return service

@@ -12,7 +12,7 @@ from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.required_objects import DriveSetup, Place, problems
 from drivers.canopen.bus_load import refuse_overload
 from drivers.canopen.codec import LayoutError
-from drivers.settings import PdoEntry
+from drivers.canopen.settings import PdoEntry
 
 
 def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:

@@ -24,8 +24,8 @@ _log = logging.getLogger("contactd")
 
 @dataclass(slots=True)
 class SetUp:
-    """Set-up of one arm's drives, by SDO between two ticks: the arm stands in quick stop or without
-    torque, and no tick runs meanwhile."""
+    """Set-up of one arm's drives, between two ticks: the arm stands stopped or without torque, and
+    no tick runs meanwhile."""
 
     drives: BootableDrives
     tick: Tick
@@ -35,8 +35,8 @@ class SetUp:
     """called while drives answer or are given up: feeds the watchdog"""
     resume: Callable[[], None] = lambda: None
     """called after the pause in ticking"""
-    by_sdo: Callable[[], AbstractContextManager[None]] = nullcontext
-    """entered while there is SDO on the bus, and no tick"""
+    asking: Callable[[], AbstractContextManager[None]] = nullcontext
+    """entered while drives are asked, and no tick runs"""
 
     def request(self, event: Event, who: str, path: JointPath | None = None) -> list[str]:
         """Carry out a requested event, `enable` and `reset` only with drives whose set-up is
@@ -66,7 +66,7 @@ class SetUp:
         failure."""
         renewed: list[int] = []
         try:
-            with self.by_sdo():
+            with self.asking():
                 renewed = self.drives.prove(self.meanwhile, _log.info, _log.warning)
         except ContactdError as error:
             return str(error).splitlines()

@@ -189,7 +189,7 @@ class Tick:
         known = self._control_input(samples, estimate, findings, complete=complete)
         decision = self.controller.step(self._time_s, self._step_s(), known)
         machine = self.controller.machine
-        # A maker's tool, or a stop, must not find an SDO server busy while anything moves.
+        # A maker's tool, or a stop, must not find a drive busy while anything moves.
         stands = machine.mode is Mode.HOLDING and not machine.armed
         self.drives.command(decision.power, decision.velocity, decision.reset, ask=stands)
         return decision

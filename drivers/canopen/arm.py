@@ -13,12 +13,7 @@ class CanopenArm(CanopenDrives):
     """Drives in the tick, and their set-up by SDO before it and between two."""
 
     def __init__(
-        self,
-        wire: Wire,
-        boot: DriveBoot,
-        period_s: float,
-        clock: Callable[[], float],
-        bitrate: int,
+        self, wire: Wire, boot: DriveBoot, period_s: float, clock: Callable[[], float], bitrate: int
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         drives = [setup.drive for setup in boot.setups]

@@ -22,8 +22,8 @@ from common.arrays import Vector, check_shapes
 from common.errors import ConfigurationError
 from drivers.canopen.drive import Drive
 from drivers.canopen.ids import NEXT_PDO, RPDO, TPDO
+from drivers.canopen.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
 from drivers.counts import Table, correct, decode, encode
-from drivers.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
 
 STRUCT_CODES: Final = {
     "INTEGER8": "b",

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from drivers.settings import DriveProfile, JointWiring
+from drivers.canopen.settings import DriveProfile, JointWiring
 
 
 @dataclass(frozen=True, slots=True)

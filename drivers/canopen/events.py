@@ -5,12 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from drivers.api import Event, Kind
-from drivers.canopen.emergency_codes import (
-    MASTER_SILENT,
-    NO_LONGER,
-    UNKNOWN_CODE,
-    emergency_words,
-)
+from drivers.canopen.emergency_codes import MASTER_SILENT, NO_LONGER, UNKNOWN_CODE, emergency_words
 
 
 @dataclass(frozen=True, slots=True)

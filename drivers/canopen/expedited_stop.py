@@ -18,9 +18,9 @@ from drivers.canopen.cia402 import DISABLE_VOLTAGE, QUICK_STOP, drive_state
 from drivers.canopen.codec import STRUCT_CODES, WORDS, harmonics, link_side, quantity
 from drivers.canopen.drive import Drive
 from drivers.canopen.ids import SDO_REQUEST
+from drivers.canopen.settings import PdoEntry
 from drivers.canopen.stop_stages import OBEYING, Seen
 from drivers.counts import correct
-from drivers.settings import PdoEntry
 
 #: Without an answer for so many ticks the question is sent again; a late answer still counts.
 ANSWER_TICKS: Final = 5

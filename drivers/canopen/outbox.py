@@ -12,14 +12,7 @@ from drivers.canopen.bus_failures import bus_failure
 from drivers.canopen.drive import Drive
 from drivers.canopen.event_queue import Report
 from drivers.canopen.expedited_stop import expedited_quick_stops
-from drivers.canopen.ids import (
-    ENTER_PRE_OPERATIONAL,
-    HEARTBEAT,
-    NMT,
-    OPERATIONAL,
-    START_NODE,
-    SYNC,
-)
+from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, HEARTBEAT, NMT, OPERATIONAL, START_NODE, SYNC
 from drivers.canopen.setpoints import Setpoints
 
 SYNC_FRAME: Frame = (SYNC, b"")

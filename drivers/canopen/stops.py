@@ -17,14 +17,7 @@ from drivers.canopen.drive import Drive
 from drivers.canopen.events import Fact
 from drivers.canopen.expedited_stop import ExpeditedStop
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
-from drivers.canopen.stop_stages import (
-    OBEYING,
-    RAMP_SHARE,
-    Seen,
-    Stage,
-    StopBounds,
-    StopWatch,
-)
+from drivers.canopen.stop_stages import OBEYING, RAMP_SHARE, Seen, Stage, StopBounds, StopWatch
 from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
 
 REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"

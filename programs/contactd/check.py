@@ -21,7 +21,7 @@ from drivers.canopen.boot.required_objects import lacks
 from drivers.canopen.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.drive import Drive
-from drivers.settings import DriveProfile, Quantity
+from drivers.canopen.settings import DriveProfile, Quantity
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses

@@ -9,9 +9,9 @@ from common.errors import ConfigurationError
 from daemon.config.convert import convert
 from daemon.config.yaml_source import Source, read_yaml
 from drivers.can.bus import open_bus
+from drivers.can.settings import BusSettings
 from drivers.canopen.boot.data_sheet import load_data_sheet, makers_numbers
 from drivers.canopen.boot.scan import FoundNode, scan
-from drivers.settings import BusSettings
 from programs.command_line.sentences import say
 
 

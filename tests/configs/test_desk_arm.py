@@ -52,7 +52,7 @@ def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
         service = Service(Process(rig.robot, 1, []), loop, control, notifier, rig.drives)
-        service.set_up.by_sdo = rig.by_sdo
+        service.set_up.asking = rig.by_sdo
         yield ServedDeskArm(rig, service)
 
 

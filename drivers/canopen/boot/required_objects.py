@@ -13,7 +13,7 @@ from drivers.canopen.boot.data_sheet import find_object, makers_numbers, type_na
 from drivers.canopen.codec import WORDS, Pdo, receive_pdos, transmit_pdos
 from drivers.canopen.drive import Drive
 from drivers.canopen.ids import EMERGENCY, SYNC
-from drivers.settings import DriveProfile, ObjectValue, Quantity
+from drivers.canopen.settings import DriveProfile, ObjectValue, Quantity
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
 #: Some drives show a mode only when they are in operation: 0 until then.

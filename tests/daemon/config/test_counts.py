@@ -7,7 +7,7 @@ from bench.rigs.lockstep import ROMEO
 from daemon.config.counts import COARSEST, unrepresentable
 from daemon.config.load import load_robot
 from daemon.config.schema import Joint
-from drivers.settings import DriveProfile
+from drivers.canopen.settings import DriveProfile
 
 ROBOT = load_robot(ROMEO).configuration
 PROFILE = ROBOT.drives["two_encoder_drive"]

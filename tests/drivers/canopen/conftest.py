@@ -19,7 +19,7 @@ from drivers.canopen.boot.identity import DriveIdentity
 from drivers.canopen.boot.required_objects import DriveSetup
 from drivers.canopen.drive import Drive
 from drivers.canopen.drives import CanopenDrives
-from drivers.settings import DriveProfile, JointWiring
+from drivers.canopen.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
 from simulator.lockstep import Lockstep

@@ -9,15 +9,7 @@ from drivers.canopen.drives import CanopenDrives
 from drivers.canopen.emergency_codes import UNKNOWN_CODE
 from drivers.canopen.events import Emergency, Fact
 from drivers.canopen.outbox import SYNC_FRAME
-from tests.drivers.canopen.scripted_wire import (
-    PERIOD_S,
-    N,
-    crossed,
-    everything,
-    frame,
-    tick,
-    tpdos,
-)
+from tests.drivers.canopen.scripted_wire import PERIOD_S, N, crossed, everything, frame, tick, tpdos
 
 
 def test_reading_ends_with_the_last_tpdo(scripted, drives):

@@ -18,7 +18,7 @@ from drivers.canopen.codec import (
     type_limits,
 )
 from drivers.canopen.drive import Drive
-from drivers.settings import DriveProfile, Harmonic, JointWiring, Quantity
+from drivers.canopen.settings import DriveProfile, Harmonic, JointWiring, Quantity
 
 INT16 = st.integers(-(2**15), 2**15 - 1)
 INT32 = st.integers(-(2**31), 2**31 - 1)

@@ -213,18 +213,9 @@ def test_what_is_none_of_our_business_is_no_event(scripted, drives, message):
     [
         (frame(0x040, is_error_frame=True), Fact(Kind.OFF_BUS)),
         (frame(0x044, b"\0\x20" + bytes(6), is_error_frame=True), Fact(Kind.OFF_BUS)),
-        (
-            frame(0x004, b"\0\x10" + bytes(6), is_error_frame=True),
-            PASSIVE,
-        ),  # receiving
-        (
-            frame(0x004, b"\0\x20" + bytes(6), is_error_frame=True),
-            PASSIVE,
-        ),  # sending
-        (
-            frame(0x004, is_error_frame=True),
-            PASSIVE,
-        ),  # socketcand says no more
+        (frame(0x004, b"\0\x10" + bytes(6), is_error_frame=True), PASSIVE),  # receiving
+        (frame(0x004, b"\0\x20" + bytes(6), is_error_frame=True), PASSIVE),  # sending
+        (frame(0x004, is_error_frame=True), PASSIVE),  # socketcand says no more
         (
             frame(0x004, b"\0\x08" + bytes(6), is_error_frame=True),  # a warning
             Fact(Kind.DISTURBED, text="error frame: controller problem"),

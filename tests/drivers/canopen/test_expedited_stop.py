@@ -13,8 +13,8 @@ from drivers.api import PowerTarget
 from drivers.canopen.cia402 import DriveState
 from drivers.canopen.codec import link_side
 from drivers.canopen.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
+from drivers.canopen.settings import Harmonic
 from drivers.canopen.stop_stages import Seen
-from drivers.settings import Harmonic
 from tests.examples import scaled
 
 STOP, OFF = PowerTarget.QUICK_STOP, PowerTarget.OFF

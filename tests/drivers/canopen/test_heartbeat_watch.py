@@ -45,40 +45,16 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
     [
         ([], [], False),
         ([OPERATIONAL, OPERATIONAL], [], False),
-        (
-            [OPERATIONAL, PRE_OPERATIONAL, PRE_OPERATIONAL],
-            [dropped(3)],
-            True,
-        ),
-        (
-            [OPERATIONAL, STOPPED],
-            [dropped(3, 4)],
-            True,
-        ),
+        ([OPERATIONAL, PRE_OPERATIONAL, PRE_OPERATIONAL], [dropped(3)], True),
+        ([OPERATIONAL, STOPPED], [dropped(3, 4)], True),
         # The first ones may have been sent before NMT start came.
         ([PRE_OPERATIONAL, PRE_OPERATIONAL, OPERATIONAL], [], False),
-        (
-            [PRE_OPERATIONAL, OPERATIONAL, PRE_OPERATIONAL],
-            [dropped(3)],
-            True,
-        ),
+        ([PRE_OPERATIONAL, OPERATIONAL, PRE_OPERATIONAL], [dropped(3)], True),
         ([BOOT_UP], [restarted(3)], True),
-        (
-            [OPERATIONAL, BOOT_UP, PRE_OPERATIONAL],
-            [restarted(3)],
-            True,
-        ),
-        (
-            [OPERATIONAL, STOPPED, OPERATIONAL, STOPPED],
-            [dropped(3, 4)] * 2,
-            True,
-        ),
+        ([OPERATIONAL, BOOT_UP, PRE_OPERATIONAL], [restarted(3)], True),
+        ([OPERATIONAL, STOPPED, OPERATIONAL, STOPPED], [dropped(3, 4)] * 2, True),
         # Operational again by somebody else: it does not hold what it was told, all the same.
-        (
-            [OPERATIONAL, STOPPED, OPERATIONAL],
-            [dropped(3, 4)],
-            True,
-        ),
+        ([OPERATIONAL, STOPPED, OPERATIONAL], [dropped(3, 4)], True),
         # Node guarding toggles bit 7.
         ([OPERATIONAL | 0x80, OPERATIONAL], [], False),
     ],

@@ -9,7 +9,7 @@ import pytest
 
 from common.errors import ConfigurationError
 from drivers.canopen.boot.required_objects import check_drive, lacks, wanted
-from drivers.settings import DriveProfile
+from drivers.canopen.settings import DriveProfile
 
 
 def changed(setup, **fields):
