@@ -36,8 +36,7 @@ def test_what_is_shipped_fits() -> None:
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
-    ("lower", "upper", "fits"),
-    [(-1.27, 1.27, True), (-1.0, 1.29, False), (-1.29, 1.0, False)],
+    ("lower", "upper", "fits"), [(-1.27, 1.27, True), (-1.0, 1.29, False), (-1.29, 1.0, False)]
 )
 def test_positions(lower: float, upper: float, fits: bool, sign: int) -> None:
     eight_bits = profile("link_position", type="INTEGER8", scale=0.01)

@@ -246,10 +246,7 @@ class _Broken:
     ],
 )
 def test_an_exception_anywhere_in_the_tick_stops_all_drives(
-    own: BreakableArm,
-    where: str,
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
+    own: BreakableArm, where: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     on = own
     start(on, armed=True)

@@ -96,9 +96,7 @@ def deafen(on: BreakableArm) -> None:
 
 
 @on_one_make
-def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(
-    on: BreakableArm,
-) -> None:
+def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(on: BreakableArm) -> None:
     assert on.rig.ask(Event.ENABLE) == []
     on.run(1.2)
     assert on.rig.permit() == []

@@ -24,10 +24,7 @@ EXPECTED = {
         Condition.JOINT_LIMIT,
         Condition.OVERRUN,
     },
-    Response.FAULT_EXIT: {
-        Condition.ADAPTER_GONE,
-        Condition.PROGRAM_ERROR,
-    },
+    Response.FAULT_EXIT: {Condition.ADAPTER_GONE, Condition.PROGRAM_ERROR},
 }
 
 

@@ -71,10 +71,7 @@ def rig(tmp_path) -> Iterator[Rig]:
     robot = stiff_robot()
     c = robot.configuration
     channel = f"durand-{next(_channels)}"
-    with (
-        VirtualBus(channel) as near,
-        can.Bus(interface="virtual", channel=channel) as far,
-    ):
+    with VirtualBus(channel) as near, can.Bus(interface="virtual", channel=channel) as far:
         drive = DurandDrive(far, 1, load_of(robot))
         (tmp_path / "drive.eds").write_text(drive.eds)
         sheet = load_data_sheet(tmp_path / "drive.eds")

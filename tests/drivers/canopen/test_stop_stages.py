@@ -9,11 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.canopen.cia402 import DriveState
 from drivers.canopen.drive import Drive
-from drivers.canopen.stop_stages import (
-    Seen,
-    Stage,
-    StopWatch,
-)
+from drivers.canopen.stop_stages import Seen, Stage, StopWatch
 from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
 from tests.drivers.canopen.one_watch import ON, RUNS, STOPS, T, readings, told
 from tests.examples import scaled

@@ -53,8 +53,7 @@ def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
 def test_a_drive_that_stops_answering_is_named_with_its_step(bench, setups):
     asked = []
     intercept(
-        bench.simulated.drives[2],
-        lambda index, sub, _: index == 0x1A01 and not asked.append(sub),
+        bench.simulated.drives[2], lambda index, sub, _: index == 0x1A01 and not asked.append(sub)
     )
     says = r"node 3 \(LElbowRoll\) does not answer .* step `PDO mapping`, tried 3 times"
     with pytest.raises(DriveError, match=says):

@@ -40,8 +40,7 @@ def test_objects_that_are_there(index, subindex, there):
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["nonsense", "[1000]\nParameterName=x\nDataType=abc\n", "[DeviceInfo]\nVendorName=x\n"],
+    "text", ["nonsense", "[1000]\nParameterName=x\nDataType=abc\n", "[DeviceInfo]\nVendorName=x\n"]
 )
 def test_a_damaged_data_sheet(tmp_path, text):
     path = tmp_path / "drive.eds"

@@ -13,13 +13,7 @@ def hear(heard, *frames):
 
 
 @pytest.mark.parametrize(
-    ("came", "kept"),
-    [
-        ("AAA", "A"),
-        ("ABA", "BA"),
-        ("AB", "AB"),
-        ("ABAB", "AB"),
-    ],
+    ("came", "kept"), [("AAA", "A"), ("ABA", "BA"), ("AB", "AB"), ("ABAB", "AB")]
 )
 def test_what_came_last_is_last(came, kept):
     heard = HeardFrames()

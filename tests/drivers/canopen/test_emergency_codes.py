@@ -3,7 +3,6 @@
 import pytest
 
 from drivers.canopen.emergency_codes import emergency_words
-from drivers.canopen.events import Emergency
 
 
 @pytest.mark.parametrize(
@@ -28,8 +27,3 @@ from drivers.canopen.events import Emergency
 )
 def test_words(code: int, words: str) -> None:
     assert emergency_words(code) == words
-
-
-def test_an_emergency_says_what_it_is() -> None:
-    assert Emergency(3, 0x3220, 0x04).text == "0x3220 (DC link under-voltage), error register 0x04"
-    assert Emergency(3, 0xA123, 0x01).text == "0xA123, error register 0x01"
