@@ -48,11 +48,12 @@ TESTS: Final[dict[str, tuple[str, ...]]] = {
         "tests/estimator/test_touched_link.py",
     ),
     "estimator/thresholds.py": ("tests/estimator/test_thresholds.py",),
-    "drivers/heartbeat_watch.py": ("tests/drivers/test_heartbeat_watch.py",),
-    "drivers/stop_stages.py": (
-        "tests/drivers/test_stop_stages.py",
-        "tests/drivers/test_stop_proof.py",
+    "drivers/canopen/heartbeat_watch.py": ("tests/drivers/canopen/test_heartbeat_watch.py",),
+    "drivers/canopen/stop_stages.py": (
+        "tests/drivers/canopen/test_stop_stages.py",
+        "tests/drivers/canopen/test_stop_proof.py",
     ),
+    "drivers/canopen/stop_travel.py": ("tests/drivers/canopen/test_stop_stages.py",),
 }
 
 

@@ -161,7 +161,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
 
 def one_reset(on: BreakableArm) -> bool:
     """Whether one reset brings the arm off, and it can be enabled after it."""
-    drives = on.rig.tick.drives
+    drives = on.rig.drives
     for _ in range(PATIENCE_TICKS):
         if drives.left_alone or not drives.silenced:
             break
@@ -187,7 +187,7 @@ def program_error(place: Place) -> dict[str, Any]:
             on.silence()
 
         on.rig.tick.controller = cast(Any, None)
-        with suppress(ProgramError), stop_on_error(on.rig.tick.drives, on.period_s, sleep):
+        with suppress(ProgramError), stop_on_error(on.rig.drives, on.period_s, sleep):
             on.tick()
         stands = 1 + len(stopped) + silent_ticks(on, lambda: on.speed < STANDS)
     return row(

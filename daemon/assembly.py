@@ -1,6 +1,9 @@
-"""Assembly of one arm from a checked configuration: the only module that knows all its parts."""
+"""Assembly of one arm from a checked configuration: the only module that knows all its parts.
 
-from collections.abc import Callable, Sequence
+Its drives come ready made, from `daemon.drives`.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,12 +28,7 @@ from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControllerSettings
 from daemon.tick.tick import Tick
-from drivers.boot.boot_up import DriveBoot
-from drivers.boot.data_sheet import load_data_sheet
-from drivers.boot.required_objects import DriveSetup
-from drivers.can.frame_ring import FrameRing
-from drivers.can.wire import Wire
-from drivers.drives import Drives
+from drivers.api import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import LEAST_SHARE, Thresholds
@@ -40,11 +38,10 @@ from estimator.transmission import Transmission, stiction_range
 AHEAD_SHARE = 0.75
 
 
-def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identification: Check) -> Tick:
-    """Tick of `robot` on the wire to drives that are set up. Unless the `identification` check
-    passes, it does not arm and closes no loop over the links. Raises ContactdError."""
+def build_tick(robot: Robot, drives: Drives, identification: Check) -> Tick:
+    """Tick of `robot` with drives that are set up. Unless the `identification` check passes, it
+    does not arm and closes no loop over the links. Raises ContactdError."""
     c = robot.configuration
-    drives = Drives(wire, c.joint_drives, c.period_s, clock, c.bus.master_node, c.bus.bitrate)
     return Tick(
         drives,
         build_estimator(c, robot.model),
@@ -52,7 +49,6 @@ def build_tick(robot: Robot, wire: Wire, clock: Callable[[], float], identificat
         build_fault_detector(c),
         ArmingChecks(
             drives.names,
-            drives.nodes,
             limits_of(c),
             c.period_s,
             (identification, check_parameters(robot)),
@@ -95,33 +91,6 @@ def check_parameters(robot: Robot) -> Check:
     return Check(name="parameters", passed=not missing, text=text)
 
 
-def build_boot(
-    robot: Robot,
-    wire: Wire,
-    ring: FrameRing | None = None,
-    setups: Sequence[DriveSetup] | None = None,
-) -> DriveBoot:
-    """Boot-up of the drives over the wire of an open bus. `ring` keeps its frames; `setups` are
-    built from the robot's files unless given. Raises ConfigurationError."""
-    c = robot.configuration
-    setups = build_setups(robot) if setups is None else setups
-    return DriveBoot(wire, setups, c.period_ms, c.bus.master_node, ring)
-
-
-def build_setups(robot: Robot) -> list[DriveSetup]:
-    """Set-up that each drive must have before it may be operational. Raises ConfigurationError."""
-    c = robot.configuration
-    sheets = {
-        name: load_data_sheet(robot.folder / profile.eds) for name, profile in c.drives.items()
-    }
-    return [
-        DriveSetup(
-            drive, sheets[drive.wiring.profile], joint.limits.velocity, joint.limits.quick_stop
-        )
-        for drive, joint in zip(c.joint_drives, c.joints, strict=True)
-    ]
-
-
 def build_estimator(c: Configuration, model: Model) -> Estimator:
     """Estimator: the whole chain from samples to contact."""
     return Estimator(
@@ -162,7 +131,8 @@ def build_transmission(c: Configuration) -> Transmission:
 def build_fault_detector(c: Configuration) -> FaultDetector:
     """Detector of faults, with the bounds and the patience that the configuration gives it."""
     s = c.supervisor
-    patience = DetectorSettings(s.stale_ticks, s.overrun_ticks, patience_deaf(c.period_s))
+    deaf_ticks = patience_deaf(c.period_s)
+    patience = DetectorSettings(c.period_s, s.stale_ticks, s.overrun_ticks, deaf_ticks)
     bounds = PlausibilitySettings(
         lower=row(c, lambda j: j.limits.lower),
         upper=row(c, lambda j: j.limits.upper),
@@ -180,9 +150,8 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         current=bounds.current,
         lag_s=c.control.drive_lag_ms / 1000.0,
     )
-    joints = {drive.node: drive.name for drive in c.joint_drives}
     return FaultDetector(
-        joints,
+        c.joint_names,
         patience,
         Plausibility(c.joint_names, bounds),
         Following(following, c.period_s),

@@ -17,8 +17,7 @@ from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Tick
-from drivers.cia402 import reached
-from drivers.drives import Drives
+from drivers.api import BootableDrives
 
 # Time for the drives to reach their final state [s].
 PATIENCE_S = 1.0
@@ -60,14 +59,14 @@ def _stragglers(tick: Tick) -> list[str]:
     last = tick.last
     if last is None or last.decision is None:
         return []
-    joints = zip(last.samples.states, last.decision.power, last.samples.fresh, strict=True)
-    wrong = np.flatnonzero([not (fresh and reached(state, on)) for state, on, fresh in joints])
+    joints = zip(last.samples.drives, last.decision.power, last.samples.fresh, strict=True)
+    wrong = np.flatnonzero([not (fresh and d.condition.reached(on)) for d, on, fresh in joints])
     return [tick.drives.names[i] for i in wrong]
 
 
 @contextmanager
 def stop_on_error(
-    drives: Drives, period_s: float, sleep: Callable[[float], None] = time.sleep
+    drives: BootableDrives, period_s: float, sleep: Callable[[float], None] = time.sleep
 ) -> Iterator[None]:
     """Quick stop of all drives on any exception of the block. Its traceback is logged, and
     ProgramError is raised from it. From then on the drives hold by themselves."""

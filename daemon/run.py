@@ -4,7 +4,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,14 +16,20 @@ from common import compiled
 from common.errors import BusError, ContactdError, DriveError
 from contactd_client.paths import default_socket_path
 from daemon.assembly import (
-    build_boot,
     build_estimator,
-    build_setups,
     build_tick,
     check_identification,
 )
 from daemon.config.files import Files
 from daemon.config.load import Robot
+from daemon.drives import (
+    Setups,
+    build_boot,
+    build_drives,
+    build_setups,
+    frames_per_second,
+    open_wire,
+)
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Grant
@@ -38,11 +44,7 @@ from daemon.service.status import Process, context_of
 from daemon.service.trend_line import TrendLine
 from daemon.tick.loop import Clock, Loop
 from daemon.tick.tick import Tick
-from drivers.boot.boot_up import DriveBoot
-from drivers.boot.required_objects import DriveSetup
-from drivers.can.bus import open_bus
-from drivers.can.bus_load import frame_rate_hz
-from drivers.can.frame_ring import RecordedWire
+from drivers.api import BootableDrives
 
 _log = logging.getLogger("contactd")
 
@@ -53,7 +55,7 @@ class Basis:
     `not_taken_up` is the reason why newer files are not in use."""
 
     robot: Robot
-    setups: Sequence[DriveSetup]
+    setups: Setups
     files: Files
     not_taken_up: str = ""
 
@@ -72,7 +74,7 @@ class _Arm:
     """One arm, its drives set up, ready for the loop."""
 
     basis: Basis
-    boot: DriveBoot
+    drives: BootableDrives
     tick: Tick
     loop: Loop
     service: Service
@@ -127,28 +129,25 @@ def _not_taken_up(basis: Basis, error: ContactdError) -> Basis:
 def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: Notifier) -> _Arm:
     """Open the bus, set the drives up, and build everything; `opened` closes it."""
     robot, c = basis.robot, basis.robot.configuration
-    bus = open_bus(c.bus)
-    opened.callback(bus.python_can.shutdown)
+    wire = open_wire(robot, opened)
     # Both processes start before this one is real-time.
     black_box = opened.enter_context(_black_box(robot, control))
     trends = opened.enter_context(closing(TrendLine(robot, _trends_of(robot))))
-    boot = build_boot(robot, bus.wire, black_box.ring, basis.setups)
+    boot = build_boot(robot, wire, black_box.ring, basis.setups)
+    drives = build_drives(robot, boot, wire, time.monotonic)
 
     def progress(line: str) -> None:
         _log.info(line)
         notifier.status(f"starting: {line}")
 
-    boot.boot_up(progress)
-    serials = [identity.serial for identity in boot.identities]
-    identification = check_identification(robot, serials)
-    ring = black_box.ring
-    wire = RecordedWire(bus.wire, ring) if ring else bus.wire
-    tick = build_tick(robot, wire, time.monotonic, identification)
+    drives.boot_up(progress)
+    serials = drives.serials
+    tick = build_tick(robot, drives, check_identification(robot, serials))
     _warm_up(robot)
     process = Process(robot, os.getpid(), _realtime(), serials, basis.not_taken_up, basis.files)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
-    service = Service(process, loop, control, notifier, boot, black_box, trends)
-    return _Arm(basis, boot, tick, loop, service, black_box)
+    service = Service(process, loop, control, notifier, drives, black_box, trends)
+    return _Arm(basis, drives, tick, loop, service, black_box)
 
 
 def _realtime() -> list[Grant]:
@@ -170,11 +169,11 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     if signals.received:
         return False
     # From the first heartbeat on, the drives expect the next.
-    tick.drives.start(0.0)
+    arm.drives.start(0.0)
     _log.info("%s: ready, off, at %s", c.name, control.path)
     notifier.ready(service.summary())
     arm.black_box.begin()
-    with stop_on_error(tick.drives, c.period_s):
+    with stop_on_error(arm.drives, c.period_s):
         loop.run(service.doors, lambda: not (signals.received or tick.fatal or service.reloading))
         why = signals.received or str(tick.fatal or "reload")
         service.ending = True
@@ -191,8 +190,8 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     if tick.fatal:
         raise BusError(f"{tick.fatal}; the drives stop by themselves")
     if not stragglers and tick.controller.machine.mode is Mode.OFF:
-        _let_go(arm.boot, again=anew)
-    tick.drives.end()
+        _let_go(arm.drives, again=anew)
+    arm.drives.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
     _log.info("ended: %s", _ending(robot))
@@ -200,11 +199,11 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     return anew and not signals.received
 
 
-def _let_go(boot: DriveBoot, *, again: bool) -> None:
+def _let_go(drives: BootableDrives, *, again: bool) -> None:
     """Release the drives from watching our heartbeat, as the arm is at rest for good. A failure is
     only logged if they will be set up `again`, which tries it more than once."""
     try:
-        boot.let_go()
+        drives.let_go()
     except DriveError as error:
         if not again:
             raise
@@ -212,8 +211,7 @@ def _let_go(boot: DriveBoot, *, again: bool) -> None:
 
 
 def _black_box(robot: Robot, control: ControlSocket) -> BlackBox:
-    c = robot.configuration
-    rate_hz = frame_rate_hz(c.joint_drives, c.period_s)
+    rate_hz = frames_per_second(robot.configuration)
     snapshot = msgspec.json.encode(context_of(robot))
     return BlackBox(ring_path(control.path), default_directory(), rate_hz, snapshot)
 

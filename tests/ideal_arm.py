@@ -16,8 +16,11 @@ from daemon.motion.path import Follower, Place, Sinusoids
 from daemon.motion.release import ReleaseSettings
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
+from drivers.api import DriveCondition, DriveStatus
 
 T = 0.01
+ON = DriveStatus(DriveCondition.OPERATING, "on", "on", supplied=True, following=True)
+OFF = DriveStatus(DriveCondition.OFF, "off", "off, as it reports", True, following=False)
 AMPLITUDE, FREQUENCY = 0.3, 0.2  # of joint a; b holds
 TUNING = ControllerSettings(
     joints=("a", "b"),
@@ -72,9 +75,8 @@ class IdealArm:
         """One tick."""
         before = self.decisions[-1].velocity if self.decisions else np.zeros(2)
         # Its drives come on with the mode, and go off with it.
-        on = (self.mode in ENERGISED,) * 2
-        words = (0x0237 if all(on) else 0x0250,) * 2
-        calm = ControlInput(self.q.copy(), before, np.zeros(2), np.zeros(2), "", "", on, words, ())
+        drives = (ON if self.mode in ENERGISED else OFF,) * 2
+        calm = ControlInput(self.q.copy(), before, np.zeros(2), np.zeros(2), "", "", drives, ())
         decision = self.controller.step(self.time_s, T, replace(calm, **seen))
         self.q = self.q + decision.velocity * T
         self.tick += 1

@@ -15,23 +15,17 @@ from numpy.typing import NDArray
 from bench.rigs.arm_without_bus import Harness, Subject
 from bench.rigs.lockstep import TRUSTED, WALL_S
 from common.arrays import Vector
-from daemon.assembly import (
-    build_controller,
-    build_estimator,
-    build_fault_detector,
-    check_parameters,
-)
+from daemon.assembly import build_tick
 from daemon.config.load import Robot
-from daemon.config.motion import limits_of, row
 from daemon.modes.table import Event, Mode
-from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.telemetry import Wakeup
-from daemon.tick.tick import Tick
-from drivers.answers import Samples
-from drivers.cia402 import DriveState, PowerTarget
+from drivers.api import DriveCondition, DriveStatus, Objection, PowerTarget, Samples
 from estimator.estimate import Estimate
 
-_OFF, _ENABLED = 0x0250, 0x0237  # statuswords
+_OFF = DriveStatus(DriveCondition.OFF, "switch on disabled", "off", supplied=True, following=False)
+_ENABLED = DriveStatus(
+    DriveCondition.OPERATING, "operation enabled", "on", supplied=True, following=False
+)
 
 
 class IdealDrives:
@@ -40,15 +34,15 @@ class IdealDrives:
 
     silenced = False
 
-    def __init__(self, harness: Harness, names: Sequence[str]) -> None:
-        self.names, self.nodes = tuple(names), tuple(range(1, len(names) + 1))
+    def __init__(self, harness: Harness, names: Sequence[str], period_s: float) -> None:
+        self.names = tuple(names)
         self.external: Vector = np.zeros(len(names))
         """Torque on the links over the next period (n,) [Nm]."""
         self.lost: NDArray[np.bool_] = np.zeros(len(names), dtype=np.bool_)
         """Joints whose samples of the next tick do not arrive (n,)."""
         self._harness = harness
         self._last = harness.sample()
-        self._age = np.zeros(len(names), dtype=np.int64)
+        self._period_s, self._age = period_s, np.zeros(len(names), dtype=np.int64)
         self._never = np.zeros(len(names), dtype=np.bool_)
         self._enabled = False
 
@@ -66,17 +60,15 @@ class IdealDrives:
         self._last = measured
         self._age = np.where(fresh, 0, self._age + 1)
         current, position, velocity, motor = measured
-        state = DriveState.OPERATION_ENABLED if self._enabled else DriveState.SWITCH_ON_DISABLED
         return Samples(
             current=current,
             link_position=position,
             motor_velocity=velocity,
             motor_position=motor,
             fresh=fresh,
-            age_ticks=self._age,
+            age_s=np.multiply(self._age, self._period_s),
             starting=self._never,
-            states=(state,) * len(self.names),
-            statuswords=(_ENABLED if self._enabled else _OFF,) * len(self.names),
+            drives=(_ENABLED if self._enabled else _OFF,) * len(self.names),
         )
 
     def command(
@@ -84,7 +76,6 @@ class IdealDrives:
         power: PowerTarget | Sequence[PowerTarget],
         velocity: Vector,
         reset: bool = False,
-        *,
         ask: bool = False,
     ) -> None:
         """Follow these target velocities (n,) [rad/s] from the next SYNC on."""
@@ -98,19 +89,7 @@ class IdealDrives:
         """None."""
         return ()
 
-    def silent(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    def restarted(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    def doubted(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    def no_sdo(self) -> tuple[str, ...]:
+    def objections(self) -> tuple[Objection, ...]:
         """None."""
         return ()
 
@@ -125,22 +104,8 @@ class ArmInTheLoop:
         self.harness = Harness(subject)
         self.harness.plant.place(start)
         self.harness.energise()
-        self.drives = IdealDrives(self.harness, c.joint_names)
-        self.tick = Tick(
-            self.drives,  # type: ignore[arg-type]
-            build_estimator(c, robot.model),
-            build_controller(robot, links_trusted=True),
-            build_fault_detector(c),
-            ArmingChecks(
-                self.drives.names,
-                self.drives.nodes,
-                limits_of(c),
-                c.period_s,
-                (TRUSTED, check_parameters(robot)),
-                row(c, lambda j: j.thresholds.contact),
-            ),
-            c.period_s,
-        )
+        self.drives = IdealDrives(self.harness, c.joint_names, c.period_s)
+        self.tick = build_tick(robot, self.drives, TRUSTED)
         self.ticks = 0
 
     @property

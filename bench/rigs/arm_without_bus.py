@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
 from daemon.config.load import Robot
-from drivers.codec import MEASURED, SetpointEncoder, link_side
+from drivers.canopen.codec import MEASURED, SetpointEncoder, link_side
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import SimulationSettings
 from simulator.mismatch import PlantParameters, true_parameters

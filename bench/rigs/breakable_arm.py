@@ -18,10 +18,10 @@ from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import ON_TIME, Wakeup
 from drivers.can.wire import Wire
-from drivers.cia402 import FAULT_STATES, QUICK_STOP
-from drivers.codec import receive_pdos
-from drivers.drive import Drive
-from drivers.ids import EMERGENCY, SYNC
+from drivers.canopen.cia402 import QUICK_STOP
+from drivers.canopen.codec import receive_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.ids import EMERGENCY, SYNC
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
 from simulator.state_machine import State
@@ -139,9 +139,7 @@ class BreakableArm:
         self.rig.request(event)
         for _ in range(100):
             self.tick()
-            faulty = [
-                state for state in self.rig.tick.drives.samples.states if state in FAULT_STATES
-            ]
+            faulty = any(drive.condition.in_fault for drive in self.rig.drives.samples.drives)
             if self.rig.mode is mode and not faulty:
                 return
         raise AssertionError(f"{self.rig.mode}: {self.rig.tick.controller.machine.cause}")
@@ -163,9 +161,9 @@ class BreakableArm:
     def stops(self) -> bool:
         """True if the last tick told every drive to stop that is set up, and none to move (others
         are told by SDO); or if nothing but silence is left."""
-        if self.rig.tick.drives.silenced:
+        if self.rig.drives.silenced:
             return True
-        setpoints, drives = self.setpoints(), self.rig.tick.drives
+        setpoints, drives = self.setpoints(), self.rig.drives
         by_sdo = {
             node
             for name, node in zip(drives.names, drives.nodes, strict=True)

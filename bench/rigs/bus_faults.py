@@ -8,12 +8,13 @@ import can
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
 from bench.rigs.drive_faults import emergency
-from drivers.can.bus_load import bus_load
-from drivers.codec import receive_pdos, transmit_pdos
-from drivers.drive import Drive
-from drivers.drives import FRAMES_PER_PASS
-from drivers.events import MASTER_SILENT, OldAnswers
-from drivers.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
+from drivers.api import Kind
+from drivers.canopen.bus_load import bus_load
+from drivers.canopen.codec import receive_pdos, transmit_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.emergency_codes import MASTER_SILENT
+from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
+from drivers.canopen.inbox import FRAMES_PER_PASS
 
 SHORTEST_FRAME = 111
 """Bits of a frame with eight bytes and no stuff bit, and of the gap to the next."""
@@ -68,12 +69,12 @@ def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
 
 def answers_a_period_late(on: BreakableArm) -> Iterator[None]:
     """Each answer comes while that to the next SYNC is awaited; at last they are in time again."""
-    on.rig.tick.drives.start(on.rig.time_s, [])  # no SYNC was left out lately
-    old = on.rig.tick.drives.samples
+    on.rig.drives.start(on.rig.time_s, [])  # no SYNC was left out lately
+    old = on.rig.drives.samples
     with on.delaying(*_answers(on.drive)):
-        while not any(isinstance(event, OldAnswers) for event in old.events):
+        while not any(event.kind is Kind.OLD_SAMPLES for event in old.events):
             yield
-            old = on.rig.tick.drives.samples
+            old = on.rig.drives.samples
         yield from repeat(None, 10)
     yield from repeat(None, 110)
 

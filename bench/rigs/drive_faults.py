@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from bench.rigs import foreign_tool
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
-from daemon.faults.supply import VOLTAGE_ENABLED
-from drivers.codec import transmit_pdos
-from drivers.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
+from drivers.canopen.cia402 import VOLTAGE_ENABLED
+from drivers.canopen.codec import transmit_pdos
+from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
 from simulator.state_machine import Trigger
 
 OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}

@@ -17,11 +17,12 @@ from bench.rigs.durand_drive import DurandDrive
 from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED, Rig
 from common.arrays import Vector
-from daemon.assembly import build_boot, build_tick
+from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from drivers.boot.data_sheet import load_data_sheet
+from daemon.drives import build_boot, build_drives
 from drivers.can.wire import Wire
+from drivers.canopen.boot.data_sheet import load_data_sheet
 from simulator.arm import SimulatedArm
 from simulator.lockstep import Lockstep
 from simulator.sensors import Readings
@@ -157,16 +158,17 @@ def durand_rig(
         with drive.serving():
             boot.boot_up()
         bus.hand_over()
-        tick = build_tick(robot, between(bus.wire), lambda: 0.0, TRUSTED)
-        tick.drives.start(0.0)
+        drives = build_drives(robot, boot, between(bus.wire), lambda: 0.0)
+        tick = build_tick(robot, drives, TRUSTED)
+        drives.start(0.0)
         arm = DurandArm(drive, c.period_s)
         arm.pump()
         yield Rig(
             robot,
+            drives,
             tick,
             cast(SimulatedArm, arm),
             cast(Lockstep, arm),
             bus,
-            boot,
-            lambda _: (boot, tick),
+            lambda _: (drives, tick),
         )

@@ -3,9 +3,9 @@
 import struct
 from typing import Final
 
-from drivers.codec import receive_pdos
-from drivers.drive import Drive
-from drivers.ids import SYNC
+from drivers.canopen.codec import receive_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.ids import SYNC
 
 #: Command specifiers of an expedited download of so many bytes (CiA 301).
 _SPECIFIERS: Final = {1: 0x2F, 2: 0x2B, 4: 0x23}

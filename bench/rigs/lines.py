@@ -24,9 +24,9 @@ from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.line_ends import MARK, READ_SIZE, AwaitedWire, InterfaceEnd, PatientWire, TextEnd
 from drivers.can.bus import open_bus
+from drivers.can.settings import BusSettings
 from drivers.can.virtual import open_end
 from drivers.can.wire import OpenBus, Wire
-from drivers.settings import BusSettings
 from simulator.socketcand import HELLO, Conversation, frame_line
 
 _SLCAN = re.compile(rb"t([0-9A-Fa-f]{3})[0-8]((?:[0-9A-Fa-f]{2})*)\r")

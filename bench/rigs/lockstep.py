@@ -10,9 +10,10 @@ import msgspec
 
 from bench.rigs.lines import Line, OpenLine, virtual_line
 from common.errors import DriveError
-from daemon.assembly import build_boot, build_tick
+from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
+from daemon.drives import build_boot, build_drives
 from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Check, State
 from daemon.service.set_up import SetUp
@@ -20,9 +21,10 @@ from daemon.tick.decision import Decision
 from daemon.tick.loop import Clock
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of
 from daemon.tick.tick import Tick
-from drivers.answers import Samples
-from drivers.boot.boot_up import DriveBoot
+from drivers.api import Samples
 from drivers.can.wire import Wire
+from drivers.canopen.arm import CanopenArm
+from drivers.canopen.boot.boot_up import DriveBoot
 from estimator.estimate import Estimate
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.arm import SimulatedArm
@@ -47,12 +49,12 @@ class Rig:
     """Both ends of the bus; `step` moves them on by one period."""
 
     robot: Robot
+    drives: CanopenArm
     tick: Tick
     arm: SimulatedArm
     lockstep: Lockstep
     line: Line
-    boot: DriveBoot
-    build: Callable[[Robot], tuple[DriveBoot, Tick]]
+    build: Callable[[Robot], tuple[CanopenArm, Tick]]
     """sets the drives up for a robot, and builds its tick"""
     ticks: int = 0
     before_s: float = 0.0
@@ -72,10 +74,10 @@ class Rig:
         """End as the daemon does, and begin anew by another robot, at the same arm. Raises
         ContactdError."""
         with self.by_sdo(), suppress(DriveError):
-            self.boot.let_go()
-        self.tick.drives.end()
+            self.drives.let_go()
+        self.drives.end()
         self.before_s, self.ticks = self.before_s + self.time_s, 0
-        self.boot, self.tick = self.build(robot)
+        self.drives, self.tick = self.build(robot)
         self.robot = robot
 
     def step(self, wall_s: float | None = None) -> None:
@@ -124,7 +126,7 @@ class Rig:
     @property
     def set_up(self) -> SetUp:
         """Set-up of the drives, as the daemon proves it for its clients."""
-        return SetUp(self.boot, self.tick, lambda: self.time_s, by_sdo=self.by_sdo)
+        return SetUp(self.drives, self.tick, lambda: self.time_s, asking=self.by_sdo)
 
     def ask(self, event: Event) -> list[str]:
         """Request an event as a client would, `enable` and `reset` with the set-up proved; returns
@@ -139,6 +141,11 @@ class Rig:
         assert not reasons, reasons
         self.run(0.6)
         assert self.mode is Mode.OFF, (self.mode, self.tick.controller.machine.cause)
+
+    @property
+    def boot(self) -> DriveBoot:
+        """Set-up of the drives by SDO."""
+        return self.drives.boot
 
     @property
     def mode(self) -> Mode:
@@ -214,19 +221,18 @@ def lockstep_rig(
         lockstep = Lockstep(arm, bus.far)
         arm.power_on()
 
-        def build(robot: Robot) -> tuple[DriveBoot, Tick]:
+        def build(robot: Robot) -> tuple[CanopenArm, Tick]:
             boot = replace(build_boot(robot, bus.near.wire), listen_s=0.0, sleep=lockstep.let_pass)
             with lockstep.serving():
                 boot.boot_up()
             bus.hand_over()
-            checked = identification(robot, [identity.serial for identity in boot.identities])
-            tick = build_tick(robot, between(bus.wire), lambda: 0.0, checked)
-            tick.drives.start(0.0)
+            drives = build_drives(robot, boot, between(bus.wire), lambda: 0.0)
+            tick = build_tick(robot, drives, identification(robot, drives.serials))
+            drives.start(0.0)
             lockstep.pump()
-            return boot, tick
+            return drives, tick
 
-        boot, tick = build(robot)
-        yield Rig(robot, tick, arm, lockstep, bus, boot, build)
+        yield Rig(robot, *build(robot), arm, lockstep, bus, build)
 
 
 def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:

@@ -8,7 +8,7 @@ import numpy as np
 
 from bench.rigs.breakable_arm import BreakableArm, for_ever
 from daemon.motion.path import Follower, Reference
-from drivers.witness import STANDS
+from drivers.canopen.witness import STANDS
 from simulator.sensors import Readings
 
 

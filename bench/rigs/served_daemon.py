@@ -29,7 +29,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.boot.sdo import ObjectAccess
+from drivers.canopen.boot.sdo import ObjectAccess
 from programs.clients.client import Client
 from programs.contactctl import contactctl
 from programs.contactd import contactd
@@ -74,8 +74,8 @@ class PatientAccess(ObjectAccess):
 def unhurried_drives() -> Iterator[None]:
     """Inside, no drive is too slow by this machine's clock: for where none is to be silent."""
     with (
-        mock.patch("drivers.boot.boot_up.ObjectAccess", PatientAccess),
-        mock.patch("drivers.boot.boot_up.STEP_TIMEOUTS", 600.0),
+        mock.patch("drivers.canopen.boot.boot_up.ObjectAccess", PatientAccess),
+        mock.patch("drivers.canopen.boot.boot_up.STEP_TIMEOUTS", 600.0),
     ):
         yield
 
@@ -202,11 +202,10 @@ def serve(
 ) -> Service:
     """The service around a rig's tick, off, with the first samples of its drives."""
     loop = Loop(rig.tick, rig.clock(), rig.robot.configuration.period_s)
-    serials = [identity.serial for identity in rig.boot.identities]
     rig.run(0.1)
-    process = Process(rig.robot, 1, [], serials, not_taken_up, files)
-    service = Service(process, loop, control, notifier, rig.boot)
-    service.set_up.by_sdo = rig.by_sdo
+    process = Process(rig.robot, 1, [], rig.drives.serials, not_taken_up, files)
+    service = Service(process, loop, control, notifier, rig.drives)
+    service.set_up.asking = rig.by_sdo
     # Here a second may pass while a client is not given a turn.
     service.attendance.silent_s = math.inf
     return service

@@ -10,7 +10,7 @@ from random import Random
 from bench.rigs.breakable_arm import BreakableArm, Fault
 from bench.rigs.faults import Case
 from daemon.faults.table import Condition
-from drivers.codec import transmit_pdos
+from drivers.canopen.codec import transmit_pdos
 
 LASTS_TICKS = 300
 

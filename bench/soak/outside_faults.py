@@ -11,8 +11,8 @@ from random import Random
 from bench.rigs import foreign_tool
 from bench.rigs.drive_faults import OTHER_MODE, OVER_TEMPERATURE
 from bench.rigs.processes import Pair
-from drivers.drive import Drive
-from drivers.ids import (
+from drivers.canopen.drive import Drive
+from drivers.canopen.ids import (
     EMERGENCY,
     ENTER_PRE_OPERATIONAL,
     NMT,

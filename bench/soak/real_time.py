@@ -31,7 +31,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.messages import State
-from drivers.drive import Drive
+from drivers.canopen.drive import Drive
 from programs.clients.client import Client
 
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings

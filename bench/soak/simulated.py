@@ -171,8 +171,8 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
-    service = Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, rig.boot)
-    service.set_up.by_sdo = rig.by_sdo
+    service = Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, rig.drives)
+    service.set_up.asking = rig.by_sdo
     return service
 
 

@@ -16,8 +16,8 @@ from typing import Final
 from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.faults import PLACES, SHOWN, Case
 from daemon.modes.table import Event, Mode
-from drivers.stop_stages import VOID_READINGS
-from drivers.witness import MOVES, STANDS
+from drivers.canopen.stop_stages import VOID_READINGS
+from drivers.canopen.witness import MOVES, STANDS
 from simulator.axis import Axis
 
 #: All pairs are tried at one place: two encoders, current, and seven joints.
@@ -135,7 +135,7 @@ class Judge:
             servo = on.rig.arm.servo
             energised, speed = servo.energised(joint), self._speed(joint)
             obey()
-            told_first = on.rig.tick.drives.stopped_in_vain(joint)
+            told_first = on.rig.drives.stopped_in_vain(joint)
             if energised and not servo.energised(joint) and speed >= MOVES and not told_first:
                 self.verdict.cut.append(f"{self._name(joint)} at {speed:.2f} rad/s")
 

@@ -24,9 +24,10 @@ import numpy as np
 from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
-from daemon.assembly import build_boot, build_tick
+from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
+from daemon.drives import build_boot, build_drives
 from daemon.modes.table import Event, Mode
 from daemon.run import sleep_until
 from daemon.service.notify import Notifier
@@ -36,7 +37,7 @@ from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Clock, Loop
 from drivers.can.virtual import QueueWire
-from drivers.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
+from drivers.canopen.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
 
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 RPDOS: Final = set(range(RPDO, RPDO + 4 * NEXT_PDO, NEXT_PDO))
@@ -181,12 +182,13 @@ def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[arg-type]  # a queue, as far as it is used
         wire = QueueWire(near)
-        tick = build_tick(robot, wire, clock.now, TRUSTED)
+        # The boot is of no use: nothing is asked of the drives.
+        arm = build_drives(robot, build_boot(robot, wire), wire, clock.now)
+        tick = build_tick(robot, arm, TRUSTED)
         realtime = go_realtime()
         process = Process(robot, os.getpid(), realtime)
         loop = Loop(tick, clock, 1.0 / hz)
-        boot = build_boot(robot, wire)  # of no use: nothing is asked of the drives
-        service = Service(process, loop, control, Notifier(), boot)
+        service = Service(process, loop, control, Notifier(), arm)
         figures: list[tuple[float, ...]] = []
         begun = time.thread_time()
 
@@ -218,7 +220,7 @@ def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]
                 "realtime": [grant.text for grant in realtime],
             }
 
-        tick.drives.start(0.0)
+        arm.start(0.0)
         standing.stop()
         yield answer
 

@@ -14,7 +14,7 @@ from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.worst_loads import Carrying
-from drivers.boot.data_sheet import load_data_sheet
+from drivers.canopen.boot.data_sheet import load_data_sheet
 from estimator.body_inertia import refuse_impossible
 from estimator.model import Model
 from estimator.payload import Payload

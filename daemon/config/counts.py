@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from daemon.config.schema import Joint, drive_of
-from drivers.codec import link_side, quantity, type_limits
-from drivers.settings import DriveProfile, PdoEntry
+from drivers.canopen.codec import link_side, quantity, type_limits
+from drivers.canopen.settings import DriveProfile, PdoEntry
 
 #: Largest step of a setpoint, as a share of the velocity limit; a coarser one is a wrong scale.
 COARSEST = 0.25

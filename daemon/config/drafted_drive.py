@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from common.errors import ConfigurationError
 from daemon.config.yaml_source import quoted
-from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object, type_name
-from drivers.codec import STRUCT_CODES, WORDS
+from drivers.canopen.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object, type_name
+from drivers.canopen.codec import STRUCT_CODES, WORDS
 
 TURN = 2.0 * math.pi
 RPM = TURN / 60.0

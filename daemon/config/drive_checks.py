@@ -8,11 +8,11 @@ from common.errors import ConfigurationError
 from daemon.config.counts import unrepresentable
 from daemon.config.problem import Keys, Problem, at
 from daemon.config.schema import Configuration, Joint, drive_of
-from drivers.boot.data_sheet import load_data_sheet
-from drivers.boot.required_objects import DriveSetup, Place, problems
-from drivers.can.bus_load import refuse_overload
-from drivers.codec import LayoutError
-from drivers.settings import PdoEntry
+from drivers.canopen.boot.data_sheet import load_data_sheet
+from drivers.canopen.boot.required_objects import DriveSetup, Place, problems
+from drivers.canopen.bus_load import refuse_overload
+from drivers.canopen.codec import LayoutError
+from drivers.canopen.settings import PdoEntry
 
 
 def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:

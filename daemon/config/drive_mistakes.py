@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from daemon.config.problem import Keys, Problem, agree, figure
 from daemon.config.schema import Configuration
-from drivers.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object
-from drivers.codec import quantity
-from drivers.settings import DriveProfile, Quantity
+from drivers.canopen.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object
+from drivers.canopen.codec import quantity
+from drivers.canopen.settings import DriveProfile, Quantity
 
 TURN = 2.0 * math.pi
 DEGREE = TURN / 360.0

@@ -16,15 +16,9 @@ from msgspec import Meta
 from common.errors import ConfigurationError
 from daemon.config.marks import Dependence
 from daemon.config.problem import Keys
-from daemon.config.schema import (
-    Configuration,
-    Friction,
-    GapSpring,
-    Joint,
-    Levels,
-    PayloadEntry,
-)
-from drivers.settings import Harmonic, JointWiring, Name, Settings, Sign
+from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, PayloadEntry
+from drivers.canopen.settings import Harmonic, JointWiring
+from drivers.settings import Name, Settings, Sign
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
 from estimator.thresholds import LEAST_SHARE

@@ -14,9 +14,9 @@ from collections.abc import Iterator, Mapping
 from daemon.config.drive_mistakes import DEGREE, TURN, drive_mistakes
 from daemon.config.problem import Problem, agree, at, figure
 from daemon.config.schema import Configuration, Joint
-from drivers.boot.data_sheet import DataSheet
-from drivers.codec import quantity
-from drivers.settings import DriveProfile
+from drivers.canopen.boot.data_sheet import DataSheet
+from drivers.canopen.codec import quantity
+from drivers.canopen.settings import DriveProfile
 from estimator.urdf import JointRange, MovedLink, joint_ranges, moved_links
 
 FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: highest speed of small motors with gears

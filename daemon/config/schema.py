@@ -7,8 +7,10 @@ from msgspec import Meta
 
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.protocol.bounds import MAX_GAIN
-from drivers.drive import Drive
-from drivers.settings import BusSettings, DriveProfile, JointWiring, Name, Settings
+from drivers.can.settings import BusSettings
+from drivers.canopen.drive import Drive
+from drivers.canopen.settings import DriveProfile, JointWiring
+from drivers.settings import Name, Settings
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
 from estimator.settings import EstimatorSettings

@@ -5,9 +5,9 @@ from typing import Final
 
 from daemon.config.schema import Configuration
 from daemon.faults.following import LATENCY_TICKS, TICKS
-from drivers.heartbeat_watch import HEARTBEATS_MISSED
-from drivers.stop_stages import Travel, worst_travel
-from drivers.witness import FROZEN_READINGS
+from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED
+from drivers.canopen.stop_travel import Travel, worst_travel
+from drivers.canopen.witness import FROZEN_READINGS
 
 #: Of what is counted in samples, the first is the one with which the fault begins; the next SYNC
 #: brings it.
@@ -29,6 +29,7 @@ def noticing_ticks(c: Configuration) -> int:
 
 def travels(c: Configuration) -> list[Travel]:
     """Travel of each joint."""
+    noticing_s = noticing_ticks(c) * c.period_s
     return worst_travel(
-        c.joint_drives, c.period_s, noticing_ticks(c), speed_margin=c.supervisor.speed_margin
+        c.joint_drives, c.period_s, noticing_s, speed_margin=c.supervisor.speed_margin
     )

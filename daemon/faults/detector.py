@@ -1,6 +1,6 @@
 """Fault detector: from the samples and the estimate of one tick to its findings. No I/O."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,17 +14,7 @@ from daemon.faults.plausibility import Plausibility
 from daemon.faults.supply import Supply
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import SENSING, Mode
-from drivers.answers import Samples
-from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import (
-    MASTER_SILENT,
-    BusEvent,
-    BusLoaded,
-    BusTrouble,
-    Emergency,
-    LateAnswer,
-    described,
-)
+from drivers.api import DriveCondition, DriveStatus, Event, Kind, Samples
 
 CONDITION_OF = {row.source: condition for condition, row in TABLE.items() if row.source}
 # A loaded bus may be their cause, and is then reported with them.
@@ -39,8 +29,6 @@ OF_LOAD = frozenset(
         Condition.ABSENT,
     }
 )
-# These may be over at once: they become a fault after some ticks.
-DISTURBANCES = (BusTrouble, LateAnswer)
 # A late machine excuses stale samples for this many times `stale_ticks`; a drive whose samples are
 # missing in most ticks counts as stale after as many.
 STARVED_FACTOR = 3
@@ -62,8 +50,9 @@ def patience_deaf(period_s: float) -> int:
 
 @dataclass(frozen=True, slots=True)
 class DetectorSettings:
-    """Ticks for which a disturbance is tolerated before it becomes a fault."""
+    """Ticks for which a disturbance is tolerated before it becomes a fault, and their period."""
 
+    period_s: float
     stale_ticks: int
     overrun_ticks: int
     # Ticks with a joint that senses nothing, less half of those with none, until the arm holds.
@@ -75,14 +64,14 @@ class FaultDetector:
 
     def __init__(
         self,
-        joints: Mapping[int, str],
+        joints: Sequence[str],
         settings: DetectorSettings,
         plausibility: Plausibility,
         following: Following,
         ignored: IgnoredSetpoints,
     ) -> None:
-        """joints: by node, in the order of the arm."""
-        self._joints, self._names = dict(joints), tuple(joints.values())
+        """joints: names in the order of the arm."""
+        self._names = tuple(joints)
         self._settings = settings
         self._plausibility, self._following = plausibility, following
         self._ignored = ignored
@@ -95,7 +84,8 @@ class FaultDetector:
         self._load = ""  # description of the bus load if it is too high
         self._supply = Supply(len(joints))
         self._mode = Mode.OFF
-        self._enabled = (DriveState.OPERATION_ENABLED,) * len(joints)
+        self._drives: tuple[DriveStatus, ...] = ()  # of the tick before
+        self._operating = False  # all of them
 
     def findings(
         self,
@@ -148,8 +138,11 @@ class FaultDetector:
             np.maximum(self._missing - 1, 0, out=self._missing)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)
-        self._supply.step(samples.states, samples.statuswords, samples.fresh)
-        if samples.states != self._enabled:
+        self._supply.step(samples.drives, samples.fresh)
+        if samples.drives is not self._drives:
+            self._drives = samples.drives
+            self._operating = all(map(_operates, samples.drives))
+        if not self._operating:
             found += self._of_drives(samples, mode)
         elif self._supply.doubted:
             found += self._of_supply(mode)
@@ -159,39 +152,42 @@ class FaultDetector:
             found += self._of_values(samples, mode, residual, gaps)
         return tuple(found)
 
-    def _of_events(self, events: Sequence[BusEvent]) -> Iterator[Finding]:
-        disturbances = [event for event in events if isinstance(event, DISTURBANCES)]
+    def _of_events(self, events: Sequence[Event]) -> Iterator[Finding]:
+        # These may be over at once: they become a fault after some ticks.
+        disturbances = [event for event in events if event.kind is Kind.DISTURBED]
         patience = self._settings.stale_ticks
         if disturbances:
             self._disturbed = min(self._disturbed + 1.0, patience)
         else:
             self._disturbed = max(self._disturbed - LEAK, 0.0)
         for event in events:
-            if isinstance(event, BusLoaded):
-                self._load = str(event)
+            if event.kind is Kind.LOADED:
+                self._load = event.text
                 yield Finding(Condition.BUS_LOADED, figures=self._load)
         for event in events:
-            if condition := _condition_of(event):
-                yield self._found(condition, described(event, self._joints))
+            # A load is part of other findings.
+            if event.kind is not Kind.LOADED and (condition := CONDITION_OF.get(event.kind)):
+                yield self._found(condition, event.text)
         if disturbances:
             lasts = self._disturbed >= patience
             condition = Condition.BUS_TROUBLE if lasts else Condition.BUS_DISTURBED
-            yield self._found(condition, described(disturbances[0], self._joints))
+            yield self._found(condition, disturbances[0].text)
 
     def _found(self, condition: Condition, text: str) -> Finding:
         """A finding, with the load of the bus beside it where that may be its cause."""
         return Finding(condition, text, self._load if condition in OF_LOAD else "")
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
-        ticks = self._settings.stale_ticks
+        ticks, period_s = self._settings.stale_ticks, self._settings.period_s
         longest = STARVED_FACTOR * ticks
+        stale_s, longest_s = (ticks - 0.5) * period_s, (longest - 0.5) * period_s
         awaited = ~(samples.fresh | samples.starting)
         self._missing += np.where(awaited, 1, -1)
         np.clip(self._missing, 0, longest, out=self._missing)
         often = self._missing >= longest
-        stale = awaited & (samples.age_ticks >= ticks)
+        stale = awaited & (samples.age_s > stale_s)
         if stale.any():
-            starved = self._since_late < ticks and samples.age_ticks[stale].max() < longest
+            starved = self._since_late < ticks and samples.age_s[stale].max() < longest_s
             text = f"nothing from {self._named(stale)} for {ticks} ticks"
             yield self._found(Condition.STARVED if starved else Condition.STALE, text)
         elif often.any():
@@ -217,19 +213,18 @@ class FaultDetector:
     def _of_drives(self, samples: Samples, mode: Mode) -> Iterator[Finding]:
         energised = mode in SENSING
         yield from self._of_supply(mode)
-        for i, (name, state) in enumerate(zip(self._names, samples.states, strict=True)):
-            if state is DriveState.OPERATION_ENABLED:
+        for i, (name, drive) in enumerate(zip(self._names, samples.drives, strict=True)):
+            if _operates(drive):
                 continue
             unsupplied = self._supply.missing(i)
-            if state in FAULT_STATES:
+            if drive.condition.in_fault:
                 yield Finding(Condition.DRIVE_FAULT, f"{name}{', without supply' * unsupplied}")
             elif energised:
-                words = state.name.lower().replace("_", " ")
                 dropped = Condition.SUPPLY_LOST if unsupplied else Condition.DRIVE_DROPPED
-                yield Finding(dropped, f"{name} is in {words}")
+                yield Finding(dropped, f"{name} is in {drive.state}")
 
     def _of_supply(self, mode: Mode) -> Iterator[Finding]:
-        """Drives that report operation enabled, but have no voltage."""
+        """Drives that report operation, but have no voltage."""
         for i, name in enumerate(self._names) if mode in SENSING else ():
             if self._supply.lost(i):
                 yield Finding(Condition.SUPPLY_LOST, name)
@@ -263,19 +258,9 @@ class FaultDetector:
             ):
                 figures = self._following.figures(joint)
                 yield Finding(Condition.NOT_FOLLOWING, self._names[joint], figures)
-            for joint in self._ignored.joints(
-                samples.states, samples.statuswords, samples.current, samples.fresh
-            ):
+            for joint in self._ignored.joints(samples.drives, samples.current, samples.fresh):
                 yield Finding(Condition.IGNORES_SETPOINT, self._names[joint])
 
 
-def _condition_of(event: BusEvent) -> Condition | None:
-    """Condition that an event means, whatever else holds; None where it is only counted."""
-    if isinstance(event, BusLoaded):
-        return None  # it is part of other findings
-    if isinstance(event, Emergency):
-        if event.code == 0:  # an earlier one is over
-            return None
-        if event.code == MASTER_SILENT:
-            return Condition.UNHEARD
-    return CONDITION_OF.get(type(event))
+def _operates(drive: DriveStatus) -> bool:
+    return drive.condition is DriveCondition.OPERATING

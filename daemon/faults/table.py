@@ -15,7 +15,7 @@ from enum import IntEnum, StrEnum
 from typing import Final
 
 from daemon.modes.table import Event
-from drivers import events
+from drivers.api import Kind
 
 
 class Response(IntEnum):
@@ -85,7 +85,7 @@ class Row:
     when: str  # how it is detected
     why: str  # reason for this response
     advice: str  # advice for a person at the arm
-    source: type[events.BusEvent] | None = None  # event that always means this condition
+    source: Kind | None = None  # event that always means this condition
 
 
 _C, _R = Condition, Response
@@ -138,7 +138,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "make the drive, or the adapter, answer within 0.6 of the period: a shorter queue or "
         "latency (slcan, socketcand over a network), fewer TPDOs, a longer `period_ms`; then "
         "`contactctl arm`",
-        source=events.OldAnswers,
+        source=Kind.OLD_SAMPLES,
     ),
     _C.HEARTBEAT_LOST: Row(
         _R.QUICK_STOP,
@@ -146,7 +146,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "nothing received from a drive for three of its heartbeats",
         "its program, supply or cable has failed",
         "check supply and CAN cable of the drive, then `contactctl reset`, which sets it up again",
-        source=events.HeartbeatLost,
+        source=Kind.SILENT,
     ),
     _C.UNHEARD: Row(
         _R.QUICK_STOP,
@@ -157,6 +157,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "if a bus load is shown, find who sends those frames, and switch it off; else check CAN "
         "cable and termination of the named drive, and `real time` in `contactctl status`; then "
         "`contactctl reset`",
+        source=Kind.UNHEARD,
     ),
     _C.EMERGENCY: Row(
         _R.QUICK_STOP,
@@ -166,7 +167,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "was read back, as they concern earlier frames",
         "the drive may be about to fail",
         "look up the code in the drive's manual, remove the cause, then `contactctl reset`",
-        source=events.Emergency,
+        source=Kind.ERROR,
     ),
     _C.DRIVE_FAULT: Row(
         _R.QUICK_STOP,
@@ -182,7 +183,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "a drive that should run is not in operation enabled, or not operational",
         "something else switched it, such as an emergency stop",
         "release the emergency stop, or close the tool that switched it, then `contactctl reset`",
-        source=events.NotOperational,
+        source=Kind.DROPPED,
     ),
     _C.SUPPLY_LOST: Row(
         _R.QUICK_STOP,
@@ -223,7 +224,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "that reports a stop, but moves beyond its travel, loses its power",
         "keep away from the arm, and press the emergency stop if it moves; check supply and CAN "
         "cable of the drive, close other tools on the bus, then `contactctl reset`",
-        source=events.NotSeenToStop,
+        source=Kind.NOT_SEEN_TO_STOP,
     ),
     _C.UNPROVED: Row(
         _R.QUICK_STOP,
@@ -236,7 +237,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "`contactctl reset`, which sets up all drives again. Before a drive that went on moving "
         "moves an arm again, test on the bench that it stops without its master: docs/porting.md, "
         "step 9",
-        source=events.Unproved,
+        source=Kind.UNPROVED,
     ),
     _C.REBOOTED: Row(
         _R.QUICK_STOP,
@@ -244,7 +245,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "a boot-up message",
         "the drive lost its set-up; `reset` sets it up again",
         "find out why it restarted (supply, plug, emergency stop), then `contactctl reset`",
-        source=events.Rebooted,
+        source=Kind.RESTARTED,
     ),
     _C.FOREIGN_MASTER: Row(
         _R.QUICK_STOP,
@@ -252,7 +253,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "SYNC, NMT, a setpoint or the master's heartbeat from another sender",
         "with two masters it is unknown whose setpoints the drives follow",
         "close the other master (a maker's tool, a second daemon), then `contactctl reset`",
-        source=events.ForeignMaster,
+        source=Kind.FOREIGN_MASTER,
     ),
     _C.TWO_DRIVES: Row(
         _R.QUICK_STOP,
@@ -262,7 +263,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "their measurements cannot be distinguished, and both take the same setpoints",
         "switch one drive off, give it a node number of its own with its maker's tool, check with "
         "`contactd scan` that each answers once; then `contactctl reset`",
-        source=events.TwoDrives,
+        source=Kind.TWO_DRIVES,
     ),
     _C.BUS_LOADED: Row(
         _R.CONTINUE,
@@ -271,7 +272,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "ms, without stuff bits; their number and most frequent identifier are shown",
         "nothing is wrong while samples and heartbeats arrive; the arm stops when they do not",
         "find who sends those frames (`candump can0`), and switch it off or make it send less",
-        source=events.BusLoaded,
+        source=Kind.LOADED,
     ),
     _C.BUS_DISTURBED: Row(
         _R.CONTINUE,
@@ -295,7 +296,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "an error frame reports that the CAN controller is error-passive",
         "samples and setpoints still pass",
         "check cable, termination (120 ohm at both ends) and bitrate, then `contactctl arm`",
-        source=events.ErrorPassive,
+        source=Kind.PASSIVE,
     ),
     _C.BUS_OFF: Row(
         _R.QUICK_STOP,
@@ -304,7 +305,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "nothing is sent any more; the drives miss the heartbeat and stop by themselves",
         "look for a short circuit, missing termination or a wrong bitrate; check that the "
         "interface is up again (`ip link`); then `contactctl reset`",
-        source=events.BusOff,
+        source=Kind.OFF_BUS,
     ),
     _C.ADAPTER_GONE: Row(
         _R.FAULT_EXIT,
@@ -312,7 +313,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "the socket reports that its device or its peer is gone",
         "the bus must be opened, and the drives set up, again",
         "plug the adapter in again, or start the gateway; start contactd if systemd does not",
-        source=events.AdapterGone,
+        source=Kind.ADAPTER_GONE,
     ),
     # --- what is measured ---------------------------------------------------------------------
     _C.NOT_FINITE: Row(
@@ -321,7 +322,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "NaN or infinity in samples, estimate, reference or setpoint",
         "all results from it are arbitrary",
         "`contactctl reset`; if it recurs, report it with a recording and the black box",
-        source=events.BadSetpoint,
+        source=Kind.BAD_SETPOINT,
     ),
     _C.JUMP: Row(
         _R.QUICK_STOP,
@@ -341,7 +342,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "the joint would move blindly, and contacts would not be detected",
         "check cable and seat of the link encoder, and in `contactctl watch` that its position "
         "follows the link, then `contactctl reset`",
-        source=events.Repeats,
+        source=Kind.REPEATED_SAMPLES,
     ),
     _C.APART: Row(
         _R.QUICK_STOP,
@@ -419,7 +420,7 @@ TABLE: Final[dict[Condition, Row]] = {
         "first stopped by SDO, and has to confirm it",
         "find what held the daemon up (a debugger, a suspended computer) or blocked its bus, then "
         "`contactctl reset`",
-        source=events.Absent,
+        source=Kind.ABSENT,
     ),
     _C.PROGRAM_ERROR: Row(
         _R.FAULT_EXIT,

@@ -29,7 +29,7 @@ from daemon.service.trend_line import TrendLine
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
-from drivers.boot.boot_up import DriveBoot
+from drivers.api import BootableDrives
 
 # Keyed so that mypy reports a new command that `handle` omits.
 EVENT_OF_COMMAND: dict[
@@ -74,7 +74,7 @@ class Service:
     loop: Loop
     control: ControlSocket
     notifier: Notifier
-    boot: DriveBoot
+    drives: BootableDrives
     black_box: BlackBox | None = None
     trends: TrendLine | None = None
     ending: bool = False  # the arm is being brought to rest for good, or for newer files
@@ -90,7 +90,7 @@ class Service:
         self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
         self.permission = Permission(self.loop.tick)
         self.set_up = SetUp(
-            self.boot,
+            self.drives,
             self.loop.tick,
             lambda: self.loop.time_s,
             lambda: self.notifier.ticked(self.loop.now_s),
@@ -314,7 +314,7 @@ class Service:
         status = status_of(
             self.process,
             self.loop,
-            self.boot.identities,
+            self.drives.identities,
             permit,
             len(self.control.readers),
             attended=self.attendance.attended,

@@ -15,7 +15,7 @@ from common.errors import ContactdError
 from daemon.modes.table import Event
 from daemon.motion.path import JointPath
 from daemon.tick.tick import Tick
-from drivers.boot.boot_up import DriveBoot
+from drivers.api import BootableDrives
 
 #: Events that require drives with a verified set-up.
 PROVED: Final = frozenset({Event.ENABLE, Event.RESET})
@@ -24,10 +24,10 @@ _log = logging.getLogger("contactd")
 
 @dataclass(slots=True)
 class SetUp:
-    """Set-up of one arm's drives, by SDO between two ticks: the arm stands in quick stop or without
-    torque, and no tick runs meanwhile."""
+    """Set-up of one arm's drives, between two ticks: the arm stands stopped or without torque, and
+    no tick runs meanwhile."""
 
-    boot: DriveBoot
+    drives: BootableDrives
     tick: Tick
     time_s: Callable[[], float]
     """of the loop [s]"""
@@ -35,8 +35,8 @@ class SetUp:
     """called while drives answer or are given up: feeds the watchdog"""
     resume: Callable[[], None] = lambda: None
     """called after the pause in ticking"""
-    by_sdo: Callable[[], AbstractContextManager[None]] = nullcontext
-    """entered while there is SDO on the bus, and no tick"""
+    asking: Callable[[], AbstractContextManager[None]] = nullcontext
+    """entered while drives are asked, and no tick runs"""
 
     def request(self, event: Event, who: str, path: JointPath | None = None) -> list[str]:
         """Carry out a requested event, `enable` and `reset` only with drives whose set-up is
@@ -49,11 +49,11 @@ class SetUp:
                 return reasons
         reasons = controller.request(event, who, self.time_s(), path)
         if event is Event.RESET and not reasons:
-            self.tick.arming_checks.forget()
+            self.drives.acknowledge()
         return reasons
 
     def _refusals(self, event: Event) -> list[str]:
-        drives = self.tick.drives
+        drives = self.drives
         if event is Event.ENABLE:
             return self.tick.controller.refusals(event)
         if drives.left_alone or not (unproved := drives.unproved()):
@@ -64,39 +64,14 @@ class SetUp:
     def prove(self) -> list[str]:
         """Verify all drives, and set up again those that need it; returns the reasons of a
         failure."""
-        drives, boot = self.tick.drives, self.boot
         renewed: list[int] = []
         try:
-            with self.by_sdo():
-                unset = self._not_set_up()
-                if unset:
-                    boot.renew(unset, self.meanwhile, _log.info)
-                renewed = unset
+            with self.asking():
+                renewed = self.drives.prove(self.meanwhile, _log.info, _log.warning)
         except ContactdError as error:
             return str(error).splitlines()
-        except Exception:
-            # Interrupted at an unknown point: the values of every drive are unknown.
-            drives.distrust(range(len(drives.names)))
-            raise
         else:
             return []
         finally:
-            drives.counters.dropped_events += boot.heard.dropped
-            drives.start(self.time_s(), renewed, boot.heard.take())
-            self.tick.arming_checks.renewed(renewed)
+            self.drives.start(self.time_s(), renewed)
             self.resume()
-
-    def _not_set_up(self) -> list[int]:
-        """Joints whose drives must be set up again: known already, or found by reading; the reason
-        is logged."""
-        drives = self.tick.drives
-        known = drives.unfit()
-        for i in known:
-            _log.warning("%s: silent, restarted, or locked: setting it up again", drives.names[i])
-        others = [i for i in range(len(drives.names)) if i not in known]
-        found = self.boot.verify(others, self.meanwhile)
-        for i, problems in found.items():
-            for problem in problems:
-                _log.warning("%s: %s: setting it up again", self.boot.setups[i], problem)
-        drives.distrust([*known, *found])
-        return sorted([*known, *found])

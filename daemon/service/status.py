@@ -11,6 +11,7 @@ from common.errors import ControlError
 from daemon.assembly import seen_motion
 from daemon.config.files import Files
 from daemon.config.load import Robot
+from daemon.drives import load_of
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import SENSING, Mode
@@ -30,10 +31,8 @@ from daemon.service.poses import Poses
 from daemon.service.sensitivity import sensitivity_now
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
-from daemon.tick.telemetry import DRIVE_STATE_NAMES, SIDE_NAMES, finite_list
+from daemon.tick.telemetry import SIDE_NAMES, finite_list
 from daemon.tick.tick import Tick
-from drivers.boot.identity import DriveIdentity
-from drivers.can.bus_load import bus_load
 
 ASK_AGAIN = "request the motion again: it is forgotten when the program that began it ends"
 
@@ -76,7 +75,7 @@ class Process:
 def status_of(
     process: Process,
     loop: Loop,
-    identities: Sequence[DriveIdentity],
+    identities: Sequence[str],
     permit: Permit | None,
     readers: int,
     *,
@@ -107,14 +106,14 @@ def status_of(
         realtime=process.realtime,
         readers=readers,
         joints=c.joint_names,
-        identities=[str(identity) for identity in identities],
-        drives=[DRIVE_STATE_NAMES[s] for s in samples.states] if samples else [],
+        identities=list(identities),
+        drives=[drive.state for drive in samples.drives] if samples else [],
         link_position=finite_list(samples.link_position) if samples else zeros,
         residual=estimate.residual.tolist() if estimate else zeros,
         threshold=estimate.threshold.tolist() if estimate else zeros,
         side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
         gain=tick.controller.motion.gains.goal.tolist(),
-        age_ticks=samples.age_ticks.tolist() if samples else [],
+        age_ticks=[round(age / c.period_s) for age in samples.age_s.tolist()] if samples else [],
         serials=process.serials,
         unproved=list(unproved),
         silenced=tick.drives.silenced,
@@ -203,5 +202,5 @@ def context_of(robot: Robot) -> Snapshot:
         urdf=robot.urdf,
         identified=robot.identified_text,
         program=f"contactd {version('contactd')}",
-        bus_load=bus_load(c.joint_drives, c.period_s, c.bus.bitrate),
+        bus_load=load_of(c),
     )

@@ -19,9 +19,7 @@ from daemon.protocol.lease import SENSES_S
 from daemon.protocol.messages import Check
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES, TickRecord
-from drivers.answers import Samples
-from drivers.cia402 import FAULT_STATES, DriveState
-from drivers.events import MASTER_SILENT, Emergency, Rebooted, described
+from drivers.api import DriveCondition, Objection, Samples
 from estimator.estimate import Estimate
 
 #: In the order in which they are shown, after the mode.
@@ -67,86 +65,45 @@ class ArmingResult:
 
 
 class ArmingChecks:
-    """All checks of one arm, with memory of conditions that a single tick does not show:
-    emergencies that are not over, and late ticks."""
+    """All checks of one arm, with memory of what a single tick does not show: late ticks."""
 
     def __init__(
         self,
         joints: Sequence[str],
-        nodes: Sequence[int],
         limits: Limits,
         period_s: float,
         settled: Sequence[Check],
         contact: Vector,
     ) -> None:
-        """joints, nodes: names and node-IDs in the order of the arm. settled: checks whose result
-        is fixed for the whole run: `identification`, of the identified values against the drives
-        that answered, and `parameters`. contact: configured levels (n,) [Nm]."""
+        """joints: names in the order of the arm. settled: checks whose result is fixed for the
+        whole run: `identification`, of the identified values against the drives that answered, and
+        `parameters`. contact: configured levels (n,) [Nm]."""
         self._joints, self._limits = tuple(joints), limits
         self._period_s = period_s
         self._settled, self._contact = tuple(settled), contact
-        self._index = {node: i for i, node in enumerate(nodes)}
-        self._joint_of = dict(zip(nodes, self._joints, strict=True))
-        self._emergencies: dict[int, Emergency] = {}
-        self._in_fault: set[int] = set()
         self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
 
     def unsettled(self) -> list[str]:
         """Reasons why the identified values cannot be trusted in this run; empty if they can."""
         return [check.text for check in self._settled if not check.passed]
 
-    def watch(self, samples: Samples, findings: Sequence[Finding], time_s: float) -> None:
-        """Note the emergencies and the lateness of one tick."""
-        for event in samples.events:
-            if isinstance(event, Rebooted) or (isinstance(event, Emergency) and event.code == 0):
-                self._over(event.node)
-            elif isinstance(event, Emergency):
-                self._emergencies[event.node] = event
-        # A drive that leaves its fault has no emergency any more, whether it reports this or not.
-        for node in tuple(self._emergencies):
-            faulted = node in self._index and samples.states[self._index[node]] in FAULT_STATES
-            if faulted:
-                self._in_fault.add(node)
-            elif node in self._in_fault:
-                self._over(node)
+    def watch(self, findings: Sequence[Finding], time_s: float) -> None:
+        """Note the lateness of one tick."""
         if any(finding.check == "loop" for finding in findings):
             self._late_s.append(time_s)
-
-    def renewed(self, joints: Sequence[int]) -> None:
-        """Forget the emergencies of drives that were set up again: as no tick ran meanwhile, the
-        end of an emergency was not received."""
-        for node, joint in self._index.items():
-            if joint in joints:
-                self._over(node)
-
-    def forget(self) -> None:
-        """Forget the emergencies of drives that are not in fault, after a reset by a person: some
-        drives never report that an emergency is over."""
-        for node in tuple(self._emergencies):
-            if node not in self._in_fault:
-                self._over(node)
-
-    def _over(self, node: int) -> None:
-        self._emergencies.pop(node, None)
-        self._in_fault.discard(node)
 
     def run(
         self,
         record: TickRecord | None,
         mode: Mode,
-        silent: Sequence[str],
-        unset: Sequence[str],
+        objections: Sequence[Objection],
         time_s: float,
-        doubted: Sequence[str] = (),
-        no_sdo: Sequence[str] = (),
     ) -> ArmingResult:
-        """Judge arming in `mode` at `time_s`, on the record of the last tick.
+        """Judge arming in `mode` at `time_s`, on the record of the last tick and the objections of
+        the drives.
 
-        `silent` names the joints whose drives send no heartbeat, `unset` those whose drives
-        are not set up, `doubted` those whose samples may be a period old, `no_sdo` those whose
-        drives answer no SDO. A record that is older
-        than a period fails `loop`: the arm is never armed on a state that may be over. If a joint's
-        samples are not of that tick, no check of `SAMPLED` passes.
+        A record that is older than a period fails `loop`: the arm is never armed on a state that
+        may be over. If a joint's samples are not of that tick, no check of `SAMPLED` passes.
         """
         if record is None or record.estimate is None:
             text = "no samples of the drives yet"
@@ -154,7 +111,7 @@ class ArmingChecks:
         failures = [
             *([] if mode in ARMABLE else [_failed("mode", refusal(mode, "arm"))]),
             *self._of_findings(record.findings),
-            *self._of_drives(silent, unset, doubted, no_sdo),
+            *(_failed(objection.check, objection.text) for objection in objections),
             *(check for check in self._settled if not check.passed),
             *self._of_estimate(record.estimate, record.samples),
             *self._of_sensing(record),
@@ -185,32 +142,6 @@ class ArmingChecks:
             if finding.condition is not Condition.LATE:  # late ticks are counted instead
                 yield _failed(finding.check, str(finding))
 
-    def _of_drives(
-        self,
-        silent: Sequence[str],
-        unset: Sequence[str],
-        doubted: Sequence[str],
-        no_sdo: Sequence[str],
-    ) -> Iterator[Check]:
-        if no_sdo:
-            names = ", ".join(no_sdo)
-            text = (
-                f"no answer by SDO from {names}: a stop by SDO would not reach the drive; switch "
-                "it off and on, close tools that use its SDO"
-            )
-            yield _failed("drives", text)
-        if doubted:
-            names = ", ".join(doubted)
-            yield _failed("samples", f"still checking whether {names} answers late: ask again")
-        if silent:
-            yield _failed("heartbeats", f"no heartbeat received from {', '.join(silent)}")
-        for emergency in self._emergencies.values():
-            name = "heartbeats" if emergency.code == MASTER_SILENT else "emergencies"
-            words = described(emergency, self._joint_of)
-            yield _failed(name, f"emergency of {words}, and not over")
-        if unset:
-            yield _failed("set-up", f"not set up: {', '.join(unset)} (`contactctl reset`)")
-
     def _of_estimate(self, estimate: Estimate, samples: Samples) -> Iterator[Check]:
         if doubts := estimate.flags & ~HARMLESS:
             words = ", ".join(FLAG_NAMES[flag] for flag in doubts)
@@ -226,7 +157,7 @@ class ArmingChecks:
                 f"{estimate.threshold[i] / RAISED:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded).tolist():
-            on = samples.states[i] is DriveState.OPERATION_ENABLED
+            on = samples.drives[i].condition is DriveCondition.OPERATING
             cause = "a touch, or a payload?" if on else "a brake that carries it, or a touch?"
             yield _failed(
                 "residual",
@@ -272,7 +203,7 @@ class ArmingChecks:
     def _evidence(self, samples: Samples, estimate: Estimate) -> dict[str, str]:
         """Evidence for each check that passes, by name."""
         n = len(self._joints)
-        on = samples.states.count(DriveState.OPERATION_ENABLED)
+        on = [drive.condition for drive in samples.drives].count(DriveCondition.OPERATING)
         i = int(np.argmax(np.abs(estimate.residual) / estimate.threshold))
         k = int(np.argmax(estimate.threshold / self._contact))
         return {

@@ -31,7 +31,7 @@ from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
 from daemon.tick.own_events import OwnEvents
 from daemon.tick.refusals import lacking, not_energisable, not_startable, touched
-from drivers.cia402 import PowerTarget
+from drivers.api import PowerTarget
 
 # Time for a reset, after which a drive's fault counts as a new one [s].
 RESET_PATIENCE_S = 0.5

@@ -7,7 +7,7 @@ from daemon.faults.finding import Finding
 from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.hand_witness import IndependentResidual, beyond_stated
-from drivers.cia402 import PowerTarget
+from drivers.api import DriveCondition, DriveStatus, PowerTarget
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,7 @@ class ControlInput:
     thresholded: Vector  # thresholded residual [Nm]
     touched: str  # description of the contact that lasts; empty without one
     hit: str  # description of the collision that lasts, likewise
-    operating: tuple[bool, ...]  # which drives are in operation enabled
-    statuswords: tuple[int, ...]
+    drives: tuple[DriveStatus, ...]
     findings: tuple[Finding, ...]
     age_s: Vector | None = None  # of q; None where every sample came in time
     recent: bool = True  # every sample came in this tick, or just before
@@ -45,6 +44,11 @@ class ControlInput:
     play: Vector | float = 0.0  # distance links may fall down and up in their gaps, (2, n) [rad]
     # Residual that may move the arm; None: all that is thresholded.
     independent: IndependentResidual | None = None
+
+    @property
+    def operating(self) -> tuple[bool, ...]:
+        """True for each drive that follows its setpoints."""
+        return tuple([drive.condition is DriveCondition.OPERATING for drive in self.drives])
 
     @property
     def avoided(self) -> Vector:

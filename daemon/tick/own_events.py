@@ -15,7 +15,6 @@ from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
 from daemon.tick.decision import ControlInput, ControllerSettings
 from daemon.tick.refusals import leaves_limits
-from drivers.cia402 import in_words
 
 
 class OwnEvents:
@@ -84,12 +83,13 @@ class OwnEvents:
         return Trigger(event, release.in_words(self._settings.joints, q, push, observed.residual))
 
     def _enabling(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
-        if all(observed.operating):
+        operating = observed.operating
+        if all(operating):
             return Trigger(Event.ENERGISED, "drives enabled")
         if elapsed_s <= (patience_s := self._settings.enable_timeout_s):
             return None
-        drives = zip(self._settings.joints, observed.operating, observed.statuswords, strict=True)
-        late = ", ".join(f"{name} is in {in_words(word)}" for name, on, word in drives if not on)
+        drives = zip(self._settings.joints, operating, observed.drives, strict=True)
+        late = ", ".join(f"{name} is in {drive.detail}" for name, on, drive in drives if not on)
         text = f"the drives were not enabled within {patience_s:g} s: {late}"
         return Trigger(Event.TIMEOUT, text)
 

@@ -12,8 +12,7 @@ from daemon.faults.finding import Finding
 from daemon.modes.table import Mode
 from daemon.protocol.messages import Contact, Notice, PerJoint, Permit, SideName, State, Timing
 from daemon.tick.decision import Decision
-from drivers.answers import Samples
-from drivers.cia402 import DriveState
+from drivers.api import Samples
 from estimator import contact as estimator_contact
 from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side
@@ -25,7 +24,6 @@ SIDE_NAMES: dict[int, SideName] = {
     Side.RIGHT: "right",
     Side.UNKNOWN: "unknown",
 }
-DRIVE_STATE_NAMES = {state: state.name.lower().replace("_", " ") for state in DriveState}
 FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
 # Fields of a State that are a vector of the estimate, with its name there. Fields in words are
 # added by `estimated`.
@@ -106,7 +104,7 @@ def state_of(record: TickRecord, permit: Permit | None = None) -> State:
         cause=record.cause,
         moving=record.moving,
         fresh=samples.fresh.tolist(),
-        drives=[DRIVE_STATE_NAMES[state] for state in samples.states],
+        drives=[drive.state for drive in samples.drives],
         current=finite_list(samples.current),
         link_position=finite_list(samples.link_position),
         motor_velocity=finite_list(samples.motor_velocity),

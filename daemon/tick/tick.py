@@ -24,17 +24,14 @@ from daemon.tick.load_watch import LoadWatch
 from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing, SensingNews
 from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup, contact_notice
-from drivers.answers import Samples
-from drivers.cia402 import DriveState, PowerTarget
-from drivers.drives import Drives
+from drivers.api import Drives, PowerTarget, Samples
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.payload import Payload
 
 STOP_PROVED = "stop proved: every drive is at standstill"
-_ON = DriveState.OPERATION_ENABLED
-# Largest age of a sample that still shows whether a joint is at standstill.
-RECENT_TICKS = 2
+# A sample younger than this still shows whether a joint is at standstill [periods].
+RECENT_PERIODS = 2.5
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
 LONGEST_STEP = 2.0
 
@@ -104,7 +101,7 @@ class Tick:
             sensing=self._sensing.joints,
             settled=self._sensing.settled,
         )
-        self.arming_checks.watch(samples, findings, time_s)
+        self.arming_checks.watch(findings, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
@@ -192,7 +189,7 @@ class Tick:
         known = self._control_input(samples, estimate, findings, complete=complete)
         decision = self.controller.step(self._time_s, self._step_s(), known)
         machine = self.controller.machine
-        # A maker's tool, or a stop, must not find an SDO server busy while anything moves.
+        # A maker's tool, or a stop, must not find a drive busy while anything moves.
         stands = machine.mode is Mode.HOLDING and not machine.armed
         self.drives.command(decision.power, decision.velocity, decision.reset, ask=stands)
         return decision
@@ -239,11 +236,10 @@ class Tick:
             load=load,
             struck=any(one.level == "collision" for one in estimate.contacts),
             sure=self._sensing.sure,
-            operating=tuple([state is _ON for state in samples.states]),
-            statuswords=samples.statuswords,
+            drives=samples.drives,
             findings=findings,
-            recent=complete or bool((samples.age_ticks <= RECENT_TICKS).all()),
-            age_s=None if complete else np.multiply(samples.age_ticks, self._period_s),
+            recent=complete or bool((samples.age_s < RECENT_PERIODS * self._period_s).all()),
+            age_s=None if complete else samples.age_s,
             independent=self._independent(estimate),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
@@ -320,11 +316,8 @@ class Tick:
         return self.arming_checks.run(
             self.last,
             self.controller.machine.mode,
-            self.drives.silent(),
-            self.drives.restarted(),
+            self.drives.objections(),
             time_s,
-            self.drives.doubted(),
-            self.drives.no_sdo(),
         )
 
 

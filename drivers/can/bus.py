@@ -6,12 +6,12 @@ from typing import Final
 import can
 
 from common.errors import BusError
+from drivers.can.settings import BusSettings, Interface
 from drivers.can.slcan import open_slcan
 from drivers.can.socketcan import open_socketcan
 from drivers.can.socketcand import open_socketcand
 from drivers.can.virtual import open_virtual
 from drivers.can.wire import OpenBus
-from drivers.settings import BusSettings, Interface
 
 #: Errors of python-can's interfaces for a bus that is closed, down or full: not only its own.
 BUS_FAILURES: Final = (can.CanError, OSError, ValueError)

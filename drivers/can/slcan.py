@@ -8,8 +8,8 @@ from typing import Final
 
 import can
 
+from drivers.can.settings import BusSettings
 from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE, Frame, OpenBus, first_of
-from drivers.settings import BusSettings
 
 
 def open_slcan(settings: BusSettings) -> OpenBus:

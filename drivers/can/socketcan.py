@@ -10,8 +10,8 @@ from typing import Final
 import can
 
 from common.errors import BusError
+from drivers.can.settings import BusSettings
 from drivers.can.wire import Frame, OpenBus
-from drivers.settings import BusSettings
 
 _IFF_UP: Final = 0x1
 

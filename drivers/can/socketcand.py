@@ -9,8 +9,8 @@ from typing import Final
 import can
 
 from common.errors import BusError
+from drivers.can.settings import BusSettings
 from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, Frame, OpenBus, first_of
-from drivers.settings import BusSettings
 
 _CONNECT_TIMEOUT_S: Final = 2.0
 

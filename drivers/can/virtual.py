@@ -12,8 +12,8 @@ from typing import cast
 import can
 from can.interfaces.virtual import VirtualBus
 
+from drivers.can.settings import BusSettings
 from drivers.can.wire import Frame, OpenBus, frame_of
-from drivers.settings import BusSettings
 
 
 def open_virtual(settings: BusSettings) -> OpenBus:

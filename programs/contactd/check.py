@@ -7,7 +7,6 @@ from rich.padding import Padding
 from rich.table import Table
 
 from common import compiled
-from daemon.assembly import build_setups
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
 from daemon.config.draft import guesses
@@ -17,11 +16,12 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
-from drivers.boot.required_objects import lacks
-from drivers.can.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
-from drivers.codec import receive_pdos, transmit_pdos
-from drivers.drive import Drive
-from drivers.settings import DriveProfile, Quantity
+from daemon.drives import build_setups
+from drivers.canopen.boot.required_objects import lacks
+from drivers.canopen.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
+from drivers.canopen.codec import receive_pdos, transmit_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.settings import DriveProfile, Quantity
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses

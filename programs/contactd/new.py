@@ -12,7 +12,7 @@ from daemon.config.draft import draft, guesses
 from daemon.config.drafted_drive import drafted_drive
 from daemon.config.load import load_robot
 from daemon.config.mistakes import urdf_mistakes
-from drivers.boot.data_sheet import load_data_sheet
+from drivers.canopen.boot.data_sheet import load_data_sheet
 from programs.command_line.sentences import say
 from programs.simulate import simulated_robot
 from programs.simulate.simulated_robot import write_truth

@@ -8,10 +8,10 @@ import msgspec
 from common.errors import ConfigurationError
 from daemon.config.convert import convert
 from daemon.config.yaml_source import Source, read_yaml
-from drivers.boot.data_sheet import load_data_sheet, makers_numbers
-from drivers.boot.scan import FoundNode, scan
 from drivers.can.bus import open_bus
-from drivers.settings import BusSettings
+from drivers.can.settings import BusSettings
+from drivers.canopen.boot.data_sheet import load_data_sheet, makers_numbers
+from drivers.canopen.boot.scan import FoundNode, scan
 from programs.command_line.sentences import say
 
 

@@ -28,10 +28,10 @@ from daemon.protocol.messages import Notice, Snapshot, State, format_refusal
 from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
 from daemon.tick.decision import Decision
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of
-from drivers.answers import Answers, Counters, Samples
-from drivers.cia402 import DriveState
-from drivers.codec import link_side, receive_pdos
-from drivers.ids import SYNC
+from drivers.api import DriveCondition, Samples
+from drivers.canopen.answers import Answers, Counters
+from drivers.canopen.codec import link_side, receive_pdos
+from drivers.canopen.ids import SYNC
 from estimator.estimator import Estimator
 from programs.clients.recorder import CHUNK_BYTES, KINDS, PROFILE
 from programs.clients.viewer_schema import viewer_schema
@@ -224,7 +224,7 @@ class _Recomputing:
         return tuple(notices)
 
     def _mode(self, samples: Samples, time_s: float) -> Mode:
-        if all(state is DriveState.OPERATION_ENABLED for state in samples.states):
+        if all(drive.condition is DriveCondition.OPERATING for drive in samples.drives):
             return Mode.HOLDING
         now = bool(self._faults) and self._faults[0][0] <= time_s
         return Mode.FAULTED if self._faulted or now else Mode.OFF

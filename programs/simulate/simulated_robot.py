@@ -14,8 +14,8 @@ from daemon.config.convert import convert
 from daemon.config.load import Robot
 from daemon.config.schema import Joint
 from daemon.config.yaml_source import read_yaml
-from drivers.codec import quantity
-from drivers.settings import DriveProfile, Quantity
+from drivers.canopen.codec import quantity
+from drivers.canopen.settings import DriveProfile, Quantity
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
 from simulator.truth import SimulationFile, described

@@ -14,7 +14,7 @@ from common.errors import ContactdError
 from common.regular_file import open_regular, read_text
 from daemon.config.load import load_robot
 from daemon.motion.trajectory_file import read_trajectory
-from drivers.boot.data_sheet import load_data_sheet
+from drivers.canopen.boot.data_sheet import load_data_sheet
 from estimator.model import Model
 from programs.clients.recorder import read_log
 from programs.identify.measured import from_csv

@@ -18,8 +18,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.boot.boot_up import DriveBoot
-from drivers.cia402 import DriveState
+from drivers.canopen.boot.boot_up import DriveBoot
 from simulator.state_machine import State
 
 SOMEBODY = Peer(uid=1000, pid=1)
@@ -52,8 +51,8 @@ def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
-        service = Service(Process(rig.robot, 1, []), loop, control, notifier, rig.boot)
-        service.set_up.by_sdo = rig.by_sdo
+        service = Service(Process(rig.robot, 1, []), loop, control, notifier, rig.drives)
+        service.set_up.asking = rig.by_sdo
         yield ServedDeskArm(rig, service)
 
 
@@ -130,11 +129,10 @@ def test_a_reset_sets_locked_drives_up_again(served):
     assert (reply.ok, reply.mode, reply.armed) == (True, "off", False)
     rig.run(0.6)
     assert rig.mode is Mode.OFF, rig.tick.controller.machine.cause
-    assert set(rig.samples.states) == {DriveState.SWITCH_ON_DISABLED}
+    assert {drive.state for drive in rig.samples.drives} == {"switch on disabled"}
     rig.enable()
     assert np.abs(rig.arm.plant.q - stood).max() < 0.05
-    serials = [identity.serial for identity in served.service.boot.identities]
-    assert serials == [1, 2]
+    assert served.service.drives.serials == [1, 2]
     rig.request(Event.START)
     rig.run(1.0)
     assert rig.mode is Mode.TRACKING
@@ -196,9 +194,10 @@ def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed
     assert len(fed) > 10
     assert set(fed) == {begun, begun + 1.0}, "while they are read, and while one is waited for"
     rig.step()
-    told = [str(event) for event in rig.samples.events]
-    assert told == [], "the other drive's heartbeats of this second went to the SDO client"
+    assert rig.samples.events == (), (
+        "the other drive's heartbeats of this second went to the SDO client"
+    )
     rig.run(0.3)
     rig.arm.drives[1].tick = lambda *_: None
     rig.run(0.3)
-    assert rig.tick.drives.silent() == ("column", "swing"), "and it is watched as before"
+    assert rig.drives.silent() == ("column", "swing"), "and it is watched as before"

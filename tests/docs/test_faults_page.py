@@ -10,7 +10,7 @@ from daemon.config.schema import FaultSettings
 from daemon.faults import following, plausibility
 from daemon.faults.detector import STARVED_FACTOR
 from daemon.faults.table import TABLE, Condition, Response
-from drivers import witness
+from drivers.canopen import witness
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 WORDS = {

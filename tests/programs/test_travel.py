@@ -9,8 +9,8 @@ import pytest
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.load import load_robot
 from daemon.config.travels import noticing_ticks, travels
-from drivers.cia402 import PowerTarget
-from drivers.stop_stages import worst_travel
+from drivers.api import PowerTarget
+from drivers.canopen.stop_travel import worst_travel
 from programs.contactd.check import print_check
 
 MASTERS_HEARTBEAT = 0x77F
@@ -28,7 +28,7 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
         c = rig.robot.configuration
-        joint, arm, plant = c.joints[0], rig.tick.drives, rig.arm.plant
+        joint, arm, plant = c.joints[0], rig.drives, rig.arm.plant
         heard = 0.0
 
         def note(message: can.Message, receive=rig.arm.receive) -> None:
@@ -48,14 +48,14 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
         rig.arm.advance(rig.arm.now + 1.0)  # nobody sends anything any more
         assert abs(plant.q_dot[0]) < 1e-3
         travelled = float(plant.q[0]) - heard
-        (travel,) = worst_travel(c.joint_drives, c.period_s, 0)
+        (travel,) = worst_travel(c.joint_drives, c.period_s, 0.0)
         worst = travel.patience + travel.braking
         assert 0.8 * worst < travelled <= worst
 
 
 def at_full_speed(rig: Rig, power: PowerTarget, velocity: float) -> None:
     """One tick of the drives alone, without the daemon's decisions."""
-    drives = rig.tick.drives
+    drives = rig.drives
     drives.sync(rig.time_s)
     syncs = rig.lockstep.syncs
     rig.lockstep.pump()
@@ -100,7 +100,7 @@ def test_no_joint_goes_further_whatever_its_drive_obeys(
         assert abs(plant.theta_dot[0]) < 0.02
         (travel,) = travels(c)
         assert float(plant.theta[0]) - began <= travel.total
-        drives = rig.tick.drives
+        drives = rig.drives
         assert drives.silenced is ("on_sdo" not in obeys), "nothing else can say so after that"
         assert drives.silenced or not drives.unproved()
 

@@ -9,7 +9,7 @@ import pytest
 from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
 from bench.study.mistakes import MISTAKES, PROFILE, Mistake, checkable, told
-from drivers.boot.data_sheet import load_data_sheet
+from drivers.canopen.boot.data_sheet import load_data_sheet
 
 CHECKABLE = list(checkable())
 # What the files of this arm cannot show: its gear of 36 may have a digit more, and counts of a

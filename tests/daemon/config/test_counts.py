@@ -7,7 +7,7 @@ from bench.rigs.lockstep import ROMEO
 from daemon.config.counts import COARSEST, unrepresentable
 from daemon.config.load import load_robot
 from daemon.config.schema import Joint
-from drivers.settings import DriveProfile
+from drivers.canopen.settings import DriveProfile
 
 ROBOT = load_robot(ROMEO).configuration
 PROFILE = ROBOT.drives["two_encoder_drive"]
@@ -36,8 +36,7 @@ def test_what_is_shipped_fits() -> None:
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
-    ("lower", "upper", "fits"),
-    [(-1.27, 1.27, True), (-1.0, 1.29, False), (-1.29, 1.0, False)],
+    ("lower", "upper", "fits"), [(-1.27, 1.27, True), (-1.0, 1.29, False), (-1.29, 1.0, False)]
 )
 def test_positions(lower: float, upper: float, fits: bool, sign: int) -> None:
     eight_bits = profile("link_position", type="INTEGER8", scale=0.01)

@@ -6,7 +6,8 @@ import pytest
 from common.errors import ConfigurationError
 from daemon.config.explanations import EXPLANATIONS, explain
 from daemon.config.schema import Configuration, Joint, JointLimits, Levels
-from drivers.settings import BusSettings, DriveProfile, JointWiring, Quantity
+from drivers.can.settings import BusSettings
+from drivers.canopen.settings import DriveProfile, JointWiring, Quantity
 
 
 def fields(kind: type[msgspec.Struct], prefix: str, *, but: tuple[str, ...] = ()) -> set[str]:

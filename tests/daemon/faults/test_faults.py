@@ -13,8 +13,8 @@ from common.errors import ProgramError
 from daemon.ending import REPEATS, stop_on_error
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.table import Event, Mode
-from drivers.cia402 import FAULT_STATES, QUICK_STOP
-from drivers.ids import EMERGENCY
+from drivers.canopen.cia402 import QUICK_STOP
+from drivers.canopen.ids import EMERGENCY
 from simulator.state_machine import State
 
 # A stop command is on the bus so many ticks after the fault was found, at most; where the bus does
@@ -246,10 +246,7 @@ class _Broken:
     ],
 )
 def test_an_exception_anywhere_in_the_tick_stops_all_drives(
-    own: BreakableArm,
-    where: str,
-    caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
+    own: BreakableArm, where: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     on = own
     start(on, armed=True)
@@ -283,7 +280,7 @@ def test_an_exception_anywhere_in_the_tick_stops_all_drives(
 
 @on_every_make
 def test_without_an_exception_it_does_nothing(on: BreakableArm) -> None:
-    with stop_on_error(on.rig.tick.drives, on.period_s, sleep=pytest.fail):
+    with stop_on_error(on.rig.drives, on.period_s, sleep=pytest.fail):
         on.tick()
 
 
@@ -300,7 +297,7 @@ def test_a_fault_soon_after_a_reset_is_a_fault(on: BreakableArm) -> None:
     on.wire.lost.clear()
     assert on.rig.mode is Mode.FAULTED
     assert on.rig.tick.controller.machine.cause == f"drive fault: {on.drive.name}"
-    assert on.rig.samples.states[on.joint] in FAULT_STATES
+    assert on.rig.samples.drives[on.joint].condition.in_fault
 
 
 @on_every_make

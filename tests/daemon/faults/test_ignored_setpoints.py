@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from daemon.faults.ignored_setpoints import FOLLOWS, IGNORED_TICKS, IgnoredSetpoints
-from drivers.cia402 import DriveState
+from daemon.faults.ignored_setpoints import IGNORED_TICKS, IgnoredSetpoints
+from drivers.canopen.cia402 import FOLLOWS, drive_status
 
-ON, STOPS = DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE
-FOLLOWING, IGNORING = 0x0237 | FOLLOWS, 0x0237
+FOLLOWING, IGNORING, STOPS = map(drive_status, (0x0237 | FOLLOWS, 0x0237, 0x0207))
 LITTLE = np.array([0.1, -0.1])
 
 
@@ -16,8 +15,8 @@ def watch() -> IgnoredSetpoints:
     return IgnoredSetpoints(np.array([2.0, 2.0]))
 
 
-def ticks(watch, n, words, states=(ON, ON), current=LITTLE, fresh=(True, True)):
-    return [watch.joints(states, words, current, np.array(fresh)) for _ in range(n)]
+def ticks(watch, n, drives, current=LITTLE):
+    return [watch.joints(drives, current, np.array([True, True])) for _ in range(n)]
 
 
 def test_it_is_told_while_it_lasts(watch) -> None:
@@ -40,9 +39,9 @@ def test_a_drive_at_its_limit_is_not_in_another_mode(watch) -> None:
 
 def test_a_drive_that_is_not_in_operation_has_nothing_to_follow(watch) -> None:
     ticks(watch, 1, (FOLLOWING, FOLLOWING))
-    assert ticks(watch, 20, (FOLLOWING, 0x0207), states=(ON, STOPS)) == [[]] * 20
+    assert ticks(watch, 20, (FOLLOWING, STOPS)) == [[]] * 20
     ticks(watch, IGNORED_TICKS - 1, (FOLLOWING, IGNORING))
-    ticks(watch, 1, (FOLLOWING, 0x0207), states=(ON, STOPS))
+    ticks(watch, 1, (FOLLOWING, STOPS))
     assert ticks(watch, 1, (FOLLOWING, IGNORING)) == [[]], "counted anew"
 
 

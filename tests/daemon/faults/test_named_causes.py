@@ -11,7 +11,7 @@ from daemon.faults.finding import advice_on
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
-from drivers.ids import SDO_REQUEST
+from drivers.canopen.ids import SDO_REQUEST
 from simulator.state_machine import Trigger
 
 
@@ -96,9 +96,7 @@ def deafen(on: BreakableArm) -> None:
 
 
 @on_one_make
-def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(
-    on: BreakableArm,
-) -> None:
+def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(on: BreakableArm) -> None:
     assert on.rig.ask(Event.ENABLE) == []
     on.run(1.2)
     assert on.rig.permit() == []

@@ -1,10 +1,10 @@
-"""Loss of a drive's supply, from bit 4 of its statusword."""
+"""Loss of a drive's supply, from what it reports."""
 
 import numpy as np
 import pytest
 
-from daemon.faults.supply import GONE_TICKS, VOLTAGE_ENABLED, Supply
-from drivers.cia402 import DriveState, drive_state
+from daemon.faults.supply import GONE_TICKS, Supply
+from drivers.canopen.cia402 import VOLTAGE_ENABLED, drive_status
 
 ON, OFF, FAULT, STOPPED = 0x27, 0x40, 0x08, 0x07
 WITH = VOLTAGE_ENABLED
@@ -13,8 +13,7 @@ WITH = VOLTAGE_ENABLED
 def taken(supply: Supply, *words: int, fresh: bool = True) -> Supply:
     """Of one drive, a tick for each."""
     for word in words:
-        state = drive_state(word) if word >= 0 else DriveState.UNKNOWN
-        supply.step((state,), (word,), np.array([fresh]))
+        supply.step((drive_status(word),), np.array([fresh]))
     return supply
 
 
@@ -48,7 +47,6 @@ def test_it_is_lost_when_it_lasts_in_fresh_samples() -> None:
 
 def test_each_drive_is_judged_by_itself() -> None:
     supply = Supply(2)
-    both = (DriveState.OPERATION_ENABLED,) * 2
     for word in (ON | WITH, ON, ON):
-        supply.step(both, (ON | WITH, word), np.array([True, True]))
+        supply.step((drive_status(ON | WITH), drive_status(word)), np.array([True, True]))
     assert [supply.lost(0), supply.lost(1)] == [False, True]

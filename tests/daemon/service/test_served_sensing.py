@@ -11,7 +11,7 @@ from bench.rigs.served_daemon import served_daemon
 from daemon.config.schema import Configuration
 from daemon.service.sensitivity import sensitivity_now
 from drivers.can.wire import Wire
-from drivers.codec import transmit_pdos
+from drivers.canopen.codec import transmit_pdos
 
 
 def patient(c: Configuration) -> Configuration:

@@ -15,9 +15,9 @@ from daemon.modes.table import Event, Mode
 from daemon.protocol.messages import Reply, Request
 from daemon.protocol.socket_path import Peer
 from drivers.can.wire import Wire
-from drivers.codec import transmit_pdos
-from drivers.drive import Drive
-from drivers.ids import SDO_ANSWER
+from drivers.canopen.codec import transmit_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.ids import SDO_ANSWER
 from programs.contactctl import replies
 
 PEER = Peer(0, 1, 1)

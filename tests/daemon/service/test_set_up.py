@@ -31,10 +31,9 @@ from bench.rigs.drive_faults import (
 from bench.rigs.lines import LINES
 from common.errors import DriveError
 from daemon.modes.table import Event, Mode
-from drivers.cia402 import FAULT_STATES
-from drivers.codec import receive_pdos
-from drivers.events import ForeignMaster
-from drivers.ids import EMERGENCY, SYNC
+from drivers.api import Kind
+from drivers.canopen.codec import receive_pdos
+from drivers.canopen.ids import EMERGENCY, SYNC
 
 STANDS = 0.02  # [rad/s]
 FAULTS: dict[str, Fault] = {
@@ -99,7 +98,7 @@ def test_one_reset_is_enough(on: BreakableArm, fault: Fault) -> None:
     begin(on)
     goes_wrong(on, fault)
     on.rig.reset()
-    assert not [state for state in on.rig.samples.states if state in FAULT_STATES]
+    assert not any(drive.condition.in_fault for drive in on.rig.samples.drives)
     enable(on)
 
 
@@ -142,7 +141,7 @@ def test_a_drive_that_was_found_wanting_gets_nothing_until_it_is_set_up(
         assert on.rig.ask(Event.ENABLE) == ["it refuses"]
     on.tick()
     assert on.drive.node not in on.setpoints()
-    assert on.rig.tick.drives.restarted() == (on.drive.name,)
+    assert on.rig.drives.restarted() == (on.drive.name,)
     enable(on)
 
 
@@ -245,7 +244,7 @@ def test_what_other_drives_say_during_a_reset_is_judged_after_it(on: BreakableAr
     told = [str(finding) for finding in on.rig.last.findings]
     assert any(f"({other.name}): 0x2310 (over-current)" in text for text in told)
     assert not any("0x8220" in text for text in told), "that of its lost mapping is over"
-    assert ForeignMaster(SYNC) in on.rig.samples.events
+    assert Kind.FOREIGN_MASTER in {event.kind for event in on.rig.samples.events}
     assert on.rig.mode is Mode.FAULTED
 
 

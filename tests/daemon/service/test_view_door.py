@@ -14,7 +14,7 @@ from daemon.protocol.doors import DOORS, Door, refusal
 from daemon.protocol.messages import COMMANDS, Reply, Request, Snapshot, State
 from daemon.protocol.socket_path import Peer
 from daemon.service.socket import ControlSocket
-from drivers.can.bus_load import bus_load
+from drivers.canopen.bus_load import bus_load
 from programs.clients.client import Client
 
 Dial = Callable[[], socket.socket]

@@ -1,6 +1,6 @@
 """Each arming check fails by name for its reason, and passes again when it is over."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +17,8 @@ from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
 from daemon.tick.arming_checks import NAMES, SAMPLED, ArmingResult
 from daemon.tick.telemetry import Wakeup
-from drivers.cia402 import DriveState
-from drivers.events import Emergency, Rebooted
+from drivers.api import Objection
+from drivers.canopen.cia402 import drive_status
 from estimator.estimate import Flag
 
 
@@ -45,24 +45,15 @@ def failed(rig: Rig) -> list[str]:
     return failing(rig.tick.check_arming(rig.time_s))
 
 
-def run(
-    rig: Rig, *, silent: Sequence[str] = (), late_s: float = 0.0, **changes: object
-) -> ArmingResult:
+def run(rig: Rig, *, late_s: float = 0.0, **changes: object) -> ArmingResult:
     """On a last tick in which something was otherwise."""
     record = replace(rig.last, **changes)  # type: ignore[arg-type]
     time_s = rig.time_s + late_s
-    return rig.tick.arming_checks.run(record, rig.mode, silent, (), time_s)
+    return rig.tick.arming_checks.run(record, rig.mode, (), time_s)
 
 
 def failing(result: ArmingResult) -> list[str]:
     return [check.name for check in result.checks if not check.passed]
-
-
-def watched(rig: Rig, *events: object) -> None:
-    """As if these had come in the last tick; what they led to is over."""
-    samples = rig.samples
-    rig.tick.arming_checks.watch(replace(samples, events=events), (), rig.time_s)
-    rig.step()
 
 
 def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
@@ -146,80 +137,11 @@ def test_a_loop_that_is_often_late_is_on_time_again_after_a_second(rig: Rig) -> 
     assert failed(rig) == []
 
 
-def test_an_emergency_lasts_until_the_drive_takes_it_back(calm: Rig) -> None:
-    watched(calm, Emergency(1, 0x4210, 8))
-    assert failed(calm) == ["emergencies"]
-    text = checks(calm)["emergencies"].text
-    assert text.startswith("emergency of node 1 (joint): 0x4210 (over-temperature")
-    assert text.endswith("and not over")
-    watched(calm, Emergency(1, 0, 0))
-    assert failed(calm) == []
-
-
-def test_an_emergency_is_over_when_the_drive_restarts(calm: Rig) -> None:
-    watched(calm, Emergency(1, 0x3220, 5))
-    assert failed(calm) == ["emergencies"]
-    watched(calm, Rebooted(1))
-    assert failed(calm) == []
-    watched(calm, Rebooted(1), Emergency(1, 0x3220, 5))
-    assert failed(calm) == ["emergencies"]
-    calm.tick.arming_checks.renewed([1])  # another joint's
-    assert failed(calm) == ["emergencies"]
-    calm.tick.arming_checks.renewed([0])
-    assert failed(calm) == []
-
-
-def test_an_emergency_after_one_that_was_taken_back_counts(calm: Rig) -> None:
-    samples = calm.samples
-    for state, emergency in (
-        (DriveState.FAULT, Emergency(1, 0x2310, 1)),
-        (DriveState.OPERATION_ENABLED, Emergency(1, 0, 0)),
-    ):
-        then = replace(samples, states=(state,), events=(emergency,))
-        calm.tick.arming_checks.watch(then, (), calm.time_s)
-    watched(calm, Emergency(1, 0x4210, 8))  # of a drive that goes on
-    assert failed(calm) == ["emergencies"]
-    watched(calm, Emergency(1, 0, 0))
-    assert failed(calm) == []
-
-
-def test_a_reset_forgets_emergencies_of_drives_that_are_not_in_fault(calm: Rig) -> None:
-    arming = calm.tick.arming_checks
-    watched(calm, Emergency(1, 0x4210, 8))
-    assert failed(calm) == ["emergencies"]
-    arming.forget()
-    assert failed(calm) == []
-    faulted = replace(calm.samples, states=(DriveState.FAULT,), events=(Emergency(1, 0x2310, 1),))
-    arming.watch(faulted, (), calm.time_s)
-    arming.forget()
-    assert failing(run(calm)) == ["emergencies"]
-    calm.step()  # it leaves its fault
-    assert failed(calm) == []
-
-
 def test_no_check_passes_on_samples_of_an_earlier_tick(calm: Rig) -> None:
     old = replace(calm.samples, fresh=np.zeros(1, dtype=np.bool_))
     found = run(calm, samples=old)
     assert set(failing(found)) == SAMPLED
     assert found.reasons == ("not known, without samples of joint in this tick",)
-
-
-def test_a_drive_that_misses_our_heartbeat_fails_heartbeats(calm: Rig) -> None:
-    watched(calm, Emergency(1, 0x8130, 16))
-    assert failed(calm) == ["heartbeats"]
-    watched(calm, Emergency(1, 0, 0))
-
-
-def test_a_drive_that_left_its_fault_has_no_emergency(calm: Rig) -> None:
-    """Although it never said that it was over."""
-    samples = calm.samples
-    watch, time_s = calm.tick.arming_checks.watch, calm.time_s
-    faulted = replace(samples, states=(DriveState.FAULT,))
-    watch(replace(faulted, events=(Emergency(1, 0x2310, 1),)), (), time_s)
-    watch(faulted, (), time_s)
-    assert failing(run(calm)) == ["emergencies"]
-    watch(replace(samples, states=(DriveState.SWITCH_ON_DISABLED,)), (), time_s)
-    assert failing(run(calm)) == []
 
 
 def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) -> None:
@@ -229,13 +151,13 @@ def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) 
     text = checks(rig)["set-up"].text
     assert text == "not set up: joint (`contactctl reset`)"
     assert text in rig.permit("the test")
-    rig.tick.drives.start(rig.time_s)  # as after setting it up again
+    rig.drives.start(rig.time_s)  # as after setting it up again
     rig.step()
     assert "not set up" not in checks(rig)["set-up"].text
 
 
 def test_a_missing_heartbeat(calm: Rig) -> None:
-    drives = calm.tick.drives
+    drives = calm.drives
     assert drives.silent() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
         setattr(drives._nodes._nodes[0].beat, flag, unheard)
@@ -283,7 +205,7 @@ def test_how_far_levels_may_be_raised(calm: Rig, times: float, refused: bool) ->
     configured = calm.robot.configuration.joints[0].thresholds.contact
     raised = structs.replace(calm.estimate, threshold=np.array([times * configured]))
     record = replace(calm.last, estimate=raised)
-    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), (), calm.time_s - 0.01)
+    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), calm.time_s - 0.01)
     assert failing(found) == (["thresholds"] if refused else [])
     (shown,) = (check for check in found.checks if check.name == "thresholds")
     assert f"{times * configured:.2f}" in shown.text
@@ -302,9 +224,8 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
         Finding(Condition.OVERRUN, figures="40 ms late"),
     )
     record = replace(calm.last, estimate=estimate, findings=findings)
-    found = calm.tick.arming_checks.run(
-        record, Mode.STOPPING, ("joint",), ("joint",), calm.time_s + 0.03
-    )
+    objections = (Objection("heartbeats", "no heartbeat"), Objection("set-up", "not set up"))
+    found = calm.tick.arming_checks.run(record, Mode.STOPPING, objections, calm.time_s + 0.03)
     over = (
         f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {torque[0] - 1.0:.2f} Nm"
     )
@@ -313,8 +234,8 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
         "too many late ticks (30 ms late)",
         "drive fault: joint",
         "too many late ticks (40 ms late)",
-        "no heartbeat received from joint",
-        "not set up: joint (`contactctl reset`)",
+        "no heartbeat",
+        "not set up",
         "the estimator is not ready: starting",
         f"{over}: a touch, or a payload?",
         "the last tick is 40 ms old: ask again",
@@ -323,9 +244,9 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     assert list(texts) == ["mode", *NAMES]
     assert texts["mode"] == "the arm is still stopping"
     assert texts["loop"] == "; ".join(found.reasons[i] for i in (1, 3, 8))
-    off = replace(calm.last.samples, states=(DriveState.SWITCH_ON_DISABLED,))
+    off = replace(calm.last.samples, drives=(drive_status(0x40),))
     at_rest = replace(calm.last, estimate=estimate, samples=off)
-    found_off = calm.tick.arming_checks.run(at_rest, Mode.OFF, (), (), calm.time_s)
+    found_off = calm.tick.arming_checks.run(at_rest, Mode.OFF, (), calm.time_s)
     assert f"{over}: a brake that carries it, or a touch?" in found_off.reasons
     named = {"mode", "drives", "heartbeats", "set-up", "estimator", "residual", "loop"}
     assert set(failing(found)) == named
@@ -361,7 +282,7 @@ def test_every_finding_has_a_check() -> None:
 def test_joints_that_sense_contact_only_just_are_named_at_once(calm) -> None:
     since = np.array([calm.last.time_s - 0.14])
     record = replace(calm.last, sensing=np.array([True]), sensing_since_s=since)
-    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), (), record.time_s)
+    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), record.time_s)
     (said,) = [one.text for one in found.checks if one.name == "estimator"]
     assert said.startswith(
         "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"

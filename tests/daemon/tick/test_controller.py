@@ -13,8 +13,18 @@ from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath
-from drivers.cia402 import PowerTarget
-from tests.ideal_arm import LIMITS, TUNING, IdealArm, T, holding_arm, ideal_arm, tracking_arm
+from drivers.api import PowerTarget
+from tests.ideal_arm import (
+    LIMITS,
+    OFF,
+    ON,
+    TUNING,
+    IdealArm,
+    T,
+    holding_arm,
+    ideal_arm,
+    tracking_arm,
+)
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 
@@ -186,13 +196,11 @@ def test_drives_that_do_not_follow_time_out() -> None:
     bench = ideal_arm()
     bench.step()
     bench.request(Event.ENABLE)
-    bench.run(2.9, operating=(True, False))
+    bench.run(2.9, drives=(ON, OFF))
     assert bench.mode is Mode.ENABLING
-    bench.run(0.2, operating=(True, False), statuswords=(0x0237, 0x0250))
+    bench.run(0.2, drives=(ON, OFF))
     assert bench.mode is Mode.OFF
-    assert bench.cause == (
-        "the drives were not enabled within 3 s: b is in switch on disabled (statusword 0x0250)"
-    )
+    assert bench.cause == ("the drives were not enabled within 3 s: b is in off, as it reports")
 
 
 def test_an_arm_that_does_not_stop_is_a_fault(tracking: IdealArm) -> None:

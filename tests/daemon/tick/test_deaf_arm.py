@@ -17,7 +17,7 @@ from daemon.protocol.messages import State
 from daemon.service.sensitivity import sensitivity_now
 from daemon.tick.sensing import AGAIN_S
 from drivers.can.wire import Wire
-from drivers.codec import transmit_pdos
+from drivers.canopen.codec import transmit_pdos
 
 ELBOW, NAME = 2, "LElbowRoll"
 T = 0.01

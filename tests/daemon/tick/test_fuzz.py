@@ -12,12 +12,13 @@ from bench.rigs.lockstep import DESK_ARM, TRUSTED
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, JointLimits, Levels
+from daemon.drives import build_boot, build_drives
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import state_of
 from drivers.can.wire import Frame
-from drivers.cia402 import ENABLE_OPERATION
-from drivers.codec import link_side, receive_pdos, transmit_pdos
-from drivers.drive import Drive
+from drivers.canopen.cia402 import ENABLE_OPERATION
+from drivers.canopen.codec import link_side, receive_pdos, transmit_pdos
+from drivers.canopen.drive import Drive
 from tests.examples import scaled
 
 TICKS = 90
@@ -131,8 +132,9 @@ def robot() -> Robot:
 def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
     """All ticks; the modes that there were."""
     bus = FuzzedWire(robot.configuration, harm)
-    tick = build_tick(robot, bus, lambda: 0.0, TRUSTED)
-    tick.drives.start(0.0)
+    drives = build_drives(robot, build_boot(robot, bus), bus, lambda: 0.0)
+    tick = build_tick(robot, drives, TRUSTED)
+    drives.start(0.0)
     modes = []
     for number in range(TICKS):
         time_s = number * bus.period_s

@@ -7,9 +7,9 @@ import pytest
 from bench.rigs.breakable_arm import DESK, ROMEO_ARM, BreakableArm, Make, stage
 from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
-from drivers.codec import transmit_pdos
-from drivers.ids import SYNC
-from drivers.punctuality import DOUBT_TICKS
+from drivers.canopen.codec import transmit_pdos
+from drivers.canopen.ids import SYNC
+from drivers.canopen.punctuality import DOUBT_TICKS
 
 OLD = Condition.OLD.value
 

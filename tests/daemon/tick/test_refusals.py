@@ -10,7 +10,7 @@ from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
 from daemon.tick.decision import ControlInput
-from tests.ideal_arm import IdealArm, T, holding_arm, ideal_arm
+from tests.ideal_arm import OFF, ON, IdealArm, T, holding_arm, ideal_arm
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
 
@@ -31,7 +31,7 @@ def arm_in(mode: Mode) -> IdealArm:
         return arm
     arm.request(Event.ENABLE)
     if mode is Mode.ENABLING:
-        arm.step(operating=(True, False))
+        arm.step(drives=(ON, OFF))
         return arm
     arm.step()
     if mode is Mode.HOLDING:
@@ -139,9 +139,9 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
 ) -> None:
     off = ideal_arm()
     off.step()
-    findings, on = (Finding(condition, "x"),), (False, False)
+    findings = (Finding(condition, "x"),)
     observed = ControlInput(
-        off.q, np.zeros(2), np.zeros(2), np.zeros(2), "", "", on, (-1, -1), findings
+        off.q, np.zeros(2), np.zeros(2), np.zeros(2), "", "", (OFF, OFF), findings
     )
     off.controller.machine.mode = Mode.FAULTED  # which the finding would lead to
     off.controller.step(off.time_s, T, observed)
@@ -153,7 +153,7 @@ def test_enable_is_refused_while_something_asks_for_a_quick_stop(
 def test_enable_waits_for_drives_that_are_still_on_their_way_off(holding: IdealArm) -> None:
     """Else they would be taken for enabled at once, and then for drives that dropped out."""
     assert holding.request(Event.DISABLE) == []
-    holding.step(operating=(True, False))
+    holding.step(drives=(ON, OFF))
     assert holding.request(Event.ENABLE) == ["still switching off: a"]
     assert holding.mode is Mode.OFF
     holding.step()

@@ -17,8 +17,7 @@ from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision
 from daemon.tick.telemetry import TickRecord, state_of
 from daemon.tick.tick import LONGEST_STEP
-from drivers.cia402 import DriveState
-from drivers.codec import transmit_pdos
+from drivers.canopen.codec import transmit_pdos
 from estimator.estimate import Flag
 
 ELBOW = 2
@@ -79,7 +78,7 @@ def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
     rig.request(Event.RESET)
     rig.run(0.6)
     assert rig.mode is Mode.OFF
-    assert DriveState.FAULT not in rig.samples.states
+    assert not any(drive.condition.in_fault for drive in rig.samples.drives)
     rig.request(Event.ENABLE)
     rig.run(0.5)
     assert rig.mode is Mode.HOLDING
@@ -153,7 +152,7 @@ def test_the_record_of_a_tick_stays_as_it_was(rig: Rig) -> None:
     assert states[0].link_position != states[-1].link_position
     assert any(state.notices for state in states)
     assert [state_of(record) for record in records] == states
-    arrays = [records[0].samples.link_position, records[0].samples.age_ticks]
+    arrays = [records[0].samples.link_position, records[0].samples.age_s]
     assert not any(array.flags.writeable for array in arrays)
 
 

@@ -11,8 +11,8 @@ import pytest
 from bench.rigs.lines import LINES
 from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES, INTERFACES, open_bus
+from drivers.can.settings import BusSettings, Interface
 from drivers.can.wire import OpenBus
-from drivers.settings import BusSettings, Interface
 
 
 @contextmanager

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES, open_bus
+from drivers.can.settings import BusSettings
 from drivers.can.slcan import SlcanWire
 from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE
-from drivers.settings import BusSettings
 from tests.examples import scaled
 
 

@@ -1,0 +1,74 @@
+"""CANopen drives of one arm over their whole life: `drivers.api.BootableDrives`."""
+
+from collections.abc import Callable, Sequence
+
+from common.errors import ContactdError
+from drivers.api import Report
+from drivers.can.wire import Frame, Wire
+from drivers.canopen.boot.boot_up import DriveBoot
+from drivers.canopen.drives import CanopenDrives
+
+
+class CanopenArm(CanopenDrives):
+    """Drives in the tick, and their set-up by SDO before it and between two."""
+
+    def __init__(
+        self, wire: Wire, boot: DriveBoot, period_s: float, clock: Callable[[], float], bitrate: int
+    ) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        drives = [setup.drive for setup in boot.setups]
+        super().__init__(wire, drives, period_s, clock, boot.master_node, bitrate)
+        self.boot = boot
+
+    @property
+    def identities(self) -> tuple[str, ...]:
+        """Make and number of each drive that was set up, in words."""
+        return tuple(map(str, self.boot.identities))
+
+    @property
+    def serials(self) -> list[int | None]:
+        """Serial number of each drive that was set up; None where it has none."""
+        return [identity.serial for identity in self.boot.identities]
+
+    def boot_up(self, report: Report) -> None:
+        """Set all drives up, and read back, as `DriveBoot.boot_up`."""
+        self.boot.boot_up(report)
+
+    def start(
+        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+    ) -> None:
+        """Begin to tick, as `CanopenDrives.start`, with what the boot heard meanwhile."""
+        self.counters.dropped_events += self.boot.heard.dropped
+        super().start(now, renewed, [*self.boot.heard.take(), *heard])
+
+    def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
+        """Read all drives, and set up again those that differ, whose joints are returned.
+
+        Raises ContactdError. After any other exception the values of every drive are unknown.
+        """
+        try:
+            if unset := self._not_set_up(meanwhile, warn):
+                self.boot.renew(unset, meanwhile, report)
+        except ContactdError:
+            raise
+        except Exception:
+            self.distrust(range(len(self.names)))
+            raise
+        return unset
+
+    def _not_set_up(self, meanwhile: Callable[[], None], warn: Report) -> list[int]:
+        """Joints whose drives must be set up again: known already, or found by reading."""
+        known = self.unfit()
+        for i in known:
+            warn(f"{self.names[i]}: silent, restarted, or locked: setting it up again")
+        others = [i for i in range(len(self.names)) if i not in known]
+        found = self.boot.verify(others, meanwhile)
+        for i, problems in found.items():
+            for problem in problems:
+                warn(f"{self.boot.setups[i]}: {problem}: setting it up again")
+        self.distrust([*known, *found])
+        return sorted([*known, *found])
+
+    def let_go(self) -> None:
+        """End the drives' watch on us, as `DriveBoot.let_go`."""
+        self.boot.let_go()

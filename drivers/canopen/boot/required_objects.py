@@ -1,0 +1,290 @@
+"""Objects that a drive must hold before it may be operational, as data, checked against its EDS."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import canopen
+from canopen.objectdictionary import ODArray
+
+from common.errors import ConfigurationError
+from drivers.canopen.boot.data_sheet import find_object, makers_numbers, type_name, value_range
+from drivers.canopen.codec import WORDS, Pdo, receive_pdos, transmit_pdos
+from drivers.canopen.drive import Drive
+from drivers.canopen.ids import EMERGENCY, SYNC
+from drivers.canopen.settings import DriveProfile, ObjectValue, Quantity
+
+CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
+#: Some drives show a mode only when they are in operation: 0 until then.
+MODES_SHOWN: Final = (0, CYCLIC_SYNCHRONOUS_VELOCITY)
+#: 0x1029:1: a drive that has missed its master leaves operational, so that no setpoint and SYNC of
+#: before, which a bus gives out when it comes back, moves it again.
+LEAVE_OPERATIONAL: Final = 0
+STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; at 0 a drive moves on when its master has died
+RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop active
+#: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
+SPEED_MARGIN: Final = 1.1
+BRAKING: Final = "deceleration of the quick stop"
+#: Read at boot-up: a drive cannot be identified without them.
+MUST_BE_READ: Final = ((0x1000, 0), (0x1018, 1))
+
+#: Parameters and mappings of PDOs (CiA 301).
+PDO_OBJECTS: Final = range(0x1400, 0x1C00)
+
+_IN_STEPS: Final = "it follows setpoints as its maker chose"
+
+Place = tuple[str | int, ...]
+"""Keys within a profile: `("tpdo", "1")`."""
+Group = Literal["communication", "stopping", "mode", "limits", "own objects", "PDO mapping"]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSetup:
+    """One drive with its EDS, how fast it may turn and how hard it brakes.
+
+    velocity: the joint's limit [rad/s at the link], > 0. quick_stop: deceleration of a quick stop
+    [rad/s2 at the link], > 0.
+    """
+
+    drive: Drive
+    data_sheet: canopen.ObjectDictionary
+    velocity: float
+    quick_stop: float
+
+    def __str__(self) -> str:
+        return str(self.drive)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Value that an object shall hold. An object that the EDS declares read-only is only compared.
+
+    without: behaviour of a drive that has no such object; if empty, the drive is refused.
+    mask: the bits that count; the others are the drive's own.
+    setting: place in the profile of the setting that decides about it.
+    """
+
+    group: Group
+    index: int
+    subindex: int
+    value: int
+    meaning: str
+    without: str = ""
+    mask: int = -1
+    setting: Place = ("eds",)
+
+    @property
+    def where(self) -> str:
+        """Object in words: `object 0x6007:00 (stop when the master falls silent)`."""
+        return f"object 0x{self.index:04X}:{self.subindex:02X} ({self.meaning})"
+
+    def holds(self, held: int) -> bool:
+        """True if a drive that holds this value meets the requirement."""
+        return held & self.mask == self.value
+
+    def shown(self, held: int) -> str:
+        """Text of a value of it: of a PDO's parameters in hexadecimal."""
+        return f"0x{held:08X}" if self.group == "PDO mapping" else str(held)
+
+
+def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
+    """Required objects but the PDOs, in order; `period_ms` is that of SYNC."""
+    profile, wiring = setup.drive.profile, setup.drive.wiring
+    braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
+    deceleration = round(setup.quick_stop * wiring.gear / braking.scale)
+    most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
+    node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
+    table = [
+        Wanted("communication", 0x1005, 0, SYNC, "SYNC on 0x080, none of its own",
+               "SYNC is taken to be on 0x080"),
+        Wanted("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
+               "emergencies are taken to be on 0x080 + node"),
+        Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat",
+               setting=("master_timeout_ms",)),
+        Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat",
+               setting=("heartbeat_ms",)),
+        Wanted("communication", 0x1029, 1, LEAVE_OPERATIONAL, "take no setpoint without a master",
+               "what it does with setpoints when it has missed its master is its maker's choice"),
+        Wanted("stopping", 0x6007, 0, STOP_ON_SILENCE, "quick stop when the master falls silent"),
+        Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
+        Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
+               "it reacts to faults as its maker chose", setting=("fault_reaction",)),
+        Wanted("stopping", braking.object, braking.subindex, deceleration, BRAKING,
+               setting=("quick_stop_deceleration",)),
+        Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
+        Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
+               _IN_STEPS),
+        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _IN_STEPS),
+        Wanted("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
+               "it has no torque limit of its own"),
+        Wanted("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
+               "it has no current limit of its own"),
+    ]  # fmt: skip
+    if fastest is not None:
+        counts = math.ceil(SPEED_MARGIN * setup.velocity * wiring.gear / fastest.scale)
+        table.append(
+            Wanted("limits", fastest.object, fastest.subindex, counts, "speed limit",
+                   setting=("max_motor_speed",))
+        )  # fmt: skip
+    return table + [
+        Wanted("own objects", own.object, own.subindex, own.value, "from the configuration",
+               setting=("write", i))
+        for i, own in enumerate(profile.write)
+    ]  # fmt: skip
+
+
+def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
+    """Objects that the drive lacks by its EDS, and the consequences, in words."""
+    sheet = setup.data_sheet
+    rows = {row.without: row for row in reversed(wanted(setup, period_ms, master_node))}
+    found = [
+        f"without {row.where}: {row.without}"
+        for row in reversed(rows.values())
+        if row.without and find_object(sheet, row.index, row.subindex) is None
+    ]
+    for index, subindex, follows in (
+        (0x6061, 0, "its mode is not confirmed"),
+        (0x6502, 0, "whether it has the mode is not known"),
+        (rated_object(setup.drive.profile), 0, "what it calls rated is not compared"),
+    ):
+        if find_object(sheet, index, subindex) is None:
+            found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
+    given = makers_numbers(sheet)
+    if find_object(sheet, 0x1018, 2) is None:
+        given["ProductNumber"] = 0
+        found.append("without object 0x1018:02: which product it is is not compared")
+    found += [
+        f"its EDS has no {name}: {what} is not compared"
+        for name, what in (("VendorNumber", "whose drive it is"),
+                           ("ProductNumber", "which product it is"))
+        if name not in given
+    ]  # fmt: skip
+    return found
+
+
+def rated_object(profile: DriveProfile) -> int:
+    """Object that the reported current or torque is a fraction of: 0x6075 [mA] or 0x6076 [mNm]."""
+    return 0x6075 if profile.effort == "current" else 0x6076
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Something that the configuration needs and an EDS lacks; `at` is the place in the profile
+    that asks for it."""
+
+    at: Place
+    what: str
+
+
+def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
+    """Raise ConfigurationError if the EDS lacks something that the configuration needs."""
+    for problem in problems(setup, period_ms, master_node):
+        raise ConfigurationError(f"{setup}, {setup.drive.profile.eds}: {problem.what}")
+
+
+def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Contradiction]:
+    """Contradictions between configuration and EDS. Raises LayoutError where the PDOs cannot be
+    laid out."""
+    sheet, profile = setup.data_sheet, setup.drive.profile
+    for index, subindex in MUST_BE_READ:
+        if find_object(sheet, index, subindex) is None:
+            yield Contradiction(("eds",), f"object 0x{index:04X}:{subindex:02X} is missing")
+    rows = wanted(setup, period_ms, master_node)
+    for row in rows:
+        for what in _object_problems(sheet, row):
+            yield Contradiction(row.setting, what)
+    for i, own in enumerate(profile.write):
+        for what in _meddling(own, profile, rows):
+            yield Contradiction(("write", i), what)
+    for name in ("quick_stop_deceleration", "max_motor_speed"):
+        where: Quantity | None = getattr(profile, name)
+        found = where and find_object(sheet, where.object, where.subindex)
+        if where and found and type_name(found) != where.type:
+            yield Contradiction(
+                (name, "type"),
+                f"object 0x{where.object:04X}:{where.subindex:02X} is {type_name(found)}, not "
+                f"{where.type}",
+            )
+    for kind, communication, pdos in (
+        ("tpdo", 0x1800, transmit_pdos(setup.drive)),
+        ("rpdo", 0x1400, receive_pdos(setup.drive)),
+    ):
+        for pdo in pdos:
+            yield from _pdo_problems(sheet, kind, pdo, communication + pdo.number - 1)
+
+
+def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[str]:
+    variable = find_object(sheet, row.index, row.subindex)
+    if variable is None:
+        if not row.without:
+            meant = _meant(sheet, row.index, row.subindex)
+            yield f"{row.where} is missing, and {row.value} cannot be written to it{meant}"
+        return
+    lowest, highest = value_range(variable)
+    if not variable.writable and row.group == "own objects":
+        yield f"{row.where} cannot be written (access {variable.access_type})"
+    # A ramp of no deceleration is none, whatever the EDS allows.
+    lowest = max(lowest, 1) if row.meaning == BRAKING else lowest
+    if not lowest <= row.value <= highest:
+        yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
+
+
+def _meddling(own: ObjectValue, profile: DriveProfile, rows: Sequence[Wanted]) -> Iterator[str]:
+    """Objects that the configuration may not write, as that would disable the drive's own stops."""
+    where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
+    for row in rows:
+        theirs = row.group in ("limits", "own objects")
+        if not theirs and (row.index, row.subindex) == (own.object, own.subindex):
+            yield f"{where} cannot be {own.value}: contactd writes {row.value} ({row.meaning})"
+    if own.object in PDO_OBJECTS:
+        yield f"{where} is of a PDO: these are described by `tpdo` and `rpdo`"
+    if own.object in (WORDS["controlword"], profile.target_velocity.object):
+        yield f"{where} energises or moves the drive, which no start does"
+
+
+def _pdo_problems(
+    sheet: canopen.ObjectDictionary, kind: str, pdo: Pdo, communication: int
+) -> Iterator[Contradiction]:
+    mapping, at = communication + 0x200, (kind, str(pdo.number))
+    name = f"{kind.upper()} {pdo.number}"
+    if communication not in sheet or mapping not in sheet:
+        yield Contradiction(at, f"{name}: has no PDO with parameters at 0x{communication:04X}")
+    # Sub 0 of a mapping is the number of objects that are mapped, not of those that can be.
+    elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
+        yield Contradiction(
+            at,
+            f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects",
+        )
+    for number, field in enumerate(pdo.fields, start=1):
+        fixed = find_object(sheet, mapping, number)
+        ours = field.index << 16 | field.subindex << 8 | field.bits
+        if fixed and not fixed.writable and fixed.default not in (None, 0, ours):
+            yield Contradiction(
+                at,
+                f"{name}: object 0x{mapping:04X}:{number:02X} cannot be written, and maps "
+                f"0x{fixed.default:08X} where {field.entry} (0x{ours:08X}) is configured",
+            )
+        where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
+        # Statusword and controlword have no entry of their own.
+        place: Place = at if field.entry in WORDS else (field.entry,)
+        variable = find_object(sheet, field.index, field.subindex)
+        if variable is None:
+            meant = _meant(sheet, field.index, field.subindex)
+            yield Contradiction(place, f"{where} is missing{meant}")
+        elif type_name(variable) != field.type:
+            yield Contradiction(
+                (*place, "type"), f"{where} is {type_name(variable)}, not {field.type}"
+            )
+        elif kind == "rpdo" and not variable.writable:
+            yield Contradiction(place, f"{where} cannot be written (access {variable.access_type})")
+        elif not variable.pdo_mappable:
+            yield Contradiction(place, f"{where} cannot be mapped to a PDO")
+
+
+def _meant(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:
+    """A hint, if the digits of a missing index would be right in hexadecimal."""
+    meant = int(str(index), 16)
+    if find_object(sheet, meant, subindex) is None:
+        return ""
+    return f"; 0x{meant:04X} is there: {index} without 0x is decimal"

@@ -1,0 +1,203 @@
+"""Steps of one drive's boot-up. Each may be done again without harm."""
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from common.errors import DriveError
+from drivers.canopen.boot.identity import DriveIdentity, identify
+from drivers.canopen.boot.pdo_mapping import map_pdos
+from drivers.canopen.boot.required_objects import (
+    CYCLIC_SYNCHRONOUS_VELOCITY,
+    MODES_SHOWN,
+    DriveSetup,
+    Group,
+    Wanted,
+)
+from drivers.canopen.boot.sdo import ObjectAccess
+from drivers.canopen.cia402 import QUICK_STOP, DriveState, drive_state, in_words
+from drivers.canopen.codec import link_side
+from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
+
+_LOOK_S: Final = 0.01
+#: A drive may go on showing the mode it had until its own cycle has taken the new one over.
+_MODE_S: Final = 0.3
+#: A joint that is slower stands [rad/s at the link].
+STANDSTILL: Final = 0.02
+#: Beyond the time of its ramp, a drive may take so long until it stands and shows it [s]; and so
+#: long at most, whatever ramp it has.
+_SETTLING_S: Final = 0.3
+_LONGEST_STOP_S: Final = 2.5
+_MOVES: Final = (
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION_ACTIVE,
+)
+
+
+@dataclass(slots=True)
+class BootingDrive:
+    """One drive on its way up."""
+
+    setup: DriveSetup
+    access: ObjectAccess
+    wanted: list[Wanted]
+    patience_s: float  # with one step
+    booted: threading.Event  # its boot-up message has come
+    meanwhile: Callable[[], None]  # to be called while waiting
+    sleep: Callable[[float], None]
+    identity: DriveIdentity | None = None
+    fault: int | None = None  # code of the fault for which its communication was reset
+    remarks: list[str] = field(default_factory=list)
+
+    def wait(self, seconds: float) -> None:
+        """Let some time pass, in which nothing else falls silent."""
+        self.meanwhile()
+        self.sleep(seconds)
+
+    def write(self, group: Group) -> None:
+        """Write and read back the wanted objects of a group; those that the EDS lacks and that the
+        drive can do without are left out."""
+        for row in self.wanted:
+            if row.group != group or (row.without and not self.access.has(*_place(row))):
+                continue
+            self.access.hold(*_place(row), row.value, row.where)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step; raises DriveError or BusError."""
+
+    name: str
+    run: Callable[[BootingDrive], None]
+
+
+def _identify(drive: BootingDrive) -> None:
+    drive.identity = identify(drive.setup, drive.access)
+
+
+def _quick_stop(drive: BootingDrive) -> None:
+    """Quick stop, by SDO, of a drive that is found in operation: its master died, or it never
+    received a stop. SDO alone needs no SYNC and no mapping."""
+    statusword = drive.access.read(0x6041)
+    if drive_state(statusword) is DriveState.OPERATION_ENABLED:
+        drive.access.write_only(0x6040, 0, QUICK_STOP)
+        drive.remarks.append(f"was found in {in_words(statusword)}: quick stop commanded")
+
+
+def _await_standstill(drive: BootingDrive) -> None:
+    """Wait until a drive with torque stands. Nothing is written to one that moves: with another
+    ramp, mode or limit it may do anything."""
+    statusword = drive.access.read(0x6041)
+    if drive_state(statusword) not in _MOVES:
+        return
+    velocity = _velocity(drive)
+    stop_s = min(_ramp_s(drive, velocity) + _SETTLING_S, _LONGEST_STOP_S)
+    for _ in range(math.ceil(stop_s / _LOOK_S)):
+        left = drive_state(statusword) not in (
+            DriveState.OPERATION_ENABLED,
+            DriveState.FAULT_REACTION_ACTIVE,
+        )
+        if left and abs(velocity) < STANDSTILL:
+            return
+        drive.wait(_LOOK_S)
+        statusword, velocity = drive.access.read(0x6041), _velocity(drive)
+    raise DriveError(
+        f"{drive.setup} does not stop: {stop_s:.2f} s after a quick stop it is in "
+        f"{in_words(statusword)} and moves at {velocity:+.3f} rad/s"
+    )
+
+
+def _velocity(drive: BootingDrive) -> float:
+    """Velocity of the motor, at the link [rad/s]."""
+    where = drive.setup.drive.profile.motor_velocity
+    gain, bias = link_side(drive.setup.drive, "motor_velocity")
+    return gain * drive.access.read(where.object, where.subindex) + bias
+
+
+def _ramp_s(drive: BootingDrive, velocity: float) -> float:
+    """Time in which the drive brakes from `velocity` by the ramp that it has now."""
+    ramp, gear = drive.setup.drive.profile.quick_stop_deceleration, drive.setup.drive.wiring.gear
+    braking = drive.access.read(ramp.object, ramp.subindex) * ramp.scale / gear
+    return abs(velocity) / braking if braking > 0.0 else math.inf
+
+
+def _recover(drive: BootingDrive) -> None:
+    """Reset the communication of a drive in fault: it has no torque, so that nothing falls."""
+    state = drive_state(drive.access.read(0x6041))
+    if state is not DriveState.FAULT:
+        return
+    drive.fault = drive.access.read(0x603F) if drive.access.has(0x603F) else 0
+    drive.booted.clear()
+    drive.access.nmt(RESET_COMMUNICATION, "reset communication")
+
+
+def _await_boot(drive: BootingDrive) -> None:
+    if drive.fault is None:
+        return
+    for _ in range(math.ceil(drive.patience_s / _LOOK_S)):
+        if drive.booted.is_set():
+            break
+        drive.wait(_LOOK_S)
+    else:
+        raise DriveError(
+            f"{drive.setup}: no boot-up message after NMT reset communication (it was in "
+            f"fault, 0x{drive.fault:04X})"
+        )
+    drive.remarks.append(f"was in fault (0x{drive.fault:04X}): communication was reset")
+
+
+def _leave_operational(drive: BootingDrive) -> None:
+    """PDOs off; the drive keeps the power state and the torque that it has."""
+    drive.access.nmt(ENTER_PRE_OPERATIONAL, "pre-operational")
+
+
+def _choose_mode(drive: BootingDrive) -> None:
+    drive.write("mode")
+    if not drive.access.has(0x6061):
+        return
+    for _ in range(math.ceil(_MODE_S / _LOOK_S)):
+        if (shown := drive.access.read(0x6061)) in MODES_SHOWN:
+            return
+        drive.wait(_LOOK_S)
+    raise DriveError(
+        f"{drive.setup}: object 0x6060:00 was written {CYCLIC_SYNCHRONOUS_VELOCITY}, but the "
+        f"drive shows mode {shown} (0x6061)"
+    )
+
+
+def _map_pdos(drive: BootingDrive) -> None:
+    map_pdos(drive.setup, drive.access)
+
+
+def _place(row: Wanted) -> tuple[int, int]:
+    return row.index, row.subindex
+
+
+def _writes(group: Group) -> Callable[[Any], None]:
+    return lambda drive: drive.write(group)
+
+
+WAKE: Final = Step("pre-operational", _leave_operational)
+
+#: Of all drives, one step after the other: nothing is written before all are identified and stand,
+#: and those that have to brake or to boot do it side by side.
+TOGETHER: Final = (
+    Step("identity", _identify),
+    Step("quick stop", _quick_stop),
+    Step("standstill", _await_standstill),
+    Step("recovery", _recover),
+    Step("boot", _await_boot),
+)
+#: Of one drive after the other.
+SET_UP: Final = (
+    WAKE,
+    Step("communication", _writes("communication")),
+    Step("stopping", _writes("stopping")),
+    Step("mode", _choose_mode),
+    Step("limits", _writes("limits")),
+    Step("own objects", _writes("own objects")),
+    Step("PDO mapping", _map_pdos),
+)

@@ -1,0 +1,95 @@
+"""Verification of a drive's set-up, read by SDO without writing anything.
+
+A set-up that was written once may not be there any more: another tool has written to the drive, or
+it has restarted unheard. No heartbeat and no statusword shows that.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+from common.errors import DriveError, SilentDriveError
+from drivers.canopen.boot.identity import DriveIdentity
+from drivers.canopen.boot.pdo_mapping import wanted_pdos
+from drivers.canopen.boot.required_objects import (
+    CYCLIC_SYNCHRONOUS_VELOCITY,
+    MODES_SHOWN,
+    DriveSetup,
+    Wanted,
+    wanted,
+)
+from drivers.canopen.boot.sdo import ObjectAccess
+from drivers.canopen.cia402 import DriveState, drive_state
+from drivers.canopen.emergency_codes import OF_COMMUNICATION, emergency_words
+
+_NUMBERS: Final = ((1, "vendor"), (2, "product"), (4, "serial"))
+
+
+def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
+    """All objects that a drive of this EDS shall hold, its PDOs included, each once: a value that
+    the configuration writes takes precedence over a limit."""
+    ours, others = wanted_pdos(setup)
+    rows = [
+        *wanted(setup, period_ms, master_node),
+        *(row for pdo in ours for row in pdo.rows),
+        *others,
+    ]
+    return list({(row.index, row.subindex): row for row in rows}.values())
+
+
+def deviations(
+    setup: DriveSetup, access: ObjectAccess, rows: list[Wanted], identity: DriveIdentity | None
+) -> list[str]:
+    """Deviations of a drive from its set-up, in words; empty if there are none. Raises BusError.
+
+    Each object is read once. One that the EDS declares read-only cannot have changed since the
+    start, where it was compared; `identity` is that of the start, None if there was none.
+    """
+    found: list[str] = []
+    try:
+        found += _locked(access)
+        if identity is not None:
+            found += _of_identity(access, identity)
+        for row in rows:
+            place = row.index, row.subindex
+            if not access.has(*place) or not access.writable(*place):
+                continue
+            if not row.holds(held := access.read(*place)):
+                found.append(f"{row.where} reads {row.shown(held)}, must be {row.shown(row.value)}")
+        found += _of_mode(access)
+    except SilentDriveError as error:
+        found.append(str(error).removeprefix(f"{setup} "))
+    except DriveError as error:  # it refuses the reading
+        found.append(str(error).removeprefix(f"{setup}: "))
+    return found
+
+
+def _locked(access: ObjectAccess) -> Iterator[str]:
+    """Fault of communication, or of unknown cause: some drives take no fault reset before they are
+    set up again, even if they report the cause as over. A reset of communication harms none in
+    fault."""
+    statusword = access.read(0x6041)
+    if drive_state(statusword) is not DriveState.FAULT:
+        return
+    if not access.has(0x603F):
+        yield "in fault of unknown cause: it has no object 0x603F"
+        return
+    code = access.read(0x603F)
+    if code == 0:
+        yield "in fault of unknown cause: object 0x603F reads 0"
+    elif code & 0xFF00 in OF_COMMUNICATION:
+        yield f"in fault for {emergency_words(code)} (0x{code:04X})"
+
+
+def _of_identity(access: ObjectAccess, identity: DriveIdentity) -> Iterator[str]:
+    for subindex, name in _NUMBERS:
+        known = getattr(identity, name)
+        if known is not None and (held := access.read(0x1018, subindex)) != known:
+            yield f"object 0x1018:{subindex:02X} ({name}) reads 0x{held:X}, was 0x{known:X}"
+
+
+def _of_mode(access: ObjectAccess) -> Iterator[str]:
+    if access.has(0x6061) and (shown := access.read(0x6061)) not in MODES_SHOWN:
+        yield (
+            f"object 0x6061:00 (mode of operation display) reads {shown}, must be "
+            f"{CYCLIC_SYNCHRONOUS_VELOCITY}"
+        )

@@ -1,0 +1,300 @@
+"""CANopen drives of one arm on their bus: every tick SYNC out, samples in, setpoints out.
+
+One thread owns the bus: no lock, no thread, no SDO that is waited for, no log line. Time is an
+argument; the `clock` only measures how much of a deadline is left, and how long reading took.
+Everything beside the samples is reported as events; nothing that arrives, and no failure of the
+bus, is an exception.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+
+from common.arrays import Vector
+from drivers.api import Kind, Objection, PowerTarget, Samples
+from drivers.can.wire import Frame, Wire
+from drivers.canopen.answers import Counters
+from drivers.canopen.drive import Drive
+from drivers.canopen.emergencies import Emergencies
+from drivers.canopen.event_queue import EventQueue
+from drivers.canopen.events import Fact, crossing
+from drivers.canopen.ids import EMERGENCY, HEARTBEAT
+from drivers.canopen.inbox import FRAMES_PER_PASS, Inbox
+from drivers.canopen.objections import objections_of
+from drivers.canopen.outbox import SYNC_FRAME, Outbox
+from drivers.canopen.presence import Presence
+from drivers.canopen.sdo_watch import SdoWatch
+from drivers.canopen.stop_travel import least_patience_s
+from drivers.canopen.stops import Stops
+
+_OFF, _ON, _STOP = PowerTarget
+
+
+class CanopenDrives:
+    """Drives of an arm on one bus, set up by others: `drivers.api.Drives`, their start and end."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        drives: Sequence[Drive],
+        period_s: float,
+        clock: Callable[[], float],
+        master_node: int = 127,
+        bitrate: int = 1_000_000,
+    ) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        self.names = tuple(drive.name for drive in drives)
+        self.nodes = tuple(drive.node for drive in drives)
+        self.counters = Counters()
+        self._clock, self._now = clock, 0.0
+        self._joints = dict(zip(self.nodes, self.names, strict=True))
+        self._events = EventQueue(self.counters)
+        self._report = self._events.report
+        self._presence = Presence(least_patience_s(drives), period_s)
+        self._outbox = Outbox(wire, drives, master_node, self.counters, self._report)
+        self._setpoints = self._outbox.setpoints
+        self._inbox = Inbox(
+            *(wire, drives, period_s, bitrate, self._outbox.masters_own),
+            *(self.counters, self._report),
+            on_sdo=self._hear_sdo,
+            on_node=self._address,
+            on_bus_off=self._presence.lost,
+        )
+        self._answers, self._nodes = self._inbox.answers, self._inbox.nodes
+        self._emergencies = Emergencies(self._joints)
+        self._new_stops = partial(Stops, drives, period_s)
+        self._stops = self._new_stops()
+        self._sdo_watch = SdoWatch(drives)
+        self._all_on = [_ON] * len(drives)
+        self._backlog = False
+
+    @property
+    def samples(self) -> Samples:
+        """Samples of the last tick."""
+        return self._answers.samples
+
+    def start(
+        self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
+    ) -> None:
+        """NMT operational for every drive that is set up: PDOs flow, and heartbeats are watched
+        from `now` on.
+
+        renewed: joints whose drives were just set up; None is all, at the first start, when queued
+        frames and earlier knowledge are forgotten. Otherwise only the reports of these drives about
+        their lost set-up are dropped. All else that was `heard` between ticks, oldest first, is
+        reported with the next samples; what is known of the other drives is kept.
+        """
+        self._now = now
+        if renewed is None or len(renewed) == len(self.names) or not self._stops.silent:
+            self._presence.begin(now)
+            before, self._stops = self._stops, self._new_stops()
+            if renewed is not None:
+                self._stops.take_over(before)
+        self._answers.start_anew()
+        self._inbox.traffic.begin(now, self.counters.late_frames)
+        self._sdo_watch.forget()
+        if renewed is None:
+            self._inbox.read_queued(now)
+            self._events.take()
+        queued = self._inbox.queued()
+        self._nodes.start(now, renewed)
+        self._emergencies.renewed(renewed)
+        # `queued` came after the set-up: a boot-up message among them is news.
+        self._inbox.take_after_set_up(heard, (HEARTBEAT, EMERGENCY), renewed or (), now)
+        self._inbox.take_after_set_up(queued, (EMERGENCY,), renewed or (), now)
+        self._address()
+        if not self._stops.silent:  # which ends when all drives are set up again
+            self._outbox.start(self._nodes.fit)
+
+    def _address(self) -> None:
+        """Let setpoints go to the drives that are set up, and to no others."""
+        self._setpoints.address(self._nodes.fit)
+
+    def distrust(self, joints: Sequence[int]) -> None:
+        """Take the drives of these joints for not set up, until they are."""
+        self._nodes.distrust(joints)
+        self._address()
+
+    def unfit(self) -> list[int]:
+        """Joints whose drives must be set up again before a reset can help: all, once they were
+        left to themselves; else those that their `NodeWatches` find unfit."""
+        every = list(range(len(self.names)))
+        return every if self._stops.silent else self._nodes.unfit(self._answers.states)
+
+    def sync(self, now: float) -> None:
+        """Begin a tick: read what came since the last, beat if it is time, then send SYNC.
+
+        After a gap in our own presence every drive is commanded to stop, and no SYNC goes out
+        before all have confirmed: they may have stopped by themselves meanwhile, and a SYNC would
+        have them execute an old setpoint. In the last stage of a stop nothing goes out.
+        """
+        entered_s = self._clock()
+        self._now = now
+        # Before the drives' own reports of it: it is the cause.
+        self._notice_absence(now)
+        # A TPDO that is here before its SYNC is a late answer to the one before.
+        self._answers.expect_none()
+        self._backlog = not self._inbox.read_queued(now)
+        self._report(*self._nodes.check(now))
+        if self._stops.silent:
+            self._backlog = True  # no frame counts as an answer
+            return
+        # Reading may have taken long, or the process have been held up in it.
+        self._notice_absence(now + self._clock() - entered_s)
+        presence = self._presence
+        frames = self._frames_after_absence() if presence.absent else []
+        beats = presence.beats(now)
+        if beats:
+            frames.append(self._outbox.heartbeat)
+        # A tick without SYNC shows drives that answer a period late; not in the middle of a stop.
+        looks = not self._stops.busy and self._answers.punctuality.leaves_out(now)
+        if presence.absent or looks:
+            self._backlog = True
+        else:
+            self._answers.expect_all(now)
+            frames.append(SYNC_FRAME)
+        if self._outbox.send(frames) and beats:
+            presence.beaten(now)
+
+    def _notice_absence(self, now: float) -> None:
+        gap_s = self._presence.gap_s(now)
+        if gap_s is not None and not self._stops.silent:
+            text = f"the drives heard nothing of it for {1000 * gap_s:.0f} ms"
+            self._report(Fact(Kind.ABSENT, text=text))
+            self._presence.lost()
+
+    def _frames_after_absence(self) -> list[Frame]:
+        """Stop commands until they are confirmed: over what the drives have pending, and by SDO."""
+        if self._presence.news:
+            self._presence.news = False
+            return [*self._setpoints.quick_stops, *self._stops.begin_all(self._now, self.samples)]
+        self._presence.absent = not self._stops.confirmed
+        return []
+
+    def collect(self, deadline: float) -> Samples:
+        """Read until every TPDO of this SYNC is in, or `deadline` on the caller's clock has passed.
+
+        Frames that are queued already are read even when it has. Without a SYNC, or after one
+        before which not all could be read (the bus has come back, or is flooded), nothing counts
+        as its answer.
+        """
+        answers, inbox, frames_left = self._answers, self._inbox, FRAMES_PER_PASS
+        if self._backlog:
+            answers.expect_none()
+            inbox.read_queued(self._now)
+            answers.miss_all()
+            frames_left = 0
+        while answers.missing and frames_left:
+            frame = inbox.receive(max(deadline - self._clock(), 0.0))
+            if frame is None:
+                break
+            inbox.take(*frame, self._now)
+            frames_left -= 1
+        answers.judge()
+        self._inbox.traffic.step(self._now, self.counters.late_frames)
+        self._report(self._inbox.traffic.loaded)
+        events = self._events.take()
+        crossed = [event for each in events if (event := crossing(each, self._joints))]
+        samples = answers.finish(tuple(crossed))
+        self._emergencies.watch(events, samples.drives)
+        return samples
+
+    def command(
+        self,
+        power: PowerTarget | Sequence[PowerTarget],
+        velocity: Vector,
+        reset: bool = False,
+        ask: bool = False,
+    ) -> None:
+        """Send every drive that is set up its next controlword towards `power` and its target
+        velocity; `ask` lets drives be asked whether they answer SDO.
+
+        velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
+        gets zero. A velocity that is not finite stops all drives and is an event.
+        """
+        targets = [power] * len(self.names) if isinstance(power, PowerTarget) else list(power)
+        if self._presence.absent:
+            targets = [_STOP if target is _ON else target for target in targets]
+        self._report(*self._stops.follow(self._now, self.samples, targets, velocity))
+        if self._stops.busy or targets != self._all_on:
+            frames, events = self._stops.step(
+                self._now, targets, self.samples, self._answers.states, self._nodes.set_up
+            )
+            if frames:
+                self._outbox.send(frames)
+            self._report(*events)
+            # Power is taken from drives that stand. A moving one gets a ramp first.
+            targets = [
+                _STOP if target is _OFF and not self._stops.may_be_off(i) else target
+                for i, target in enumerate(targets)
+            ]
+        if self._stops.silent:
+            return
+        try:
+            self._setpoints.write(self._answers.states, targets, velocity, reset)
+        except ValueError as error:
+            self._report(Fact(Kind.BAD_SETPOINT, text=str(error)))
+        self._outbox.send(self._setpoints.frames)
+        if not ask or self._stops.busy:
+            self._sdo_watch.rest()
+        elif question := self._sdo_watch.ask(self._now):
+            self._outbox.send(question)
+
+    def unproved(self) -> tuple[str, ...]:
+        """Joints commanded to stop and not confirmed at standstill since."""
+        return self._named(self._stops.unproved)
+
+    def stopped_in_vain(self, joint: int) -> bool:
+        """True where a quick stop was seen not to stop a joint: it may lose its power in motion."""
+        return self._stops.stopped_in_vain(joint)
+
+    @property
+    def left_alone(self) -> bool:
+        """True in the last stage of a stop, when every drive has had the time to miss us and to
+        stop by itself."""
+        return self._stops.left_alone(self._now)
+
+    @property
+    def silenced(self) -> bool:
+        """True in the last stage of a stop: the drives hear nothing of us until `start`."""
+        return self._stops.silent
+
+    def quick_stop(self) -> None:
+        """Command all drives to quick-stop and hold, now, whatever else is broken or unknown: those
+        that are set up with a SYNC, all without."""
+        if not self._stops.silent:
+            self._outbox.quick_stop()
+
+    def end(self) -> None:
+        """End the session."""
+        self._outbox.end()
+
+    def restarted(self) -> tuple[str, ...]:
+        """Joints whose drives restarted and have not been set up again since."""
+        return self._named(self._nodes.unset)
+
+    def silent(self) -> tuple[str, ...]:
+        """Joints whose drive sends no heartbeat, or reports that it is not operational."""
+        return self._named(self._nodes.unheard)
+
+    def objections(self) -> tuple[Objection, ...]:
+        """Reasons against arming that samples do not show."""
+        doubted = self._answers.punctuality.doubted(self._now)
+        found = objections_of(
+            no_sdo=self._named(self._sdo_watch.silent),
+            doubted=self._named(self._answers.joints_of(doubted)),
+            silent=self.silent(),
+            emergencies=self._emergencies.objections(),
+            unset=self.restarted(),
+        )
+        return tuple(found)
+
+    def acknowledge(self) -> None:
+        """A person has reset the fault: emergencies that no drive shows any more are over."""
+        self._emergencies.acknowledge()
+
+    def _named(self, joints: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self.names[i] for i in joints)
+
+    def _hear_sdo(self, node: int, data: bytes | bytearray) -> None:
+        self._stops.hear(node, data)
+        self._sdo_watch.hear(node, data)

@@ -1,0 +1,109 @@
+"""Frames from the bus, each taken by the part that it is for.
+
+Nothing that arrives, and no failure of the bus, is an exception.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from drivers.api import Kind
+from drivers.can.bus import BUS_FAILURES
+from drivers.can.wire import ERROR, Frame, Wire
+from drivers.canopen.answers import Answers, Counters
+from drivers.canopen.bus_failures import bus_failure, error_frame
+from drivers.canopen.drive import Drive
+from drivers.canopen.emergency_codes import OF_COMMUNICATION
+from drivers.canopen.event_queue import Report
+from drivers.canopen.events import Emergency, Fact
+from drivers.canopen.ids import HEARTBEAT, NODE, SDO_ANSWER
+from drivers.canopen.node_watches import NodeWatches
+from drivers.canopen.traffic import Traffic
+
+#: Bound of one pass: a flooded bus must not hold the loop.
+FRAMES_PER_PASS: Final = 512
+
+
+class Inbox:
+    """Reader of one wire, with the parts that keep what was read."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        drives: Sequence[Drive],
+        period_s: float,
+        bitrate: int,
+        masters_own: set[int],
+        counters: Counters,
+        report: Report,
+        on_sdo: Callable[[int, bytes | bytearray], None],
+        on_node: Callable[[], None],
+        on_bus_off: Callable[[], None],
+    ) -> None:
+        """masters_own: identifiers that only we may send. on_sdo takes a node's answer; on_node is
+        called when the state of a node has changed, on_bus_off when nothing goes out any more.
+        Raises ConfigurationError if a PDO layout does not fit."""
+        self.answers = Answers(drives, counters, report, period_s)
+        self.nodes = NodeWatches(drives, counters)
+        self.traffic = Traffic(drives, period_s, bitrate)
+        self._wire, self._masters_own = wire, masters_own
+        self._counters, self._report = counters, report
+        self._on_sdo, self._on_node, self._on_bus_off = on_sdo, on_node, on_bus_off
+
+    def receive(self, timeout: float) -> Frame | None:
+        """Next frame, waiting at most `timeout` s; None if there is none, or the bus fails."""
+        try:
+            return self._wire.receive(timeout)
+        except BUS_FAILURES as error:
+            self._report(bus_failure("receiving", error))
+            return None
+
+    def read_queued(self, now: float) -> bool:
+        """Take the queued frames; False if there are more than a pass reads."""
+        for _ in range(FRAMES_PER_PASS):
+            frame = self.receive(0.0)
+            if frame is None:
+                return True
+            self.take(*frame, now)
+        return False
+
+    def queued(self) -> list[Frame]:
+        """Frames that wait in the wire, at most those of one pass."""
+        frames: list[Frame] = []
+        while len(frames) < FRAMES_PER_PASS and (frame := self.receive(0.0)):
+            frames.append(frame)
+        return frames
+
+    def take_after_set_up(
+        self, frames: Sequence[Frame], over: Sequence[int], renewed: Sequence[int], now: float
+    ) -> None:
+        """Take frames from before or after a set-up of the `renewed` joints' drives, except those
+        that belong to it: heartbeats and emergencies of communication, as far as these services
+        are `over`."""
+        for can_id, data in frames:
+            service, joint = can_id & ~NODE, self.nodes.joint_of.get(can_id & NODE)
+            kind = data[1] << 8 if len(data) > 1 else 0
+            of_set_up = service == HEARTBEAT or kind in OF_COMMUNICATION
+            if not (joint in renewed and service in over and of_set_up):
+                self.take(can_id, data, now)
+
+    def take(self, can_id: int, data: bytes | bytearray, now: float) -> None:
+        """Take one frame."""
+        if self.answers.take(can_id, data):
+            return
+        if can_id & ERROR:
+            self._counters.error_frames += 1
+            event = error_frame(can_id & ~ERROR, data)
+            if event.kind is Kind.OFF_BUS:
+                self._on_bus_off()
+            self._report(event)
+            return
+        unknown = self._counters.unknown_frames
+        if can_id & ~NODE == SDO_ANSWER:  # 11-bit identifiers: a flag makes it another number
+            self._on_sdo(can_id & NODE, data)
+        elif can_id in self._masters_own:
+            self._report(Fact(Kind.FOREIGN_MASTER, text=f"it sends 0x{can_id:03X}"))
+        elif found := self.nodes.hear(can_id, data, now):
+            if not isinstance(found, Emergency):
+                self._on_node()
+            self._report(found)
+        self.traffic.take(can_id, len(data), unknown=self._counters.unknown_frames > unknown)

@@ -1,0 +1,75 @@
+"""Frames to the bus: setpoints, the master's heartbeat, NMT commands and stops.
+
+No failure of the bus is an exception.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from drivers.can.bus import BUS_FAILURES
+from drivers.can.wire import Frame, Wire
+from drivers.canopen.answers import Counters
+from drivers.canopen.bus_failures import bus_failure
+from drivers.canopen.drive import Drive
+from drivers.canopen.event_queue import Report
+from drivers.canopen.expedited_stop import expedited_quick_stops
+from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, HEARTBEAT, NMT, OPERATIONAL, START_NODE, SYNC
+from drivers.canopen.setpoints import Setpoints
+
+SYNC_FRAME: Frame = (SYNC, b"")
+
+
+class Outbox:
+    """Writer of one wire, with the frames of an arm."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        drives: Sequence[Drive],
+        master_node: int,
+        counters: Counters,
+        report: Report,
+    ) -> None:
+        """Raises ConfigurationError if a PDO layout does not fit."""
+        self.setpoints = Setpoints(drives)
+        self.heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
+        self._wire, self._counters, self._report = wire, counters, report
+        self._nodes = tuple(drive.node for drive in drives)
+        self._stops_by_sdo = expedited_quick_stops(drives)
+
+    @property
+    def masters_own(self) -> set[int]:
+        """Identifiers that only the master sends."""
+        setpoints = (cob_id for cob_id, _ in self.setpoints.frames)
+        return {NMT, SYNC, self.heartbeat[0], *setpoints}
+
+    def send(self, frames: Sequence[Frame]) -> bool:
+        """Send; False, and an event, if the bus does not take them all."""
+        try:
+            self._wire.send(frames)
+        except BUS_FAILURES as error:
+            self._counters.send_errors += 1
+            self._report(bus_failure("sending", error))
+            return False
+        return True
+
+    def start(self, joints: Iterable[int]) -> None:
+        """NMT operational for the drives of these joints."""
+        nodes = (self._nodes[i] for i in joints)
+        self.send([self.heartbeat, *(_nmt(START_NODE, node) for node in nodes)])
+
+    def quick_stop(self) -> None:
+        """Quick stop of all drives: those that are set up with a SYNC, all without."""
+        self.send([*self.setpoints.quick_stops, *self._stops_by_sdo, SYNC_FRAME])
+
+    def end(self) -> None:
+        """Drives pre-operational, so that no late setpoint acts; heartbeat last.
+
+        They notice the silence after that and stop by themselves (0x6007), which asks nothing more
+        of one that is off or holds in quick stop.
+        """
+        ends = (_nmt(ENTER_PRE_OPERATIONAL, node) for node in self._nodes)
+        self.send([*ends, self.heartbeat])
+
+
+def _nmt(command: int, node: int) -> Frame:
+    return NMT, bytes([command, node])

@@ -1,0 +1,257 @@
+"""Stop of one drive in stages, each with a deadline; only an observed standstill ends it. Pure.
+
+A drive that was commanded to stop stands when fresh readings confirm it: a statusword that has left
+operation, and every sensor that it has (`witness`). Until then it counts as running. The
+stages get stronger, and none relies on what the one before needs:
+
+    SETPOINT  quick stop in its RPDO, which acts at a SYNC
+    SDO       quick stop written to 0x6040, which acts at once, also in pre-operational
+    NMT       NMT stop, a loss of the connection at which a drive stops by itself (0x6007)
+    SILENCE   no heartbeat, SYNC or setpoint any more, so that the drive's own watch acts (0x1016)
+
+Time is an argument.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from drivers.canopen.cia402 import UNPOWERED, DriveState
+from drivers.canopen.witness import MOVES, STANDS, Witness
+
+#: Readings in a row, so that noise proves nothing.
+STILL_READINGS: Final = 2
+#: Lowest deceleration of a quick stop as a share of its ramp: the load pulls, the loop lags.
+RAMP_SHARE: Final = 0.5
+#: Longest time until the ramp begins [s].
+RAMP_LAG_S: Final = 0.02
+#: Speed at which a motor may swing after its ramp [rad/s].
+SWINGS: Final = 0.1
+#: Longest time for which it may swing [s]: its link falls to and fro in the gap.
+SWINGS_S: Final = 1.0
+#: Ticks are quotients of times, travels products.
+ROUNDING: Final = 0.01
+#: A drive that was seen to obey needs to be seen again so many ticks later: slow ones take three to
+#: answer one SDO, and samples are lost in bursts.
+READING_TICKS: Final = 10
+#: A motor that was knocked off its ramp slows down by this share from one reading to the next.
+FALLING_SHARE: Final = 0.03
+#: A motor that gives this share of its current limit against its motion resists as it can.
+RESISTING_SHARE: Final = 0.5
+#: After so many contrary readings in a row it counts as running on, and its proof is void.
+VOID_READINGS: Final = 20
+#: States of a drive that obeys a stop: without power, or stopping and holding by itself.
+OBEYING: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
+
+
+class Stage(IntEnum):
+    """Stages of a stop, in rising order of strength."""
+
+    NONE = 0  # the drive may run
+    SETPOINT = 1
+    SDO = 2
+    NMT = 3
+    SILENCE = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Fresh reading of a drive that is to stop. SI at the link; NaN where it was not read."""
+
+    state: DriveState
+    velocity: float  # of the motor
+    current: float = math.nan
+    position: float = math.nan  # of the link
+    motor: float = math.nan  # position of the motor, where it has a sensor of its own
+    asked: bool = False  # read by SDO, which needs neither SYNC nor PDO
+
+
+@dataclass(frozen=True, slots=True)
+class StopBounds:
+    """Bounds of one drive's stop, at the link: deceleration, current, time and travel."""
+
+    deceleration: float  # of its quick stop [rad/s2]
+    current: float  # its limit [A]
+    travel: float  # of its joint, from the first command on [rad]
+    patience_s: float  # until it stops by itself when it misses our heartbeat
+    ticks: int  # of each stage
+    period_s: float
+
+
+class StopWatch:
+    """Watch on one drive: checks that it obeys a command to stop.
+
+    Stronger stages are for a drive that is in operation, or unheard. One that reports that it stops
+    gets none for being moved: NMT stop and silence ask of it what it does already, and would cost
+    the others their master. Once it runs on beyond its travel its power is to be `cut`, as where a
+    monitored ramp is not kept (SS1-r of IEC 61800-5-2). It stands only when it is seen to.
+    """
+
+    stage: Stage
+    proved: bool
+    """It was seen to stand, and nothing against it since."""
+    cut: bool
+    """Its quick stop does not stop it within its travel: it is to be without power."""
+    _wrong: float  # ticks without obedience, less those with
+    _now_s: float
+    _from: tuple[float, float]  # positions of link and motor at the command to stop [rad]
+    _turned: float  # integral of its velocity since, as far as it is more than bias [rad]
+    _gone: float  # travel since [rad]
+    _speed: float  # velocity that was last known [rad/s]
+    _obeyed_s: float  # when it was last seen to
+    _left_s: float  # when it was seen to have left operation
+    _left_speed: float  # its speed then [rad/s]
+    _still: int  # readings in a row that show a standstill
+    _moving: int  # readings in a row that show it running on
+    _beyond: int  # those of them that were taken beyond its travel
+    _asked: Witness  # of the readings by SDO since the command to stop
+
+    def __init__(self, bounds: StopBounds) -> None:
+        self._bounds = bounds
+        self.witness = Witness()
+        """Witness of its samples, while it runs, too."""
+        self.begin(math.nan, Stage.NONE, math.nan)
+
+    @property
+    def unproved(self) -> bool:
+        """True while it was commanded to stop and is not confirmed at standstill."""
+        return self.stage is not Stage.NONE and not self.proved
+
+    @property
+    def speed(self) -> float:
+        """The last that is known [rad/s]."""
+        return abs(self._speed)
+
+    @property
+    def runs_on(self) -> bool:
+        """True while it reports that it stops, but moves as if it did not."""
+        return self._moving >= VOID_READINGS
+
+    def begin(self, now: float, stage: Stage, speed: float) -> None:
+        """Begin a stop in this stage, from the last known `speed` [rad/s], at the positions of its
+        last samples. Earlier proof is void."""
+        self.stage, self.proved, self.cut = stage, False, False
+        self._wrong, self._now_s = 0.0, now
+        self._from = self.witness.link.value, self.witness.motor.value
+        self._turned = self._gone = 0.0
+        self._speed = 0.0 if math.isnan(speed) else speed
+        self._left_s, self._obeyed_s = math.nan, -math.inf
+        self._still = self._moving = self._beyond = 0
+        # The history of readings by SDO goes on from that of the samples.
+        self._asked = self.witness.copy()
+
+    def allow(self) -> None:
+        """It may run."""
+        self.stage, self.proved, self.cut = Stage.NONE, False, False
+
+    def step(self, now: float, seen: Seen | None) -> Stage | None:
+        """Judge what was seen since the last tick (None: nothing fresh), after `begin`. Returns the
+        stage that begins, None while none does."""
+        dt, self._now_s = now - self._now_s, now
+        if seen is not None:
+            seen = self._measured(now, seen)
+            self._judge(now, seen)
+        if self.proved or self.stage is Stage.SILENCE:
+            return None
+        if seen is not None and seen.state in OBEYING:
+            self._wrong, self._obeyed_s = max(self._wrong - 1.0, 0.0), now
+        elif seen is not None or not self._lately_obeyed(now):
+            # However late a tick is, it is one chance that the drive was not given.
+            self._wrong += min(dt / self._bounds.period_s, 2.0)
+        self._follow(seen, dt)
+        self.cut = self.cut or self._goes_further(seen)
+        # Commanding a drive by SDO and reading its state takes an answer in each of three ticks.
+        patience_ticks = self._bounds.ticks * self.stage
+        if self._wrong < patience_ticks - ROUNDING and not self._runs_out():
+            return None
+        self.stage, self._wrong = Stage(self.stage + 1), 0.0
+        return self.stage
+
+    def _lately_obeyed(self, now: float) -> bool:
+        return now - self._obeyed_s <= (READING_TICKS + ROUNDING) * self._bounds.period_s
+
+    # --- what a reading proves ---------------------------------------------------------------
+
+    def _measured(self, now: float, seen: Seen) -> Seen:
+        """Take the readings of its sensors, and return those that were measured."""
+        witness = self._witness(seen)
+        witness.take(now, seen.velocity, seen.current, seen.position, seen.motor)
+        return Seen(seen.state, math.nan, asked=seen.asked) if witness.repeats else seen
+
+    def _witness(self, seen: Seen) -> Witness:
+        return self._asked if seen.asked else self.witness
+
+    def _complete(self, seen: Seen) -> bool:
+        """True if every sensor that it has is in a reading."""
+        motor = self.witness.motor.known and math.isnan(seen.motor)
+        return not (math.isnan(seen.velocity) or math.isnan(seen.position) or motor)
+
+    def _judge(self, now: float, seen: Seen) -> None:
+        """Keep whether it is proved to stand."""
+        if seen.state not in OBEYING:
+            if self.proved:
+                self.begin(now, Stage.SETPOINT, seen.velocity)
+            self._left_s, self._still, self._moving = math.nan, 0, 0
+            return
+        if math.isnan(self._left_s):
+            self._left_s, self._left_speed = now, abs(seen.velocity)
+        still = self._complete(seen) and self._witness(seen).stands(now, seen.velocity)
+        self._still = self._still + 1 if still else 0
+        # Without power it moves as the load or a hand will.
+        calm = still or seen.state in UNPOWERED or self._stops(now, seen)
+        self._moving = 0 if calm else self._moving + 1
+        if self._still >= STILL_READINGS:
+            self.proved, self._wrong = True, 0.0
+        elif self.runs_on:
+            self.proved = False
+
+    def _stops(self, now: float, seen: Seen) -> bool:
+        """True if it slows down along the ramp, or resists as it can: a person may push harder than
+        it brakes."""
+        deceleration = RAMP_SHARE * self._bounds.deceleration
+        ramp_s = now - self._left_s - RAMP_LAG_S
+        bound = self._left_speed - deceleration * max(ramp_s, 0.0)
+        swings = ramp_s < self._left_speed / deceleration + SWINGS_S
+        speed, resists = abs(seen.velocity), -math.copysign(1.0, seen.velocity) * seen.current
+        return (
+            speed <= max(bound, SWINGS if swings else STANDS)
+            or speed <= (1.0 - FALLING_SHARE) * self.speed
+            or resists >= RESISTING_SHARE * self._bounds.current
+        )
+
+    # --- how far it goes ---------------------------------------------------------------------
+
+    def _follow(self, seen: Seen | None, dt: float) -> None:
+        """Keep how far it has gone: as measured, by the sensor that shows the most; else at its
+        last known speed, which sinks along the ramp where it was seen to obey."""
+        if seen is None or math.isnan(seen.velocity):
+            if self._lately_obeyed(self._now_s):
+                slowed = self.speed - RAMP_SHARE * self._bounds.deceleration * dt
+                self._speed = math.copysign(max(slowed, 0.0), self._speed)
+            self._turned += self._speed * dt
+            self._gone += self.speed * dt
+            return
+        self._speed = seen.velocity
+        self._turned += seen.velocity * dt if abs(seen.velocity) >= MOVES else 0.0
+        # A sensor that stands still proves nothing: the one that shows the most counts.
+        gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
+        self._gone = max(abs(each) for each in gone if not math.isnan(each))
+
+    def _goes_further(self, seen: Seen | None) -> bool:
+        """True if it runs on beyond its travel, for as many readings as a stage has ticks."""
+        if seen is not None:
+            beyond = self.runs_on and self._gone > self._bounds.travel
+            self._beyond = self._beyond + 1 if beyond else 0
+        return self._beyond >= self._bounds.ticks
+
+    def _runs_out(self) -> bool:
+        """True if the stages after this one could only just stop it within its travel."""
+        if self.stage is Stage.SETPOINT or not self._wrong:
+            return False
+        bounds, v = self._bounds, self.speed
+        left_s = bounds.patience_s
+        if self.stage is Stage.SDO:
+            left_s += bounds.ticks * bounds.period_s
+        gone = self._gone + v * left_s + v * v / (2.0 * bounds.deceleration)
+        return gone > bounds.travel * (1.0 - ROUNDING)

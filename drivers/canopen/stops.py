@@ -1,0 +1,270 @@
+"""Stops of all drives of an arm: commanded, watched, and escalated where no standstill is seen.
+
+One `StopWatch` and one `ExpeditedStop` for each drive. `step` returns the frames that a stage needs
+beside the setpoints, and events. One drive in the last stage silences the whole arm, because one
+heartbeat serves all drives.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from common.arrays import Vector
+from drivers.api import Kind, PowerTarget, Samples
+from drivers.can.wire import Frame
+from drivers.canopen.cia402 import DriveState
+from drivers.canopen.drive import Drive
+from drivers.canopen.events import Fact
+from drivers.canopen.expedited_stop import ExpeditedStop
+from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
+from drivers.canopen.stop_stages import OBEYING, RAMP_SHARE, Seen, Stage, StopBounds, StopWatch
+from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
+
+REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"
+MOVES_ON: Final = "it reports that it stops, but moves on"
+BEYOND: Final = "beyond its travel: power cut"
+
+
+class Stops:
+    """Stops of one arm; `step` once per tick, before the setpoints of the tick go out."""
+
+    def __init__(self, drives: Sequence[Drive], period_s: float) -> None:
+        patience_s = least_patience_s(drives)
+        ticks = stage_ticks(patience_s, period_s)
+        self.silent = False
+        """The last stage is reached: only SDO goes out, to drives that are not seen to stand."""
+        self._alone_s = math.inf  # when all have stopped by themselves after that
+        self._drives = tuple(drives)
+        self._nodes = tuple(drive.node for drive in drives)
+        self._fastest = [drive.velocity for drive in drives]
+        self._expedited = [ExpeditedStop(drive) for drive in drives]
+        self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
+        # From the first command on: noticing is over by then.
+        travels = worst_travel(drives, period_s, noticing_s=0.0)
+        self._watches = [
+            StopWatch(
+                StopBounds(
+                    deceleration=drive.quick_stop,
+                    current=drive.wiring.max_current_A,
+                    travel=travel.total,
+                    patience_s=drive.profile.master_timeout_ms / 1000.0,
+                    ticks=ticks,
+                    period_s=period_s,
+                )
+            )
+            for drive, travel in zip(drives, travels, strict=True)
+        ]
+        self._no_motors = [math.nan] * len(drives)
+        self._repeat = [False] * len(drives)  # drives whose samples do, all of them
+        self._asleep: set[int] = set()  # joints whose drives were NMT stopped in the last tick
+        self.busy = False
+        """Some drive is commanded to stop; while none is, `step` has nothing to do."""
+
+    @property
+    def unproved(self) -> list[int]:
+        """Joints commanded to stop and not confirmed at standstill."""
+        if not self.busy:
+            return []
+        return [i for i, watch in enumerate(self._watches) if watch.unproved]
+
+    def may_be_off(self, joint: int) -> bool:
+        """True where a drive stands, or its quick stop was seen not to stop it: a moving one gets a
+        ramp before its power is taken."""
+        watch = self._watches[joint]
+        return watch.proved or watch.cut
+
+    def stopped_in_vain(self, joint: int) -> bool:
+        """True where a drive reports that it stops, but was seen to go beyond its travel."""
+        return self._watches[joint].cut
+
+    def left_alone(self, now: float) -> bool:
+        """True when every drive has had the time to miss us and to stop by itself."""
+        return self.silent and now >= self._alone_s
+
+    @property
+    def confirmed(self) -> bool:
+        """True when every drive has taken the command of `begin_all`, or was seen to stand."""
+        both = zip(self._expedited, self._watches, strict=True)
+        return all(expedited.confirmed or watch.proved for expedited, watch in both)
+
+    def follow(
+        self, now: float, samples: Samples, targets: Sequence[PowerTarget], velocity: Vector
+    ) -> tuple[Fact, ...]:
+        """Record the motion and the commanded `velocity` (n,) [rad/s] of each drive, in every tick,
+        whether it is to stop or not. Returns an event for drives whose samples begin to repeat.
+        """
+        motors = samples.motor_position
+        columns = zip(
+            self._watches,
+            samples.fresh.tolist(),
+            samples.motor_velocity.tolist(),
+            samples.current.tolist(),
+            samples.link_position.tolist(),
+            self._no_motors if motors is None else motors.tolist(),
+            targets,
+            velocity.tolist(),
+            strict=True,
+        )
+        repeat = []
+        for watch, fresh, speed, current, link, motor, target, wanted in columns:
+            witness = watch.witness
+            if fresh:
+                witness.take(now, speed, current, link, motor)
+            repeat.append(witness.repeats)
+            if target is PowerTarget.ON:
+                witness.command(now, wanted)
+        if repeat == self._repeat:
+            return ()
+        before, self._repeat = self._repeat, repeat
+        begun = [i for i, is_so in enumerate(repeat) if is_so and not before[i]]
+        nodes = tuple(self._nodes[i] for i in begun)
+        return (Fact(Kind.REPEATED_SAMPLES, nodes, REPEATS),) if begun else ()
+
+    def take_over(self, before: "Stops") -> None:
+        """Take over the motion history of the drives until now."""
+        self._repeat = before._repeat
+        for watch, old in zip(self._watches, before._watches, strict=True):
+            watch.witness = old.witness
+
+    def hear(self, node: int, data: bytes | bytearray) -> None:
+        """Take a frame of a drive's SDO server."""
+        if expedited := self._by_node.get(node):
+            expedited.hear(data)
+
+    def begin_all(self, now: float, samples: Samples) -> list[Frame]:
+        """Command every drive to stop, whatever its setpoint was, and without a SYNC."""
+        self.busy = True
+        for i in range(len(self._watches)):
+            self._begin(now, i, Stage.SDO, samples)
+        return self._requests([PowerTarget.QUICK_STOP] * len(self._watches))
+
+    def step(
+        self,
+        now: float,
+        targets: Sequence[PowerTarget],
+        samples: Samples,
+        states: Sequence[DriveState],
+        reached: Sequence[bool],
+    ) -> tuple[list[Frame], Sequence[Fact]]:
+        """Judge every drive commanded to stop, by its samples and the state in their statusword;
+        `reached`: whether setpoints are sent to it."""
+        frames = self._wake()
+        doubted, lost, running, beyond = [], [], [], []
+        for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
+            if target is PowerTarget.ON:
+                watch.allow()
+                continue
+            seen = self._seen(i, samples, states[i])
+            if watch.stage is Stage.NONE:
+                first = Stage.SETPOINT if seen and reached[i] else Stage.SDO
+                self._begin(now, i, first, samples)
+            if self.silent:
+                watch.stage = Stage.SILENCE  # from any stage: no drive gets another command
+            if self._repeat[i] and watch.stage is Stage.SETPOINT:
+                # Its samples prove nothing: its state is read by SDO.
+                watch.stage = Stage.SDO
+                self._expedited[i].begin()
+            ran_on, cut = watch.runs_on, watch.cut
+            proved = watch.proved
+            begun = watch.step(now, seen)
+            if watch.proved and not proved:
+                self._expedited[i].begin()  # it switches off drives that no setpoint reaches
+            if watch.runs_on and not ran_on:
+                running.append(self._nodes[i])
+            if watch.cut and not cut:
+                beyond.append(self._nodes[i])
+                watch.stage = max(watch.stage, Stage.SDO)
+                self._expedited[i].begin()
+            match begun:
+                case Stage.SDO:
+                    self._expedited[i].begin()
+                case Stage.NMT:
+                    frames.append((NMT, bytes([STOP_NODE, self._nodes[i]])))
+                    doubted.append(self._nodes[i])
+                    self._asleep.add(i)
+                case Stage.SILENCE:
+                    lost.append(self._nodes[i])
+                    self._expedited[i].begin()
+        self.busy = any(watch.stage is not Stage.NONE for watch in self._watches)
+        if lost:
+            self._fall_silent(now)
+            frames.clear()
+        frames += self._requests(targets)
+        events = [
+            event
+            for event in (
+                Fact(Kind.NOT_SEEN_TO_STOP, tuple(doubted), "NMT stop sent"),
+                Fact(Kind.NOT_SEEN_TO_STOP, tuple(running), MOVES_ON),
+                Fact(Kind.NOT_SEEN_TO_STOP, tuple(beyond), f"{MOVES_ON} {BEYOND}"),
+                Fact(Kind.UNPROVED, tuple(lost), "no heartbeat of ours any more"),
+            )
+            if event.nodes
+        ]
+        return frames, events
+
+    def _begin(self, now: float, joint: int, stage: Stage, samples: Samples) -> None:
+        velocity = float(samples.motor_velocity[joint])
+        # A drive that was never heard may run at its highest commanded speed.
+        speed = self._fastest[joint] if math.isnan(velocity) else velocity
+        self._watches[joint].begin(now, stage, speed)
+        self._expedited[joint].begin()
+
+    def _seen(self, joint: int, samples: Samples, state: DriveState) -> Seen | None:
+        """Newest fresh reading of a drive; a sample holds more than a reading by SDO."""
+        asked, motors = self._expedited[joint].take(), samples.motor_position
+        if not samples.fresh[joint]:
+            return asked
+        if self._repeat[joint]:
+            # Of its samples at most the statusword is still information.
+            return asked or (Seen(state, math.nan) if state in OBEYING else None)
+        return Seen(
+            state,
+            float(samples.motor_velocity[joint]),
+            float(samples.current[joint]),
+            float(samples.link_position[joint]),
+            math.nan if motors is None else float(motors[joint]),
+        )
+
+    def _fall_silent(self, now: float) -> None:
+        """Begin the last stage. It is over when every drive has missed our heartbeat and stopped,
+        from its highest commanded or last measured speed, down a ramp against the pull of a
+        load."""
+        if self.silent:
+            return
+        self.silent = True
+        self._alone_s = now + max(
+            drive.profile.master_timeout_ms / 1000.0
+            + max(drive.velocity, watch.speed) / (RAMP_SHARE * drive.quick_stop)
+            for drive, watch in zip(self._drives, self._watches, strict=True)
+        )
+
+    def _wake(self) -> list[Frame]:
+        """NMT pre-operational for drives that have had a tick to lose their connection: stopped,
+        they answer no SDO."""
+        frames: list[Frame] = []
+        for i in sorted(self._asleep) if not self.silent else ():
+            frames.append((NMT, bytes([ENTER_PRE_OPERATIONAL, self._nodes[i]])))
+            self._expedited[i].begin()
+        self._asleep.clear()
+        return frames
+
+    def _requests(self, targets: Sequence[PowerTarget]) -> list[Frame]:
+        """Next SDO of every drive that is commanded or read without a SYNC."""
+        wanted = (self._by_sdo(i, target) for i, target in enumerate(targets))
+        requests = [
+            expedited.request(target)
+            for expedited, target in zip(self._expedited, wanted, strict=True)
+            if target is not None
+        ]
+        return [request for request in requests if request]
+
+    def _by_sdo(self, joint: int, target: PowerTarget) -> PowerTarget | None:
+        """Target that a drive is led to by SDO, without power only where it may be; None where it
+        is led to none."""
+        watch = self._watches[joint]
+        if watch.stage <= Stage.SETPOINT or joint in self._asleep:
+            return None
+        if watch.unproved:
+            return PowerTarget.OFF if watch.cut else PowerTarget.QUICK_STOP
+        off = target is PowerTarget.OFF and not self.silent
+        return target if off and not self._expedited[joint].confirmed else None

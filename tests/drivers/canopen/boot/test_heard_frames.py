@@ -1,0 +1,44 @@
+"""Frames that come while drives are set up: each once, the last of each last, within bounds."""
+
+import pytest
+
+from drivers.can.wire import ERROR
+from drivers.canopen.boot import heard_frames
+from drivers.canopen.boot.heard_frames import HeardFrames
+
+
+def hear(heard, *frames):
+    for cob_id, data in frames:
+        heard.put((cob_id, data))
+
+
+@pytest.mark.parametrize(
+    ("came", "kept"), [("AAA", "A"), ("ABA", "BA"), ("AB", "AB"), ("ABAB", "AB")]
+)
+def test_what_came_last_is_last(came, kept):
+    heard = HeardFrames()
+    hear(heard, *((0x701, letter.encode()) for letter in came))
+    assert b"".join(data for _, data in heard.take()).decode() == kept
+    assert heard.take() == []
+
+
+@pytest.mark.parametrize("cob_id", [0x183, 0x283, 0x383, 0x483, 0x583])
+def test_answers_to_sdo_and_sync_are_not_kept(cob_id):
+    heard = HeardFrames()
+    hear(heard, (cob_id, b"1"), (0x203, b"2"), (0x603, b"3"), (0x80, b""), (0x0, b"\1\2"))
+    assert [can_id for can_id, _ in heard.take()] == [0x203, 0x603, 0x80, 0x0]
+
+
+def test_there_is_an_end_to_it(monkeypatch):
+    monkeypatch.setattr(heard_frames, "MOST", 3)
+    heard = HeardFrames()
+    hear(heard, *((0x83, bytes([k])) for k in range(5)), (0x83, b"\0"))
+    assert heard.dropped == 2
+    assert [data for _, data in heard.take()] == [b"\1", b"\2", b"\0"]
+    assert heard.dropped == 0
+
+
+def test_an_error_frame_stays_one():
+    heard = HeardFrames()
+    heard.put((0x40 | ERROR, bytes(8)))
+    assert heard.take()[0][0] & ERROR

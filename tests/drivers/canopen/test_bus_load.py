@@ -1,0 +1,43 @@
+"""The bus load at worst."""
+
+import pytest
+
+from common.errors import ConfigurationError
+from drivers.canopen.bus_load import bus_load, frame_bits, frame_table, refuse_overload
+
+
+def stuffed(bits: str) -> int:
+    """Length after bit stuffing as a controller does it: a complement after five equal bits."""
+    out: list[str] = []
+    for bit in bits:
+        out.append(bit)
+        if len(out) >= 5 and len(set(out[-5:])) == 1:
+            out.append("1" if bit == "0" else "0")
+    return len(out)
+
+
+@pytest.mark.parametrize("size", range(9))
+def test_no_frame_is_longer_than_the_worst_and_one_is_as_long(size):
+    stuffable = 34 + 8 * size
+    # Five zeros, then four ones and four zeros in turn: each run is completed by a stuff bit.
+    worst = ("00000" + "11110000" * 20)[:stuffable]
+    assert frame_bits(size) == stuffed(worst) + 13
+    for pattern in ("0" * stuffable, "1" * stuffable, ("01" * 60)[:stuffable]):
+        assert stuffed(pattern) + 13 <= frame_bits(size)
+
+
+def test_romeo_takes_about_a_quarter_of_a_megabit(joint_drives):
+    table = frame_table(joint_drives, 0.010)
+    assert sum(frame.name.split()[-1].startswith("TPDO") for frame in table) == 14
+    assert sum(frame.name.split()[-1].startswith("RPDO") for frame in table) == 7
+    per_tick = 55 + 7 * (135 + 135 + 115)
+    # The master beats every 30 ms, each drive every 50 ms, 65 bits each.
+    wanted = 100 * per_tick + 65 / 0.030 + 7 * 65 / 0.050
+    assert bus_load(joint_drives, 0.010, 1_000_000) == pytest.approx(wanted / 1e6)
+    assert refuse_overload(joint_drives, 0.010, 1_000_000) == pytest.approx(0.286, abs=1e-3)
+
+
+def test_what_does_not_fit_is_refused(joint_drives):
+    with pytest.raises(ConfigurationError, match=r"bus load 115% at 250000 bit/s and 10 ms"):
+        refuse_overload(joint_drives, 0.010, 250_000)
+    refuse_overload(joint_drives, 0.010, 500_000)

@@ -1,0 +1,235 @@
+"""Proof of a stop: which readings say that a drive stands, and which that it runs on."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.canopen.cia402 import UNPOWERED, DriveState
+from drivers.canopen.stop_stages import OBEYING, Seen, Stage
+from tests.drivers.canopen.one_watch import BOUNDS, LIMP, ON, RUNS, STOPS, Course, T, readings, told
+from tests.examples import scaled
+
+STANDS = Seen(STOPS, 0.0, 0.0, 0.0)
+
+
+def hardly_brakes(t: float) -> float:
+    """Velocity [rad/s], of a drive that was told to stop with 10 rad/s2."""
+    return 1.0 - 0.02 * t
+
+
+@pytest.mark.parametrize("state", sorted(UNPOWERED))
+def test_without_power_it_stands_when_it_is_seen_to(state: DriveState) -> None:
+    watch = told()
+    for k in (1, 2):
+        assert watch.unproved
+        assert watch.step(k * T, Seen(state, 0.0, 0.0, 0.0)) is None
+    assert watch.proved
+    assert not watch.unproved
+
+
+@pytest.mark.parametrize(
+    ("seen", "proved"),
+    [
+        (Seen(STOPS, 0.0, 0.0, 0.0), True),
+        (Seen(STOPS, -0.019, 0.0, 0.0), True),
+        (Seen(STOPS, 0.02, 0.0, 0.0), True),  # a bias: its link has rested for long
+        (Seen(STOPS, 0.1, 0.0, 0.0), False),
+        (Seen(STOPS, 0.0), False),  # no second witness
+        (Seen(STOPS, math.nan, 0.0, 0.0), False),
+        (Seen(LIMP, 1.2, 0.0, 0.0), False),
+        (Seen(LIMP, math.nan, 0.0, 0.0), False),
+        (Seen(ON, 0.0, 0.0, 0.0), False),
+        (Seen(DriveState.UNKNOWN, 0.0, 0.0, 0.0), False),
+        (Seen(DriveState.FAULT_REACTION_ACTIVE, 0.0, 0.0, 0.0), True),
+        (None, False),
+    ],
+)
+def test_what_proves_that_it_stands(seen: Seen | None, proved: bool) -> None:
+    watch = told()
+    watch.step(T, seen)
+    assert not watch.proved, "once is noise"
+    watch.step(2 * T, seen)
+    assert watch.proved is proved
+
+
+def test_two_readings_in_a_row_are_a_proof_and_one_in_operation_between_them_is_not() -> None:
+    watch = told()
+    for k, (seen, proved) in enumerate(
+        [(STANDS, False), (RUNS, False), (STANDS, False), (STANDS, True)], 1
+    ):
+        watch.step(k * T, seen)
+        assert watch.proved is proved, k
+
+
+def test_a_velocity_with_a_bias_is_no_motion_where_the_position_stays() -> None:
+    watch = told()
+    for k in range(1, 300):
+        watch.step(k * T, Seen(STOPS, 0.03, 0.0, position=0.5 + 0.0001 * min(k, 30)))
+        assert watch.proved is (k >= 1 + 20 + 1), "0.2 s, and once more"
+        assert not watch.runs_on
+
+
+@pytest.mark.parametrize("speed", [0.03, 0.5])
+def test_who_creeps_or_runs_is_not_still(speed: float) -> None:
+    watch = told(speed)
+    for k in range(1, 200):
+        watch.step(k * T, Seen(STOPS, speed, 0.0, position=speed * k * T))
+        assert not watch.proved
+
+
+@pytest.mark.parametrize(
+    ("velocity_at", "current", "runs_on"),
+    [
+        (lambda t: max(1.0 - 10.0 * t, 0.05), 0.0, False),  # as configured, then in its gap
+        (lambda t: max(1.0 - 6.0 * t, 0.05), 0.0, False),  # with a load that pulls
+        (lambda t: 1.0, 0.0, True),
+        (lambda t: 1.0, 1.5, True),  # by its own power
+        (lambda t: 1.0, -0.9, True),  # it could do more, with 2 A
+        (lambda t: 1.0, -1.0, False),  # somebody is stronger
+        (lambda t: -1.0, 1.0, False),
+        (lambda t: 1.3 * 0.95 ** (t / T), 0.0, False),  # knocked, it slows down by itself
+    ],
+)
+def test_a_drive_that_says_so_and_runs_on_is_told_of(
+    velocity_at: Callable[[float], float], current: float, runs_on: bool
+) -> None:
+    found = Course(velocity_at, current, ticks=60)
+    assert bool(found.runs_on) is runs_on
+    assert found.watch.cut is runs_on, "0.59 rad, of 0.24"
+    assert found.begun == [], (
+        "a stronger stage asks nothing else of it, and costs the others their master"
+    )
+
+
+@pytest.mark.parametrize(("deceleration", "runs_on"), [(1.1, False), (0.9, True)])
+def test_half_of_its_ramp_will_do(deceleration: float, runs_on: bool) -> None:
+    bounds = replace(BOUNDS, deceleration=2.0, travel=1.0)
+    found = Course(lambda t: max(1.0 - deceleration * t, 0.05), bounds=bounds)
+    assert bool(found.runs_on) is runs_on
+
+
+@pytest.mark.parametrize("velocity_at", [hardly_brakes, lambda t: 1.0])
+def test_twenty_readings_say_that_it_runs_on(velocity_at: Callable[[float], float]) -> None:
+    """From its fourth: the first is where it left operation, and it may take 20 ms to brake."""
+    assert Course(velocity_at).runs_on[0] == 4 + 20 - 1
+
+
+@pytest.mark.parametrize(
+    ("velocity_at", "first"),
+    [(hardly_brakes, 4), (lambda t: math.nan, 1)],  # one that was not read is never a calm one
+)
+def test_readings_from_before_it_was_in_operation_again_do_not_count(
+    velocity_at: Callable[[float], float], first: int
+) -> None:
+    watch = told(1.0)
+    for k in range(1, 50):
+        seen = RUNS if k == 20 else Seen(STOPS, velocity_at(k * T), 0.0, k * T)
+        watch.step(k * T, seen)
+        assert watch.runs_on is (k >= 20 + first + 20 - 1)
+
+
+@pytest.mark.parametrize(("start", "velocity"), [(0.0, 1.02), (0.7, 1.02), (0.7, -1.02)])
+def test_a_drive_that_says_so_keeps_its_power_within_its_travel(
+    start: float, velocity: float
+) -> None:
+    found = Course(lambda t: velocity, start=start)
+    assert found.cut[0] == 24 + 2, "beyond 0.24 rad in the third reading, as docs/faults.md says"
+    assert found.begun == []
+
+
+def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() -> None:
+    watch = Course(lambda t: 1.0).watch
+    assert watch.cut
+    for k in range(100, 110):
+        assert watch.step(k * T, Seen(LIMP, 0.0, 0.0, 1.0)) is None
+    assert watch.proved
+    assert watch.cut, "until it may run"
+    watch.allow()
+    assert not watch.cut
+
+
+def test_a_hand_may_lead_a_drive_without_power_as_far_as_it_likes() -> None:
+    found = Course(lambda t: 0.5, state=LIMP)
+    assert (found.runs_on, found.cut, found.begun) == ([], [], [])
+
+
+@pytest.mark.parametrize("hertz", [1.5, 2.0, 3.0, 5.0])
+def test_a_hand_that_works_at_a_joint_that_stops_leads_to_nothing(hertz: float) -> None:
+    found = Course(lambda t: 0.9 * math.cos(2 * math.pi * hertz * t), ticks=300)
+    assert (found.begun, found.cut) == ([], [])
+    assert not found.watch.proved
+
+
+@pytest.mark.parametrize("stage", [Stage.SETPOINT, Stage.SDO, Stage.NMT])
+def test_who_is_stronger_than_a_drive_that_obeys_leads_to_no_stronger_stage(stage: Stage) -> None:
+    found = Course(lambda t: 1.0, current=-1.1, stage=stage)
+    assert (found.begun, found.cut) == ([], []), "1 rad, of 0.24"
+
+
+def test_a_link_that_swings_in_its_gap_has_a_second() -> None:
+    """After 0.18 s, in which half of its ramp would have stopped the 0.9 rad/s it was seen with."""
+    found = Course(lambda t: max(1.0 - 10.0 * t, 0.06), ticks=200)
+    braked = 1 + 2 + 18  # ticks: seen, its lag, its ramp
+    assert found.runs_on[0] == braked + 100 + 20 - 1
+
+
+def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> None:
+    watch = told()
+    for k in (1, 2):
+        watch.step(k * T, STANDS)
+    assert watch.proved
+    for k in range(200):
+        watch.step(2.0 + k * T, Seen(STOPS, 0.3, 0.1, 0.3 * k * T))
+    assert watch.runs_on
+    assert watch.proved is False
+
+
+def test_what_was_proved_is_void_when_it_runs_again() -> None:
+    watch = told()
+    for k in (1, 2):
+        watch.step(k * T, STANDS)
+    for k in range(3, 50):
+        assert watch.step(k * T, None) is None, "its silence is no news"
+    assert watch.proved
+    assert watch.step(0.5, RUNS) is None
+    assert watch.unproved
+    assert watch.stage is Stage.SETPOINT
+
+
+def test_what_was_proved_begins_with_nothing_against_it() -> None:
+    watch = told()
+    for k in (1, 2):
+        watch.step(k * T, RUNS)
+    for k in (3, 4):
+        watch.step(k * T, STANDS)
+    assert watch.proved
+    begun = {k: s for k in range(5, 12) if (s := watch.step(k * T, Seen(ON, 0.0, 0, 0)))}
+    assert min(begun) == 5 + 2, "three ticks, the first of which says so"
+
+
+def test_it_is_free_again_when_it_may_run() -> None:
+    watch = told(stage=Stage.NMT)
+    watch.allow()
+    assert (watch.stage, watch.unproved, watch.proved) == (Stage.NONE, False, False)
+
+
+@settings(max_examples=scaled(200))
+@given(ticks=st.lists(st.tuples(readings(DriveState), st.floats(0.001, 3.0)), max_size=40))
+def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
+    ticks: list[tuple[Seen | None, float]],
+) -> None:
+    watch, now = told(), 0.0
+    for seen, dt in ticks:
+        before, proved, now = watch.stage, watch.proved, now + dt
+        watch.step(now, seen)
+        if watch.proved and not proved:
+            assert seen is not None
+            assert seen.state in OBEYING
+        if proved and not watch.proved:
+            assert seen is not None
+        elif not (proved or watch.proved):
+            assert watch.stage >= before

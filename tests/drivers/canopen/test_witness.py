@@ -1,0 +1,164 @@
+"""Witness of a standstill: two sensors that agree, and none that repeats itself."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import pytest
+
+from drivers.canopen.witness import FROZEN_READINGS, MOVES, STANDS, Witness
+
+T = 0.01
+Course = Callable[[int], float]
+
+
+@dataclass
+class Sensors:
+    """What they show in tick k of a motor that ran at 0.5 rad/s and was told to until tick 0, and
+    stops from then on within 0.1 s, unless it `runs_on`."""
+
+    runs_on: float = 0.0  # [rad/s]
+    velocity: Course | None = None
+    link: Course | None = None
+    motor: Course | None = None  # math.nan: it has none
+    told: float = 0.5
+    noise: bool = True
+    position: float = field(default=0.0, init=False)
+
+    def speed(self, k: int) -> float:
+        return 0.5 if k < 0 else max(0.5 - 0.05 * k, self.runs_on)
+
+    def samples(self, ticks: range) -> Iterator[tuple[int, tuple[float, float, float, float]]]:
+        for k in ticks:
+            v = self.speed(k)
+            self.position += v * T
+            bits = 1e-6 * (k % 7) if self.noise else 0.0
+            shown = [
+                course(k) if course else true
+                for course, true in (
+                    (self.velocity, v + bits),
+                    (self.link, self.position),
+                    (self.motor, self.position),
+                )
+            ]
+            yield k, (shown[0], 0.1 + bits, shown[1], shown[2])
+
+
+def first_stands(sensors: Sensors, ticks: int = 200) -> int | None:
+    """Tick in which they agree that it stands."""
+    witness = Witness()
+    for k, (velocity, current, link, motor) in sensors.samples(range(-50, ticks)):
+        now = k * T
+        witness.take(now, velocity, current, link, motor)
+        if k < 0:
+            witness.command(now, sensors.told)
+        elif witness.stands(now, velocity) and not witness.repeats:
+            return k
+    return None
+
+
+def none(k: int) -> float:
+    return math.nan
+
+
+def dead(k: int) -> float:
+    return 0.0
+
+
+def frozen(k: int) -> float:
+    return 0.123
+
+
+@pytest.mark.parametrize("noise", [True, False])
+@pytest.mark.parametrize("motor", [None, none])
+def test_it_stands_when_its_velocity_came_down_and_its_positions_rest(noise, motor) -> None:
+    assert first_stands(Sensors(noise=noise, motor=motor)) == 10
+
+
+@pytest.mark.parametrize(
+    ("sensors", "about"),
+    [
+        (Sensors(0.5), "it says so, and runs on"),
+        (Sensors(0.5, link=frozen), "its link encoder frozen"),
+        (Sensors(0.5, link=frozen, motor=none), "and it has no other"),
+        (Sensors(0.09, link=frozen, motor=none), "slowly"),
+        (Sensors(0.03, motor=none), "creeping"),
+        (Sensors(0.5, velocity=dead), "its velocity is none"),
+        (Sensors(0.5, velocity=dead, link=frozen), "and its link encoder frozen"),
+        (Sensors(0.5, velocity=dead, link=frozen, motor=none), "and it has no other"),
+        (Sensors(0.03, velocity=dead, link=frozen), "creeping"),
+        (Sensors(0.5, velocity=lambda k: 0.3, link=frozen, motor=frozen), "all of them"),
+        (Sensors(0.5, velocity=dead, link=frozen, motor=frozen, noise=False), "since it stood"),
+        (Sensors(0.5, velocity=lambda k: 0.5 if k < 2 else 0.0), "its velocity lost"),
+        (Sensors(0.5, velocity=lambda k: 0.5 if k < 2 else 0.0, motor=none), "and no motor's"),
+    ],
+)
+def test_it_does_not_stand(sensors: Sensors, about: str) -> None:
+    assert first_stands(sensors) is None, about
+
+
+def test_one_dead_sensor_does_not_hide_a_stand() -> None:
+    assert first_stands(Sensors(link=frozen)) == 10
+    by_positions = first_stands(Sensors(velocity=dead))
+    assert by_positions is not None
+    assert 20 < by_positions < 9 + 21, "0.2 s of rest"
+    assert first_stands(Sensors(velocity=lambda k: Sensors().speed(k) + 0.05)) is not None, "a bias"
+
+
+def test_what_is_held_still_and_was_told_to_move_rests_with_a_position_that_changed() -> None:
+    held = Sensors(velocity=dead, motor=none)
+    held.link = lambda k: 1e-5 * (k % 2)  # type: ignore[method-assign]
+    assert first_stands(held) is not None
+
+
+@pytest.mark.parametrize("history_s", [0.0, 0.1, 0.5])
+def test_a_drive_that_stood_all_along_needs_no_more_than_a_rest(history_s: float) -> None:
+    witness, k = Witness(), 0
+    while True:
+        witness.take(k * T, 0.0, 0.0, 0.3)
+        if k * T >= history_s and witness.stands(k * T, 0.0):
+            break
+        k += 1
+    assert k * T == pytest.approx(max(0.2, history_s))
+
+
+@pytest.mark.parametrize(("told", "velocity"), [(STANDS, 0.0), (0.0, MOVES), (-0.5, 0.0)])
+def test_what_repeats_while_it_moves_or_was_told_to(told: float, velocity: float) -> None:
+    witness, found = Witness(), []
+    for k in range(30):
+        witness.command(k * T, told)
+        witness.take(k * T, velocity, 0.1, 0.2, 0.3)
+        found.append(witness.repeats)
+    assert found.index(True) == FROZEN_READINGS
+    assert all(found[found.index(True) :])
+    witness.take(0.3, velocity, 0.1, 0.2, 0.3001)
+    assert not witness.repeats, "any bit of any of them"
+
+
+def test_what_stood_for_long_has_as_many_readings_to_begin_to_move() -> None:
+    witness = Witness()
+    for k in range(50):
+        witness.take(k * T, 0.0, 0.1, 0.2, 0.3)
+    for k in range(50, 50 + FROZEN_READINGS):
+        assert not witness.repeats
+        witness.command(k * T, 0.5)
+        witness.take(k * T + 0.5 * T, 0.0, 0.1, 0.2, 0.3)
+    assert witness.repeats
+
+
+def test_what_stands_may_repeat() -> None:
+    witness = Witness()
+    for k in range(30):
+        witness.command(k * T, 0.9 * STANDS)
+        witness.take(k * T, 0.9 * MOVES, 0.1, 0.2, 0.3)
+        assert not witness.repeats
+
+
+def test_samples_that_are_none_change_nothing() -> None:
+    witness = Witness()
+    witness.take(0.0, 0.0, 0.1, 0.2, 0.3)
+    for k in range(1, 30):
+        witness.command(k * T, 0.5)
+        witness.take(k * T, math.nan, math.nan, math.nan, math.nan)
+    assert witness.repeats
+    assert not witness.stands(0.3, math.nan)
