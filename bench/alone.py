@@ -9,8 +9,8 @@ like a cable, all with 0.2 to 0.9 of a joint's stated level; friction that steps
 itself, or grows by half in a rest; a load that comes and goes; lost samples. After that nobody is
 there. The whole tick runs, around an arm without a bus.
 
-Judged by the plant. *Alone* is a joint that moves faster than 0.02 rad/s while the arm yields, and
-no person does work on it, nor did half a second ago; what is left of the speed with which it began
+Judged by the plant. *Alone* is a joint whose rotor moves faster than 0.02 rad/s while the arm
+yields, and no person does work on it, nor did half a second ago; what is left of the speed with which it began
 to yield is no distance. A contact is false if no person touches; a change may cost one when it
 comes, and one when it goes. Touches of half a second and twice the level in force before the change
 come when it is gone (10 s after; 120 s after friction has changed), 15 s apart, and are compared

@@ -2,14 +2,16 @@
 
 cimport cython
 
-cdef long long _AGREES, _ENDED, _FRICTION
+cdef long long _AGREES, _ENDED, _CREPT, _FRICTION
 cdef double _HOLDS_S, _FADES_S, _LASTS_S, _RISES_S, _WIDTH, _CLEARS_S, _FLIPS_S, _RESTED_S, _WARMS_S
+cdef double _CREEPS_S, _NEAR_S, _NEAR, _OFTEN_S
 
 cdef class Doubt:
-    cdef readonly double[::1] value, lasted_s, upwards_owed_s, downwards_owed_s, warm_s, low, high, cleared_s, upwards_s, downwards_s, away_s
+    cdef readonly double[::1] value, lasted_s, upwards_owed_s, downwards_owed_s, warm_s, low, high, cleared_s, upwards_s, downwards_s, away_s, near_s, often
     cdef readonly long long[::1] way, beyond, rubs, placed, moving, met
 
     cpdef double at(self, Py_ssize_t i, double q) noexcept
+    @cython.locals(crept=bint, near=double)
     cpdef long long step(
         self, Py_ssize_t i, bint touched, double q, double velocity, double residual,
         double believed, double lowered, double stated, double dt

@@ -15,6 +15,9 @@ residual goes on to exceed the lowered level, and follows the sign of the motion
 it is friction: what was learned of it is uncertain again, and given up if the residual is smaller
 without it.
 
+A hand comes within a fraction of a second. A residual that crept over the lowered level is more
+likely the arm's own, and comes again wherever the arm is in that pose: the level rises a little.
+
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
 
@@ -27,6 +30,9 @@ import numpy as np
 _HOLDS_S, _FADES_S = 0.5, 0.5
 # A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
 _LASTS_S, _RISES_S = 10.0, 1.0
+# A residual that was beyond half of the lowered level for so long before a contact crept over it;
+# how often one did leaks in so long.
+_CREEPS_S, _NEAR_S, _NEAR, _OFTEN_S = 0.2, 0.5, 0.5, 300.0
 # A place is so wide to both sides [rad], and forgotten after so much motion there that agrees.
 _WIDTH, _CLEARS_S = 0.08, 1.0
 # Residual beyond the lowered level in both directions of motion, each for so long, is friction.
@@ -35,8 +41,8 @@ _FLIPS_S = 0.05
 # in doubt raises the doubt of each.
 _RESTED_S, _WARMS_S = 60.0, 60.0
 # Verdicts of `step`.
-AGREES, ENDED, FRICTION = range(3)
-_AGREES, _ENDED, _FRICTION = range(3)  # for the compiler
+AGREES, ENDED, CREPT, FRICTION = range(4)
+_AGREES, _ENDED, _CREPT, _FRICTION = range(4)  # for the compiler
 
 
 class Doubt:
@@ -51,6 +57,9 @@ class Doubt:
         self.warm_s = np.full(n, _WARMS_S)  # motion since a rest
         # 1 where the contact that lasts is beyond doubt, and where a place is known.
         self.beyond, self.placed = np.zeros((2, n), dtype=np.int64)
+        # How long the residual has been near the lowered level [s], in a contact before that.
+        self.near_s = np.zeros(n)
+        self.often = np.zeros(n)  # how often a contact crept over it, fading
         self.rubs = np.zeros(n, dtype=np.int64)  # 1: friction was seen to be another
         self.moving = np.zeros(n, dtype=np.int64)  # 1 where rotor and link move together
         self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place
@@ -78,13 +87,20 @@ class Doubt:
         """
         if touched:
             return self._last(i, velocity, believed, stated, dt)
+        crept = self.near_s[i] > _CREEPS_S
+        near = dt if abs(residual) > _NEAR * lowered else -dt
+        self.near_s[i] = min(max(self.near_s[i] + near, 0.0), _NEAR_S)
+        self.often[i] -= dt / _OFTEN_S * self.often[i]
         if self.lasted_s[i] > 0.0:
             self.lasted_s[i] = 0.0
             if self.beyond[i]:
                 self.beyond[i] = 0
                 return _AGREES
             self.raise_at(i, q)
-            return _ENDED
+            if not crept:
+                return _ENDED
+            self.often[i] += 1.0
+            return _CREPT
         if self.moving[i]:
             self.warm_s[i] = min(self.warm_s[i] + dt, _WARMS_S)
             if self.value[i] > 0.0 or self.placed[i]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
-from estimator.doubt import ENDED, FRICTION, Doubt
+from estimator.doubt import CREPT, ENDED, FRICTION, Doubt
 from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
@@ -35,7 +35,7 @@ _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.R
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
 _TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
 _STICTION = 10
-_ENDED, _FRICTION = ENDED, FRICTION
+_ENDED, _CREPT, _FRICTION = ENDED, CREPT, FRICTION
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
@@ -344,7 +344,10 @@ class Kernel:
         self._put_in_force(i, unsure, abs(self.alignment.aligned[3, i]), dt)
         came = self.came[i] != 0
         waits = bridged or gap > _LATE_PERIODS * self._period
-        self.begun += self.detector.step(i, self.residual.corrected[0, i], came, waits)
+        begun = self.detector.step(i, self.residual.corrected[0, i], came, waits)
+        if begun and self.motor_position.contradicted(i, self.alignment.aligned[3, i]):
+            self.motor_position.start(i, self.alignment.aligned[0, i])
+        self.begun += begun
         return float(self.threshold[i])
 
     def _hold_against(self, i: int, dt: float) -> None:
@@ -369,7 +372,11 @@ class Kernel:
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1
-        if verdict == _ENDED and doubt.cold(i):
+        if verdict == _CREPT:
+            # What a load or a cable puts on one joint, it puts on others, too.
+            for k in range(self.n):
+                learning.grow(k, doubt.often[k])
+        if (verdict == _ENDED or verdict == _CREPT) and doubt.cold(i):
             # What a rest has changed of one gear it may have changed of all.
             for k in range(self.n):
                 if doubt.cold(k):

@@ -141,7 +141,8 @@ class Watched:
 
     def _judge(self, person: Vector) -> None:
         on, seen, mode = self.on, self.seen, self.on.mode
-        velocity = on.harness.plant.q_dot
+        # Of the rotors: a link that falls through its gap is not moved by its drive.
+        velocity = on.harness.plant.theta_dot
         speed, estimate = np.abs(velocity), on.estimate
         yields = mode in (Mode.ADMITTANCE, Mode.RETRACTING)
         begins = yields and self._before not in GUIDED
