@@ -191,12 +191,8 @@ class Estimator:
         self._kernel.carry(row)
 
     def freeze_learning(self, frozen: bool) -> None:
-        """Learn nothing from the next tick on, or learn again. What was learned is in doubt as long
-        as nothing is, and then until motion agrees with it again: it was of another arm."""
+        """Learn nothing from the next tick on, at the stated levels, or learn again."""
         self._kernel.frozen = int(frozen)
-        if frozen:
-            for i in range(self.model.n):
-                self._kernel.doubt.raise_all(i)
 
     def place(self, i: int) -> float:
         """Middle of the place at which joint i was interrupted last [rad]."""
