@@ -16,8 +16,8 @@ changed more than one. Where the residual goes on to exceed the lowered level, a
 of the motion in both directions, it is friction: what was learned of it is uncertain again, and
 given up if the residual is smaller without it.
 
-A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly beyond
-it, is more likely the arm's own, and comes again in each such pose: all levels rise a little.
+A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
+beyond it, is more likely the arm's own, and comes again in each such pose: all levels rise a little.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.

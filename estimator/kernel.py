@@ -371,7 +371,7 @@ class Kernel:
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1
-        if verdict == _ENDED or verdict == _GRAZED:
+        if verdict in (_ENDED, _GRAZED):
             # What a rest, a load or a cable changes of one joint, it may change of all.
             for k in range(self.n):
                 if verdict == _GRAZED:
