@@ -9,13 +9,14 @@ like a cable, all with 0.2 to 0.9 of a joint's stated level; friction that steps
 itself, or grows by half in a rest; a load that comes and goes; lost samples. After that nobody is
 there. The whole tick runs, around an arm without a bus.
 
-Judged by the plant. *Alone* is a joint that moves faster than 0.02 rad/s while the arm yields, and
-no person does work on it, nor did half a second ago; what is left of the speed with which it began
-to yield is no distance. A contact is false if no person touches; a change may cost one when it
+Judged by the plant. *Alone* is a joint whose rotor moves faster than 0.02 rad/s while the arm
+yields, and no person does work on it, nor did half a second ago; what is left of the speed with
+which it began to yield is no distance. A contact is false if no person touches; a change may cost one when it
 comes, and one when it goes. Touches of half a second and twice the level in force before the change
 come when it is gone (10 s after; 120 s after friction has changed), 15 s apart, and are compared
 with touches of the same arm without the change; touches that this one misses, too, are subtracted.
-The level is that in motion 130 s after the change is over, over that of the arm without it.
+The level is that in motion 130 s after the change is over, over that of the arm without it, or
+with it from the beginning where it lasts: other friction needs another level.
 """
 
 import math
@@ -29,7 +30,7 @@ from bench.options import JOBS, help_of
 from bench.report import Target, print_report
 from bench.study import changes
 from bench.study.alone import Job, arm_of, course
-from bench.study.changes import KINDS, Change, Kind
+from bench.study.changes import KINDS, LASTING, Change, Kind
 from bench.study.monte_carlo import spread
 
 LATER_S = 0.15  # than usual, from which on a touch is missed
@@ -51,7 +52,7 @@ class Result:
     the change, less those that this one did not feel"""
     touched: int
     level: float
-    """130 s after the change, over that of the same arm without it"""
+    """130 s after the change, over that of the same arm without it, or with it all the time"""
     faults: int
 
 
@@ -61,6 +62,8 @@ def run(job: Job) -> Result:
     change = changes.draw(job.kind, robot.configuration, job.seed)
     seen, false, level = course(job, change, happens=True)
     other, _, usual = course(job, change, happens=False)
+    if change.kind in LASTING:
+        _, _, usual = course(job, change, happens=False, always=True)
     return Result(
         job=job,
         change=change,

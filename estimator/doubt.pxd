@@ -2,20 +2,20 @@
 
 cimport cython
 
-cdef long long _AGREES, _ENDED, _FRICTION
-cdef double _HOLDS_S, _FADES_S, _LASTS_S, _RISES_S, _WIDTH, _CLEARS_S, _FLIPS_S, _RESTED_S, _WARMS_S
+cdef long long _AGREES, _ENDED, _GRAZED, _FRICTION
+cdef double _HOLDS_S, _FADES_S, _LASTS_S, _RISES_S, _WIDTH, _CLEARS_S, _FLIPS_S
+cdef double _CREEPS_S, _NEAR_S, _NEAR, _GRAZES, _OFTEN_S
 
 cdef class Doubt:
-    cdef readonly double[::1] value, lasted_s, upwards_owed_s, downwards_owed_s, warm_s, low, high, cleared_s, upwards_s, downwards_s, away_s
+    cdef readonly double[::1] value, lasted_s, upwards_owed_s, downwards_owed_s, low, high, cleared_s, upwards_s, downwards_s, away_s, near_s, depth, often
     cdef readonly long long[::1] way, beyond, rubs, placed, moving, met
 
     cpdef double at(self, Py_ssize_t i, double q) noexcept
+    @cython.locals(depth=double, grazed=bint)
     cpdef long long step(
         self, Py_ssize_t i, bint touched, double q, double velocity, double residual,
         double believed, double lowered, double stated, double dt
     ) noexcept
-    cpdef void rest(self, Py_ssize_t i, double still_s) noexcept
-    cpdef bint cold(self, Py_ssize_t i) noexcept
     @cython.locals(near=bint)
     cpdef void raise_at(self, Py_ssize_t i, double q) noexcept
     cpdef void raise_all(self, Py_ssize_t i) noexcept

@@ -10,10 +10,14 @@ is back at its stated level, and its friction counts as unknown,
 
 until its motion agrees again: everywhere (d) after half a second of it in each direction in which
 it was interrupted, but where the joint was, `place`, only after it has passed there without that.
-A direction that was not interrupted shows nothing: what rubs one way agrees in the other. Where the
-residual goes on to exceed the lowered level, and follows the sign of the motion in both directions,
-it is friction: what was learned of it is uncertain again, and given up if the residual is smaller
-without it.
+A direction that was not interrupted shows nothing: what rubs one way agrees in the other. All
+other joints are in doubt, too, until both directions agree: a rest, a load or a cable may have
+changed more than one. Where the residual goes on to exceed the lowered level, and follows the sign
+of the motion in both directions, it is friction: what was learned of it is uncertain again, and
+given up if the residual is smaller without it.
+
+A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
+beyond it, is more likely the arm's own, and comes again in each such pose: all levels rise a little.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
@@ -27,16 +31,16 @@ import numpy as np
 _HOLDS_S, _FADES_S = 0.5, 0.5
 # A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
 _LASTS_S, _RISES_S = 10.0, 1.0
+# A residual crept over the lowered level if it was beyond a share of it for so long, in the last so
+# many seconds, and grazed it if it was never so many levels; how often it did fades in so long.
+_CREEPS_S, _NEAR_S, _NEAR, _GRAZES, _OFTEN_S = 0.2, 0.5, 0.7, 1.3, 300.0
 # A place is so wide to both sides [rad], and forgotten after so much motion there that agrees.
 _WIDTH, _CLEARS_S = 0.08, 1.0
 # Residual beyond the lowered level in both directions of motion, each for so long, is friction.
 _FLIPS_S = 0.05
-# A rest of so long may change the friction of all joints; within so much motion after it, a contact
-# in doubt raises the doubt of each.
-_RESTED_S, _WARMS_S = 60.0, 60.0
 # Verdicts of `step`.
-AGREES, ENDED, FRICTION = range(3)
-_AGREES, _ENDED, _FRICTION = range(3)  # for the compiler
+AGREES, ENDED, GRAZED, FRICTION = range(4)
+_AGREES, _ENDED, _GRAZED, _FRICTION = range(4)  # for the compiler
 
 
 class Doubt:
@@ -48,9 +52,11 @@ class Doubt:
         # began, 0 at rest.
         self.upwards_owed_s, self.downwards_owed_s = np.zeros((2, n))
         self.way = np.zeros(n, dtype=np.int64)
-        self.warm_s = np.full(n, _WARMS_S)  # motion since a rest
         # 1 where the contact that lasts is beyond doubt, and where a place is known.
         self.beyond, self.placed = np.zeros((2, n), dtype=np.int64)
+        # How long the residual was near the lowered level, of late [s]; how far beyond it in this
+        # contact; and how often it did no more than graze it, fading.
+        self.near_s, self.depth, self.often = np.zeros((3, n))
         self.rubs = np.zeros(n, dtype=np.int64)  # 1: friction was seen to be another
         self.moving = np.zeros(n, dtype=np.int64)  # 1 where rotor and link move together
         self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place
@@ -76,29 +82,26 @@ class Doubt:
         not depend on what was learned [Nm]; lowered: level in force but for doubt [Nm]; stated:
         level that only a person or an obstacle exceeds [Nm].
         """
+        depth = abs(residual) / lowered
         if touched:
+            self.depth[i] = max(self.depth[i], depth)
             return self._last(i, velocity, believed, stated, dt)
+        grazed = self.depth[i] < _GRAZES and self.near_s[i] > _CREEPS_S
+        self.near_s[i] = min(max(self.near_s[i] + (dt if depth > _NEAR else -dt), 0.0), _NEAR_S)
+        self.depth[i], self.often[i] = 0.0, self.often[i] - dt / _OFTEN_S * self.often[i]
         if self.lasted_s[i] > 0.0:
             self.lasted_s[i] = 0.0
             if self.beyond[i]:
                 self.beyond[i] = 0
                 return _AGREES
             self.raise_at(i, q)
-            return _ENDED
-        if self.moving[i]:
-            self.warm_s[i] = min(self.warm_s[i] + dt, _WARMS_S)
-            if self.value[i] > 0.0 or self.placed[i]:
-                return self._compare(i, q, velocity, residual, lowered, dt)
+            if not grazed:
+                return _ENDED
+            self.often[i] += 1.0
+            return _GRAZED
+        if self.moving[i] and (self.value[i] > 0.0 or self.placed[i]):
+            return self._compare(i, q, velocity, residual, lowered, dt)
         return _AGREES
-
-    def rest(self, i: int, still_s: float) -> None:
-        """Take note of a joint that has stood for so long [s]."""
-        if still_s > _RESTED_S:
-            self.warm_s[i] = 0.0
-
-    def cold(self, i: int) -> bool:
-        """True if joint i has moved little since a long rest."""
-        return bool(self.warm_s[i] < _WARMS_S)
 
     def raise_at(self, i: int, q: float) -> None:
         """Doubt joint i everywhere, and at q [rad] until it has passed there."""
@@ -117,7 +120,7 @@ class Doubt:
 
     def reset(self, i: int) -> None:
         """Forget the contact of joint i that lasts."""
-        self.lasted_s[i], self.beyond[i] = 0.0, 0
+        self.lasted_s[i], self.depth[i], self.beyond[i] = 0.0, 0.0, 0
 
     def _owe(self, i: int, way: int) -> None:
         """Let joint i owe motion that agrees in the direction of `way`, in both where that is 0."""

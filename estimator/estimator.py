@@ -191,7 +191,7 @@ class Estimator:
         self._kernel.carry(row)
 
     def freeze_learning(self, frozen: bool) -> None:
-        """Learn nothing from the next tick on, or learn again."""
+        """Learn nothing from the next tick on, at the stated levels, or learn again."""
         self._kernel.frozen = int(frozen)
 
     def place(self, i: int) -> float:

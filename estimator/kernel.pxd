@@ -15,7 +15,7 @@ from estimator.residual cimport Residual
 from estimator.stiction cimport Stiction, displacement
 
 cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
-cdef long long _ENDED, _FRICTION
+cdef long long _ENDED, _GRAZED, _FRICTION
 cdef double _REST_VELOCITY
 cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
 cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION
@@ -76,7 +76,9 @@ cdef class Kernel:
     cdef long long _advance(self, double dt) noexcept
     @cython.locals(side="long long", in_gap=bint, came_from=bint, everything=double)
     cdef double _joint(self, Py_ssize_t i, double gap) noexcept
-    @cython.locals(came=bint, unknown=bint, crossing=bint, shaken=bint, unsure=double)
+    @cython.locals(
+        came=bint, unknown=bint, crossing=bint, shaken=bint, unsure=double, begun="long long"
+    )
     cdef double _judge(self, Py_ssize_t i, double gap, double dt, bint bridged) noexcept
     @cython.locals(
         q=double, velocity=double, corrected=double, raw=double, agree=bint, believed=double,
@@ -84,6 +86,7 @@ cdef class Kernel:
         verdict="long long"
     )
     cdef void _hold_against(self, Py_ssize_t i, double dt) noexcept
+    cdef double _doubted(self, Py_ssize_t i) noexcept
     @cython.locals(doubt=double, doubted=double)
     cdef double _unknown(self, Py_ssize_t i) noexcept
     @cython.locals(learning=double)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
-from estimator.doubt import ENDED, FRICTION, Doubt
+from estimator.doubt import ENDED, FRICTION, GRAZED, Doubt
 from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
@@ -35,7 +35,7 @@ _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.R
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
 _TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
 _STICTION = 10
-_ENDED, _FRICTION = ENDED, FRICTION
+_ENDED, _GRAZED, _FRICTION = ENDED, GRAZED, FRICTION
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
@@ -344,7 +344,10 @@ class Kernel:
         self._put_in_force(i, unsure, abs(self.alignment.aligned[3, i]), dt)
         came = self.came[i] != 0
         waits = bridged or gap > _LATE_PERIODS * self._period
-        self.begun += self.detector.step(i, self.residual.corrected[0, i], came, waits)
+        begun = self.detector.step(i, self.residual.corrected[0, i], came, waits)
+        if begun and self.motor_position.contradicted(i, self.alignment.aligned[3, i]):
+            self.motor_position.start(i, self.alignment.aligned[0, i])
+        self.begun += begun
         return float(self.threshold[i])
 
     def _hold_against(self, i: int, dt: float) -> None:
@@ -363,22 +366,28 @@ class Kernel:
             i, self.detector.streak[0, i] != 0, q, velocity, corrected, believed,
             lowered, stated, dt,
         )  # fmt: skip
-        doubt.rest(i, learning.still_s[i])
         if verdict == _FRICTION:
             learning.unsettle(i)
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1
-        if verdict == _ENDED and doubt.cold(i):
-            # What a rest has changed of one gear it may have changed of all.
+        if verdict in (_ENDED, _GRAZED):
+            # What a rest, a load or a cable changes of one joint, it may change of all.
             for k in range(self.n):
-                if doubt.cold(k):
+                if verdict == _GRAZED:
+                    learning.grow(k, doubt.often[k])
+                if k != i:
                     doubt.raise_all(k)
+
+    def _doubted(self, i: int) -> float:
+        """Doubt of joint i where it is, 0 to 1. While learning is suspended it is 1: what was
+        learned is of an arm without the load that was recognised."""
+        return 1.0 if self.frozen else float(self.doubt.at(i, self.alignment.aligned[0, i]))
 
     def _unknown(self, i: int) -> float:
         """Uncertainty of the friction of joint i [Nm]; doubt adds the part that the raise near rest
         does not contain already."""
-        learning, doubt = self.learning, self.doubt.at(i, self.alignment.aligned[0, i])
+        learning, doubt = self.learning, self._doubted(i)
         if doubt <= 0.0:
             return float(learning.unknown[i])
         doubted = learning.doubted_at(i, doubt) - self.levels.friction[i]
@@ -446,7 +455,7 @@ class Kernel:
         usual = levels.usual(i, speed)
         moving = acts and speed > _REST_VELOCITY and not self.frozen
         self.doubt.moving[i] = moving
-        doubt = self.doubt.at(i, self.alignment.aligned[0, i])
+        doubt = self._doubted(i)
         learning.learn(
             i, residual.values[0, i], self.threshold[i], usual, levels.friction[i],
             levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
@@ -457,7 +466,7 @@ class Kernel:
         """Let the rest know what was learned of joint i."""
         self.motor_position.friction[i] = self.learning.friction(i)
         self.motor_position.friction_error[i] = self.learning.error(i)
-        doubt = self.doubt.at(i, self.alignment.aligned[0, i])
+        doubt = self._doubted(i)
         share, crossing = self.learning.level(i), self.learning.crossing_level(i)
         self.levels.share[i] = share + doubt * (1.0 - share)
         self.levels.crossing[i] = crossing + doubt * (1.0 - crossing)

@@ -32,9 +32,10 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("peak", "crossing_peak", "peak_seen", "crossing_seen", "lean", "settled", "passing"),
     ),
     "doubt": (
-        *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s", "warm_s"),
+        *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s"),
         *("way", "beyond", "rubs", "placed", "moving"),
         *("low", "high", "cleared_s", "upwards_s", "downwards_s", "met", "away_s"),
+        *("near_s", "depth", "often"),
     ),
 }
 # Only where something is carried, or learning stands still; else the memory is as it ever was.

@@ -22,5 +22,7 @@ cdef class MotorPosition:
         self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double resting,
         double tau_M, double advance, double rotor, double transmitted
     ) noexcept
+    @cython.locals(follows=bint)
+    cpdef bint contradicted(self, Py_ssize_t i, double theta_dot) noexcept
     cdef void _hold(self, Py_ssize_t i, double moved) noexcept
     cdef double _correct(self, Py_ssize_t i, double q, bint engaged, double bent) noexcept

@@ -147,6 +147,13 @@ class MotorPosition:
             self.side[i] = _LEFT if phi < 0.0 else _RIGHT
         return not (before and self.gap[i])
 
+    def contradicted(self, i: int, theta_dot: float) -> bool:
+        """True if joint i is believed in its gap, and its link has followed the rotor there for
+        more than the gap's width: what carries it is a border, which is elsewhere. theta_dot
+        [rad/s]."""
+        follows = self.rested_s[i] * abs(theta_dot) > 2.0 * self._alpha[i]
+        return bool(self.gap[i] != 0 and follows)
+
     def _hold(self, i: int, moved: float) -> None:
         """Hold theta at standstill. A link that creeps may take its rotor along, or be moved by a
         hand while the rotor stands: phi is as uncertain as the link has crept. Back and forth, as

@@ -141,7 +141,8 @@ class Watched:
 
     def _judge(self, person: Vector) -> None:
         on, seen, mode = self.on, self.seen, self.on.mode
-        velocity = on.harness.plant.q_dot
+        # Of the rotors: a link that falls through its gap is not moved by its drive.
+        velocity = on.harness.plant.theta_dot
         speed, estimate = np.abs(velocity), on.estimate
         yields = mode in (Mode.ADMITTANCE, Mode.RETRACTING)
         begins = yields and self._before not in GUIDED
@@ -208,12 +209,16 @@ class Watched:
         return felt
 
 
-def course(job: Job, change: Change, *, happens: bool) -> tuple[Course, tuple[int, int], float]:
-    """One arm, with the change or without; returns what was seen, the false contacts of both
-    moments, and the level at the end [Nm]."""
+def course(
+    job: Job, change: Change, *, happens: bool, always: bool = False
+) -> tuple[Course, tuple[int, int], float]:
+    """One arm, with the change, without, or with it from the beginning (`always`); returns what was
+    seen, the false contacts of both moments, and the level at the end [Nm]."""
     robot, law, _ = arm_of(job.seed)
     watched = Watched(robot, law, job.seed, change)
     on, seen = watched.on, watched.seen
+    if always:
+        changes.begin(change, on)
     watched.run(WORK_S - JUDGED_S)
     seen.levels.clear()
     watched.run(JUDGED_S)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.doubt import AGREES, ENDED, FRICTION, Doubt
+from estimator.doubt import AGREES, ENDED, FRICTION, GRAZED, Doubt
 
 DT = 0.01
 LOWERED, STATED = 0.1, 0.8
@@ -144,15 +144,32 @@ def test_a_person_who_holds_it_for_long_does_not() -> None:
     assert doubt.value[0] == 0.0
 
 
-def test_after_a_long_rest_it_is_cold_for_a_minute_of_motion() -> None:
+@pytest.mark.parametrize(
+    ("before", "seconds", "size", "verdict"),
+    [
+        (0.08, 0.3, 0.12, GRAZED),
+        (-0.08, 0.3, -0.12, GRAZED),
+        (0.08, 0.1, 0.12, ENDED),  # it came at once
+        (0.05, 0.3, 0.12, ENDED),
+        (0.08, 0.3, 0.14, ENDED),  # it pressed on
+    ],
+)
+def test_a_residual_that_creeps_over_the_level_grazes_it(
+    before: float, seconds: float, size: float, verdict: int
+) -> None:
     doubt = Doubt(1)
-    assert not doubt.cold(0)
-    doubt.rest(0, 59.0)
-    assert not doubt.cold(0)
-    doubt.rest(0, 61.0)
-    assert doubt.cold(0)
-    run(doubt, 61.0)
-    assert not doubt.cold(0)
+    run(doubt, seconds, residual=before)
+    assert contact(doubt, size) == verdict
+
+
+def test_how_often_it_was_grazed_fades() -> None:
+    doubt = Doubt(1)
+    for times in (1, 2):
+        run(doubt, 0.3, residual=0.08)
+        contact(doubt, 0.12)
+        assert doubt.often[0] == pytest.approx(times, rel=0.01)
+    run(doubt, 300.0)
+    assert doubt.often[0] == pytest.approx(2 / np.e, rel=0.02)
 
 
 def test_a_reset_forgets_the_contact_that_lasts() -> None:

@@ -182,3 +182,25 @@ def test_a_correction_never_goes_beyond_where_phi_can_be(
         doubtful = settings.friction_error * (coulomb + viscous * abs(theta_dot))
         doubtful += settings.current_error * abs(tau_M)
         assert not (joint.gap[0] and abs(transmitted) > doubtful)
+
+
+@pytest.mark.parametrize(
+    ("phi", "speed", "ticks", "contradicted"),
+    [
+        (0.0, 0.3, 20, True),  # 60 mrad together, the gap is 40 wide
+        (0.0, 0.3, 10, False),
+        (0.0, 0.005, 60, False),
+        (ALPHA, 0.3, 20, False),  # engaged
+    ],
+)
+def test_a_link_that_follows_its_rotor_is_not_in_its_gap(
+    phi: float, speed: float, ticks: int, contradicted: bool
+) -> None:
+    joint = Joint()
+    joint.settle(-2.0 if phi > 0.0 else 2.0)
+    joint.set(phi)
+    q = 0.0
+    for _ in range(ticks):
+        q += speed * T
+        joint.step(q=q, q_dot=speed, w=speed)
+    assert joint.position.contradicted(0, speed) is contradicted

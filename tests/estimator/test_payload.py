@@ -182,7 +182,8 @@ def test_nothing_is_learned_while_it_is_frozen(make_estimator, sine_motion) -> N
     sine_motion.replay(estimator, slice(0, 500))
     estimator.freeze_learning(True)
     before = estimator.memory()["learning"]
-    sine_motion.replay(estimator, slice(500, 900))
+    estimate = sine_motion.replay(estimator, slice(500, 900))[-1]
+    assert estimate.level_share.tolist() == [1.0] * estimator.model.n, "the stated levels"
     after = estimator.memory()["learning"]
     assert after["squares_s"] == before["squares_s"]
     friction = [np.array(learning["shares"])[:, 1:] for learning in (before, after)]
