@@ -70,6 +70,7 @@ class Kernel:
         self.learns = s.learning
         self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
         self._always_acts = s.residual.kind != "backlash"
+        self.frozen = 0  # 1: nothing is learned, whatever the residuals say
         if self.learns:
             for i in range(n):
                 self._apply(i)
@@ -95,7 +96,6 @@ class Kernel:
         self.elapsed_s = 0.0
         # What the last link carries: mass [kg], and where in its joint's frame [m].
         self.payload = np.zeros(4)
-        self.frozen = 0  # 1: nothing is learned, whatever the residuals say
         self.shown = np.zeros((10, n))
         self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
         self._sigma, self.tau_M, self.threshold, self._thresholded, self._share = self.shown[4:9]
