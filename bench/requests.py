@@ -23,13 +23,13 @@ from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
 from bench.rigs.odd_requests import OddRequests
 from bench.rigs.processes import Pair, pair
 from daemon.config.load import load_robot
-from daemon.protocol.messages import COMMANDS
+from daemon.protocol.requests import COMMANDS, Command
 
 ROBOTS = (SINGLE_JOINT, DESK_ARM, ROMEO)
 PATIENCE_S = 10.0  # a `reload` sets all drives up anew
 AGAIN_EVERY = 50
 # A `reload` takes seconds, in which nothing else is tried.
-MIXED = tuple(command for command in COMMANDS if command != "reload") * 30 + ("reload",)
+MIXED: tuple[Command, ...] = (*(c for c in COMMANDS if c != "reload"),) * 30 + ("reload",)
 
 
 @dataclass(slots=True)

@@ -1,6 +1,6 @@
 """Messages of the daemon's sockets, as the dictionaries that they are in JSON.
 
-Made from the code by `make reference`: change them in `daemon/protocol/messages.py`. A key that is
+Made from the code by `make reference`: change them in `daemon/protocol/`. A key that is
 NotRequired may be missing: from a daemon that is older, or where it says nothing. Vectors have one
 number per joint, in the order of `Snapshot.joints`, SI units at the link side.
 """
@@ -50,48 +50,6 @@ class Header(TypedDict):
     from_here: NotRequired[bool]
     # by the motors' velocity alone, whatever the links do
     motors_only: NotRequired[bool]
-
-
-class Request(TypedDict):
-    """One command from a client, with the arguments that only some commands take."""
-
-    command: Command
-    # `load`: begin a trajectory
-    header: NotRequired[Header | None]
-    # `load`: more of it
-    rows: NotRequired[list[list[float]] | None]
-    # `start`: run what this connection has loaded
-    loaded: NotRequired[bool]
-    # `arm`, `renew`: for how long from now, unless renewed; 0.5 s, or 600 s if detached.
-    lease_s: NotRequired[float | None]
-    # `arm`: the lease outlives this connection, and any process of this user may arm again.
-    detached: NotRequired[bool]
-    # `gain`: of which joint
-    joint: NotRequired[str | None]
-    # `gain`: its K_a from now on, 0 or at least LEAST_GAIN [rad/s per Nm]
-    gain: NotRequired[float | None]
-    # Person or program on whose behalf the client asks, as stated by the client: for the log only,
-    # not verified.
-    on_behalf_of: NotRequired[str | None]
-    # `payload`: payload of the hand from now on, by its name in the configuration, or
-    name: NotRequired[str | None]
-    # by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
-    mass: NotRequired[float | None]
-    # beside `mass`: its centre in the hand's frame, three numbers [m]
-    com: NotRequired[list[float] | None]
-    # `go`: to this one, or
-    pose: NotRequired[str | None]
-    # to these positions, within the joints' limits; joints that are not named stay [rad]
-    targets: NotRequired[dict[str, float] | None]
-    # `go`: of the joint that goes furthest; 0.2 unless given [rad/s]
-    speed: NotRequired[float | None]
-    # `go`: answer only what it would do
-    plan: NotRequired[bool]
-    # `go`: positions for which it was planned; refused if the arm is elsewhere by now [rad]
-    planned_from: NotRequired[list[float] | None]
-    # `go`, `start` of a loaded trajectory: halt when this connection ends, or sends nothing for 2
-    # s, and forget the motion
-    attended: NotRequired[bool]
 
 
 class Check(TypedDict):
@@ -433,3 +391,44 @@ class State(TypedDict):
     payload: NotRequired[Payload | None]
     # unannounced payload; nothing is learned in this tick
     recognised: NotRequired[Payload | None]
+
+
+class Request(TypedDict):
+    """One command, with the arguments that only some commands take."""
+
+    command: Command
+    # Person or program on whose behalf the client asks, as stated by the client: for the log only,
+    # not verified.
+    on_behalf_of: NotRequired[str | None]
+    # `load`: begins one
+    header: NotRequired[Header | None]
+    # `load`: more of it
+    rows: NotRequired[list[list[float]] | None]
+    # `start`: run what this connection has loaded
+    loaded: NotRequired[bool]
+    # `start`, `go`: it halts when this connection ends, or sends nothing for 2 s, and is forgotten
+    attended: NotRequired[bool]
+    # `go`: to this one, or
+    pose: NotRequired[str | None]
+    # `go`: to these positions, within the joints' limits; joints that are not named stay [rad]
+    targets: NotRequired[dict[str, float] | None]
+    # `go`: of the joint that goes furthest; 0.2 unless given [rad/s]
+    speed: NotRequired[float | None]
+    # `go`: answer only what it would do
+    plan: NotRequired[bool]
+    # `go`: positions for which it was planned; refused if the arm is elsewhere by now [rad]
+    planned_from: NotRequired[list[float] | None]
+    # `arm`, `renew`: from now; 0.5 s unless given
+    lease_s: NotRequired[float | None]
+    # `arm`: the lease outlives this connection, and any process of this user may arm again
+    detached: NotRequired[bool]
+    # `gain`
+    joint: NotRequired[str]
+    # `gain`: K_a from now on, 0 or at least LEAST_GAIN [rad/s per Nm]
+    gain: NotRequired[float]
+    # `payload`: by its name in the configuration, or
+    name: NotRequired[str | None]
+    # `payload`: by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
+    mass: NotRequired[float | None]
+    # `payload`: beside `mass`: its centre in the hand's frame, three numbers [m]
+    com: NotRequired[list[float] | None]

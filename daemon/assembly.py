@@ -23,7 +23,7 @@ from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
 from daemon.motion.seen import SeenMotion
-from daemon.protocol.messages import Check
+from daemon.protocol.replies import Check
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControllerSettings

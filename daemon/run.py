@@ -32,7 +32,7 @@ from daemon.drives import (
 )
 from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Grant
+from daemon.protocol.replies import Grant
 from daemon.protocol.trend_row import trends_folder
 from daemon.service.black_box import BlackBox, default_directory, ring_path
 from daemon.service.journal import log_to_stderr

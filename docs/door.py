@@ -1,28 +1,30 @@
 """Messages of the daemon's sockets for programs that are not ours: JSON Schemas, and Python types.
 
-Made from `daemon/protocol/messages.py`, so that there is one definition. `make reference` writes
+Made from `daemon/protocol/`, so that there is one definition. `make reference` writes
 them.
 """
 
 import inspect
 import json
 import textwrap
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import msgspec
 from msgspec import inspect as types
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import COMMANDS, STATE_FORMAT, Reply, Request, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import COMMANDS, KINDS, Command, Request, fields_of
+from daemon.protocol.state import STATE_FORMAT, State
 from docs.fields import comments_of, inner_structs, structs_of
 
 #: Each with all that it holds: Status and Snapshot are in a reply.
-SCHEMAS: Final[dict[str, type]] = {"request": Request, "reply": Reply, "state": State}
+SCHEMAS: Final[dict[str, Any]] = {"request": Request, "reply": Reply, "state": State}
 WIDTH: Final = 100
 
 HEAD: Final = '''"""Messages of the daemon's sockets, as the dictionaries that they are in JSON.
 
-Made from the code by `make reference`: change them in `daemon/protocol/messages.py`. A key that is
+Made from the code by `make reference`: change them in `daemon/protocol/`. A key that is
 NotRequired may be missing: from a daemon that is older, or where it says nothing. Vectors have one
 number per joint, in the order of `Snapshot.joints`, SI units at the link side.
 """
@@ -31,10 +33,10 @@ from typing import Any, Final, Literal, NotRequired, TypedDict
 '''
 
 
-def schema(cls: type) -> str:
+def schema(cls: Any) -> str:
     """JSON Schema of a message, with what the code says beside its fields."""
     made = msgspec.json.schema(cls)
-    for struct, _ in structs_of(cls):
+    for struct, _ in structs_of(*members(cls)):
         properties = made["$defs"][struct.__name__]["properties"]
         for name, text in comments_of(struct).items():
             if text and name in properties:
@@ -69,8 +71,39 @@ def client_messages() -> str:
     ]
     ordered: dict[type, None] = {}
     for cls in SCHEMAS.values():
-        _add(cls, ordered)
-    return "\n".join([*parts, *(f"\n{_typed_dict(cls)}" for cls in ordered)])
+        for member in members(cls):
+            _add(member, ordered)
+    kinds = get_args(Request)
+    dicts = [_typed_dict(cls) for cls in ordered if cls not in kinds]
+    return "\n".join([*parts, *(f"\n{made}" for made in [*dicts, _request_dict()])])
+
+
+def members(cls: Any) -> tuple[type, ...]:
+    """Structs of a union; of a struct, itself."""
+    return get_args(cls) or (cls,)
+
+
+def _request_dict() -> str:
+    """One TypedDict for all requests, whose fields say which commands take them."""
+    lines = [
+        "class Request(TypedDict):",
+        '    """One command, with the arguments that only some commands take."""',
+        "",
+        "    command: Command",
+    ]
+    takers: dict[str, list[Command]] = {}
+    for command in COMMANDS:
+        for name in fields_of(command):
+            takers.setdefault(name, []).append(command)
+    for name, commands in takers.items():
+        cls = KINDS[commands[-1]]
+        kind = next(field.type for field in types.type_info(cls).fields if field.name == name)
+        comment = comments_of(cls).get(name, "")
+        if len(commands) < len(COMMANDS):
+            comment = f"{', '.join(f'`{c}`' for c in commands)}: {comment}".removesuffix(": ")
+        lines += [f"    # {line}" for line in textwrap.wrap(comment, WIDTH - 6)]
+        lines.append(f"    {name}: NotRequired[{_annotation(kind)}]")
+    return "\n".join([*lines, ""])
 
 
 def _add(cls: type, ordered: dict[type, None]) -> None:

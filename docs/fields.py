@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from msgspec import inspect as types
 
 
-def structs_of(first: type) -> Iterator[tuple[type, tuple[types.Field, ...]]]:
+def structs_of(*first: type) -> Iterator[tuple[type, tuple[types.Field, ...]]]:
     """Every struct of the schema, in the order in which a reader meets them."""
-    queue, seen = [first], set()
+    queue, seen = list(first), set()
     while queue:
         cls = queue.pop(0)
         if cls in seen:
@@ -39,6 +39,8 @@ def inner_structs(kind: types.Type) -> Iterator[type]:
 
 def comments_of(cls: type) -> dict[str, str]:
     """What stands beside, above or as text below each field, or member of an enum, in the code."""
+    base = cls.__mro__[1]
+    inherited = comments_of(base) if base.__module__ == cls.__module__ else {}
     source = inspect.getsource(cls)
     tree = ast.parse(source).body[0]
     assert isinstance(tree, ast.ClassDef)
@@ -48,7 +50,7 @@ def comments_of(cls: type) -> dict[str, str]:
         if token.type == tokenize.COMMENT:
             alone = not token.line[: token.start[1]].strip()
             (above if alone else beside)[token.start[0]] = token.string.lstrip("# ")
-    said: dict[str, str] = {}
+    said = dict(inherited)
     for i, node in enumerate(tree.body):
         match node:
             case ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]):

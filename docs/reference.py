@@ -26,7 +26,7 @@ from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE, Condition, Response
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.contactctl.contactctl import main
 from simulator.truth import SimulationFile
 

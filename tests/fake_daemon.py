@@ -16,21 +16,10 @@ from click.testing import CliRunner, Result
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Mode
-from daemon.protocol.messages import (
-    STATE_FORMAT,
-    Check,
-    Contact,
-    Grant,
-    Notice,
-    Reply,
-    Request,
-    Snapshot,
-    State,
-    Status,
-    Timing,
-    Trajectory,
-)
+from daemon.protocol.replies import Check, Grant, Reply, Status, Trajectory
+from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import STATE_FORMAT, Contact, Notice, Snapshot, State, Timing
 from daemon.service.socket import ControlSocket
 from programs.clients.client import Client
 from programs.contactctl import contactctl, replies

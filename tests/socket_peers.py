@@ -5,8 +5,10 @@ import json
 import socket
 from collections.abc import Callable
 
-from daemon.protocol.messages import Reply, Request, Snapshot
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import Snapshot
 from daemon.service.socket import ControlSocket
 
 Dial = Callable[[], socket.socket]

@@ -13,7 +13,7 @@ from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
+from daemon.protocol.state import STATE_FORMAT, Snapshot, State
 from estimator.settings import Variant
 from programs.demo.demo_story import Story, touch_of
 from simulator.description import Mismatch, SimulationSettings

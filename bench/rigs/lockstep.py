@@ -15,7 +15,8 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.drives import build_boot, build_drives
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Check, State
+from daemon.protocol.replies import Check
+from daemon.protocol.state import State
 from daemon.service.set_up import SetUp
 from daemon.tick.decision import Decision
 from daemon.tick.loop import Clock

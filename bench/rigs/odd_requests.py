@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from daemon.protocol.messages import COMMANDS, MAX_REQUEST_BYTES
-from daemon.service.arguments import TAKERS
+from daemon.protocol.requests import COMMANDS, MAX_REQUEST_BYTES, Command, fields_of
 
+FIELDS: Final = sorted({field for command in COMMANDS for field in fields_of(command)})
 # Numbers as JSON writes them; what is too large, or is none, among them.
 NUMBERS: Final = (
     *("0", "-0", "-0.0", "1", "-1", "0.1", "0.02", "0.5", "2", "3", "5", "90", "86400", "86400.1"),
@@ -48,7 +48,7 @@ class OddRequests:
     poses: Sequence[str] = ()
     payloads: Sequence[str] = ()
 
-    def packets(self, seed: int, commands: Sequence[str] = COMMANDS) -> Iterator[bytes]:
+    def packets(self, seed: int, commands: Sequence[Command] = COMMANDS) -> Iterator[bytes]:
         """Packets without end."""
         chance = random.Random(seed)
         while True:
@@ -58,19 +58,19 @@ class OddRequests:
             if 0 < len(packet) <= 2 * MAX_REQUEST_BYTES:
                 yield packet
 
-    def _request(self, chance: random.Random, command: str) -> str:
+    def _request(self, chance: random.Random, command: Command) -> str:
         """Half of them sound, the others with a field or more that is odd, missing or strange."""
         fields = {"command": json.dumps(command), **self._together(chance, command)}
         if chance.random() < 0.1:
             fields["on_behalf_of"] = '"the bench"'
         while chance.random() < 0.5:
-            known = [name for name, takers in TAKERS.items() if command in takers]
-            field = chance.choice([*known, *known, *known, *TAKERS, "on_behalf_of", "strange"])
+            known = fields_of(command)
+            field = chance.choice([*known, *known, *known, *FIELDS, "strange"])
             field = field if chance.random() < 0.95 else "command"
             kind = chance.random()
             if kind < 0.2:
                 fields.pop(field, None)
-            elif kind < 0.7 and field in TAKERS:
+            elif kind < 0.7 and field in FIELDS:
                 fields[field] = self._sound(chance, field)
             else:
                 fields[field] = _odd(chance)

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.modes.table import Event
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from daemon.service.status import snapshot_of
 from programs.clients.recorder import record
 from simulator.hand_script import Push

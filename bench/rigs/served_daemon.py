@@ -23,7 +23,8 @@ from contactd_client.connection import Connection
 from daemon.assembly import check_identification
 from daemon.config.files import Files
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Reply, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.state import State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket

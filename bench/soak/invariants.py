@@ -13,7 +13,7 @@ from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
 from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, YIELDING, Mode
 from daemon.motion.release import SLACK_S
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 
 # Nearer to its limit than this, a joint has been led back to it [rad]...
 AT_LIMIT = 0.005

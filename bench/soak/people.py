@@ -15,7 +15,20 @@ from bench.soak.record import Part
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.lease import PERSON_S, PROGRAM_S
-from daemon.protocol.messages import COMMANDS, Command, Header, Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import (
+    COMMANDS,
+    Arm,
+    Disarm,
+    Go,
+    Header,
+    Load,
+    Renew,
+    Request,
+    SetGain,
+    Start,
+    bare,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +54,7 @@ Person = Generator[Step, View, None]
 NOTHING = ""
 STRAY = [command for command in COMMANDS if command not in ("load", "subscribe")]
 # What a lease begins or goes on with.
-LEASED = ("arm", "renew")
+LEASED = (Arm, Renew)
 # What a person wishes for in each mode, and how much more often than something else.
 WISHES: dict[Mode, dict[str, float]] = {
     Mode.OFF: {"enable": 8, "stray": 1},
@@ -80,16 +93,16 @@ def program(rng: Random, c: Configuration) -> Person:
             continue
         lease_s = rng.choice((None, 0.3, 1.0, 2.0))
         pace_s = 0.3 * (lease_s or 0.5)
-        command: Command = "arm"
+        kind: type[Arm | Renew] = Arm
         for _ in range(rng.randrange(1, 40)):
-            view = yield Step((Request(command, lease_s=lease_s),), hang_up=False, wait_s=pace_s)
+            view = yield Step((kind(lease_s=lease_s),), hang_up=False, wait_s=pace_s)
             if not view.armed:
                 break
-            command = "renew"
+            kind = Renew
         end = rng.choice(("forgets", "disarms", "dies"))
         if end == "forgets":
             view = yield Step(hang_up=False, wait_s=2.0)
-        last = (Request("disarm"),) if end == "disarms" else ()
+        last = (Disarm(),) if end == "disarms" else ()
         view = yield Step(last, wait_s=rng.uniform(0.5, 8.0))
 
 
@@ -98,21 +111,21 @@ def _requests(wish: str, rng: Random, c: Configuration) -> tuple[Request, ...]:
         case "":
             return ()
         case "arm":
-            return (Request("arm", lease_s=rng.choice((None, 1.0, 5.0, 20.0)), detached=True),)
+            return (Arm(lease_s=rng.choice((None, 1.0, 5.0, 20.0)), detached=True),)
         case "gain":
             joint = rng.choice(c.joints)
             gain = rng.choice((-1.0, 1e9, *(rng.uniform(0.2, 1.5) * joint.admittance_gain,) * 8))
-            return (Request("gain", joint=joint.name, gain=gain),)
+            return (SetGain(joint=joint.name, gain=gain),)
         case "go":
             joint = rng.choice(c.joints)
             # One in some is out of its limits.
             value = rng.uniform(1.1 * joint.limits.lower, 1.1 * joint.limits.upper)
             speed = rng.choice((None, 0.5, 2.0))
-            return (Request("go", targets={joint.name: value}, speed=speed),)
+            return (Go(targets={joint.name: value}, speed=speed),)
         case "load":
             return _trajectory(rng, c)
         case _:
-            return (Request(wish),)  # type: ignore[arg-type]  # all others are commands as they are
+            return (bare(wish),)  # type: ignore[arg-type]  # all others are commands as they are
 
 
 def _trajectory(rng: Random, c: Configuration) -> tuple[Request, ...]:
@@ -124,8 +137,8 @@ def _trajectory(rng: Random, c: Configuration) -> tuple[Request, ...]:
     # A cosine: position and velocity at (n + 1) moments.
     shape = [(i / n, *_cosine(i / n)) for i in range(n + 1)]
     rows = [[end_s * x, way * p, way * v / end_s] for x, p, v in shape]
-    loads = [Request("load", rows=list(chunk)) for chunk in _by(rows, 30)]
-    return (Request("load", header=header), *loads, Request("start", loaded=True))
+    loads = [Load(rows=list(chunk)) for chunk in _by(rows, 30)]
+    return (Load(header=header), *loads, Start(loaded=True))
 
 
 def _cosine(x: float) -> tuple[float, float]:
@@ -165,7 +178,7 @@ class Leases:
     def __init__(self) -> None:
         self._until_s = -1.0
         self._holder = 0
-        self._asked: dict[int, Request] = {}  # by connection: may be granted at any moment
+        self._asked: dict[int, Arm | Renew] = {}  # by connection: may be granted at any moment
         self._numbers = itertools.count(1)
         self.ticks = LAPSES_TICKS
         """For how many ticks it may still be armed after that."""
@@ -181,21 +194,21 @@ class Leases:
 
     def asked(self, request: Request, connection: int) -> None:
         """A lease may be granted before its answer is read."""
-        if request.command in LEASED:
+        if isinstance(request, LEASED):
             self._asked[connection] = request
 
     def answered(self, request: Request, reply: Reply, connection: int, time_s: float) -> None:
         """A lease that was granted counts from when its answer is there."""
         self._asked.pop(connection, None)
-        if request.command in LEASED and reply.ok:
+        if isinstance(request, LEASED) and reply.ok:
             self._until_s, self.ticks = time_s + _duration_s(request), LAPSES_TICKS
-            self._holder = 0 if request.detached else connection
+            self._holder = 0 if _is_detached(request) else connection
 
     def closed(self, connection: int, time_s: float) -> None:
         """A connection is over, perhaps before an answer came: what it asked for may have been
         granted until now, and will not be any more."""
         asked = self._asked.pop(connection, None)
-        if asked is not None and asked.detached:
+        if asked is not None and _is_detached(asked):
             self._until_s = max(self._until_s, time_s + _duration_s(asked))
         elif asked is not None and (connection == self._holder or self._until_s < time_s):
             self._until_s, self.ticks = time_s, HEARD_TICKS
@@ -203,5 +216,9 @@ class Leases:
             self._until_s, self.ticks = min(self._until_s, time_s), HEARD_TICKS
 
 
-def _duration_s(request: Request) -> float:
-    return request.lease_s or (PERSON_S if request.detached else PROGRAM_S)
+def _is_detached(request: Arm | Renew) -> bool:
+    return isinstance(request, Arm) and request.detached
+
+
+def _duration_s(request: Arm | Renew) -> float:
+    return request.lease_s or (PERSON_S if _is_detached(request) else PROGRAM_S)

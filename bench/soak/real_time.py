@@ -30,7 +30,7 @@ from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from drivers.canopen.drive import Drive
 from programs.clients.client import Client
 

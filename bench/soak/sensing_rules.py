@@ -3,7 +3,7 @@
 from bench.soak.record import Ledger
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING, Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 
 # Modes in which the arm moves by setpoints and relies on what it feels.
 MOVES = frozenset({Mode.TRACKING, Mode.ADMITTANCE, Mode.RETRACTING, Mode.RETURNING, Mode.RELEASING})

@@ -32,8 +32,9 @@ from bench.soak.record import Part
 from bench.soak.robot import gives_way, hand_script, write_robot
 from common.errors import ContactdError
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Reply, State
+from daemon.protocol.replies import Reply
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import State
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
 from daemon.service.socket import ControlSocket

@@ -7,7 +7,7 @@ from bench.soak.record import Ledger
 from daemon.config.schema import Configuration
 from daemon.config.travels import travels
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.tick.controller import RESET_PATIENCE_S
 from daemon.tick.tick import STOP_PROVED
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.rigs.processes import Pair
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 
 Figures = dict[str, float]
 

@@ -9,7 +9,7 @@ from typing import get_args
 from daemon.config.identified import ENTRIES, Identified
 from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import ArmingStep, Configuration
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 
 
 def objections(

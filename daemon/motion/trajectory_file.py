@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from common.errors import TrajectoryError
 from common.regular_file import open_text
 from daemon.protocol.bounds import PLAUSIBLE
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 
 if TYPE_CHECKING:
     from _csv import Reader

@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Final
 
 from contactd_client.paths import CONTROL_GROUP, VIEW_GROUP
-from daemon.protocol.messages import COMMANDS, Command
+from daemon.protocol.requests import COMMANDS, Command
 
 
 class Door(StrEnum):

@@ -4,6 +4,7 @@ msgspec silently takes the last of two equal keys, other readers the first: an a
 must not be carried out, and a recording must not be ambiguous.
 """
 
+import contextlib
 import json
 import re
 from typing import Any, Final, Generic, TypeVar
@@ -16,9 +17,9 @@ _SHOWN_BYTES: Final = 60
 
 
 class StrictDecoder(Generic[T]):
-    """Decoder of JSON objects of type `kind`."""
+    """Decoder of JSON objects of type T, a struct or a union of them: `kind`."""
 
-    def __init__(self, kind: type[T]) -> None:
+    def __init__(self, kind: Any) -> None:
         self._decoder = msgspec.json.Decoder(kind)
         self._encoder = msgspec.json.Encoder()
 
@@ -26,11 +27,13 @@ class StrictDecoder(Generic[T]):
         """Decoded object. Raises msgspec.DecodeError for anything else, invalid UTF-8, or a
         duplicate key."""
         try:
-            found = self._decoder.decode(packet)
+            found: T = self._decoder.decode(packet)
             # Messages of our own programs re-encode byte for byte, so no key was dropped.
             if self._encoder.encode(found) != packet:
                 _STRICT.decode(packet.decode())
         except msgspec.ValidationError as error:
+            with contextlib.suppress(json.JSONDecodeError, UnicodeDecodeError, RecursionError):
+                _STRICT.decode(packet.decode())
             raise msgspec.ValidationError(f"{error}{_given(packet, str(error))}") from error
         except UnicodeDecodeError as error:
             raise msgspec.DecodeError(f"JSON is malformed: {error}") from error

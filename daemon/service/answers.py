@@ -16,14 +16,16 @@ import msgspec
 
 from common.errors import ContactdError
 from daemon.protocol.doors import refusal as refusal_at
-from daemon.protocol.messages import (
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import (
     AWAITED,
     COMMANDS,
     MAX_REQUEST_BYTES,
     OUTDATED_BY,
     Command,
-    Reply,
     Request,
+    bare,
+    fields_of,
 )
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.strict_json import StrictDecoder
@@ -47,7 +49,7 @@ class Answers:
         self._connections = connections
         self._served: set[Command] = set()  # stops that were served in this poll
         self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
-        self._decoder = StrictDecoder(Request)
+        self._decoder: StrictDecoder[Request] = StrictDecoder(Request)
 
     def begin_poll(self) -> int:
         """Begin a poll; returns its first moment."""
@@ -70,7 +72,7 @@ class Answers:
             return False
         return (
             request.command in OUTDATED_BY
-            and request == Request(request.command, on_behalf_of=request.on_behalf_of)
+            and request == bare(request.command, request.on_behalf_of)
             and request.command not in self._served
         )
 
@@ -99,7 +101,7 @@ class Answers:
         try:
             request = self._decoder.decode(packet)
         except msgspec.DecodeError as error:
-            return Reply(ok=False, message=_no_request(str(error)))
+            return Reply(ok=False, message=_no_request(packet, str(error)))
         refusal = refusal_at(connection.door, request.command)
         refusal = refusal or self._outdated(request, after, connection)
         if request.command == "subscribe":
@@ -128,13 +130,29 @@ class Answers:
         return ""
 
 
-def _no_request(problem: str) -> str:
-    """Refusal of a packet that is not a request; with a list of the commands unless it is about one
-    field."""
+def _no_request(packet: bytes, problem: str) -> str:
+    """Refusal of a packet that is not a request; with the fields of its command, or the commands,
+    unless it is about one field."""
+    text = f"not a request: {problem}"
     if "`$." in problem and "`$.command" not in problem:
-        return f"not a request: {problem}"
-    known = ", ".join(COMMANDS)
-    return f'not a request: {problem}; expected {{"command": ...}} with one of {known}'
+        return text
+    command = _command_in(packet)
+    if command is not None:
+        fields = ", ".join(f"`{name}`" for name in fields_of(command))
+        return f"{text}; {command} takes {fields}"
+    return f'{text}; expected {{"command": ...}} with one of {", ".join(COMMANDS)}'
+
+
+def _command_in(packet: bytes) -> Command | None:
+    """Command of a packet that is not a request otherwise; None without one."""
+    try:
+        return msgspec.json.decode(packet, type=_Named).command
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
+
+
+class _Named(msgspec.Struct):
+    command: Command
 
 
 def has_hung_up(connected: socket.socket) -> bool:

@@ -17,7 +17,7 @@ from typing import Final
 import msgspec
 
 from daemon.protocol.doors import DOORS, MAX_CONNECTIONS, Door
-from daemon.protocol.messages import Reply
+from daemon.protocol.replies import Reply
 from daemon.protocol.socket_path import LISTEN_BACKLOG, Peer, groups_of, listen, peer_of
 from daemon.service.connections import Connection
 

@@ -12,7 +12,8 @@ from typing import Final, Self
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion.path import Place
 from daemon.protocol.lease import Lease
-from daemon.protocol.messages import Command, printable
+from daemon.protocol.requests import Command
+from daemon.protocol.text import printable
 from daemon.service.permission import Permission
 from daemon.tick.tick import Tick
 

@@ -8,7 +8,7 @@ from daemon.config.load import Robot
 from daemon.config.schema import NO_PAYLOAD, Configuration
 from daemon.config.worst_loads import Carrying
 from daemon.protocol.bounds import LIGHTEST_KG
-from daemon.protocol.messages import Request
+from daemon.protocol.requests import SetPayload
 from estimator.payload import HEAVIEST_KG, Payload
 
 
@@ -37,7 +37,7 @@ class Payloads:
         self._carrying = Carrying(c, model)
         self.named = named_payloads(c, self._tool_place)
 
-    def asked_for(self, request: Request) -> Payload | None:
+    def asked_for(self, request: SetPayload) -> Payload | None:
         """Payload of a request, None for none. Raises ModelError for an impossible one."""
         if request.name is not None:
             if request.mass is not None or request.com is not None:

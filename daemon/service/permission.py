@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from daemon.protocol.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
-from daemon.protocol.messages import Check, Permit, Request
+from daemon.protocol.replies import Check
+from daemon.protocol.requests import Arm, Renew, Request
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import Permit
 from daemon.tick.tick import Tick
 
 
@@ -36,7 +38,7 @@ class Permission:
         """Number of the connection that holds it; 0 if a person holds it, or without a lease."""
         return self.lease.owner.connection if self.lease else 0
 
-    def arm(self, request: Request, peer: Peer, time_s: float) -> Answer:
+    def arm(self, request: Arm, peer: Peer, time_s: float) -> Answer:
         """Arm an arm that is not armed. A person extends a lease with another `arm`, a program with
         `renew`."""
         owner = owner_of(request, peer, 0 if request.detached else peer.connection)
@@ -51,7 +53,7 @@ class Permission:
         reasons = found.reasons or self.tick.controller.arm(f"{owner}, for {in_words(duration_s)}")
         return self._grant(owner, duration_s, time_s, reasons, found.checks)
 
-    def renew(self, request: Request, peer: Peer, time_s: float) -> Answer:
+    def renew(self, request: Renew, peer: Peer, time_s: float) -> Answer:
         """Prolong the lease of this connection. Never arms: a program that renews periodically must
         not undo another client's `disarm`, or a fault."""
         owner = owner_of(request, peer, peer.connection)

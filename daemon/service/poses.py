@@ -10,7 +10,8 @@ from daemon.config.load import Robot
 from daemon.config.motion import limits_of
 from daemon.motion.limits import Limits
 from daemon.motion.pose_path import PosePath, run_time_s
-from daemon.protocol.messages import Request, Way
+from daemon.protocol.replies import Way
+from daemon.protocol.requests import Go
 from daemon.tick.refusals import START_TOLERANCE
 
 # Default speed of the joint that goes furthest [rad/s].
@@ -34,7 +35,7 @@ class Poses:
         self.joints, self.named = c.joint_names, c.poses
         self._limits, self._ramp_s = limits_of(c), c.trajectory.ramp_s
 
-    def path(self, request: Request, q: Vector) -> PosePath:
+    def path(self, request: Go, q: Vector) -> PosePath:
         """Path from q (n,) [rad] to the pose of a request. Raises TrajectoryError for an unknown
         pose, or if the arm is elsewhere than where the request was planned."""
         name, values = self._asked_for(request)
@@ -81,7 +82,7 @@ class Poses:
             if path.way[i] and short[i] > WARNED_RAD
         ]
 
-    def _asked_for(self, request: Request) -> tuple[str, dict[str, float]]:
+    def _asked_for(self, request: Go) -> tuple[str, dict[str, float]]:
         if (request.pose is None) == (not request.targets):
             raise TrajectoryError("it takes either a `pose` or `targets`")
         if request.pose is None:
@@ -94,7 +95,7 @@ class Poses:
             )
         return request.pose, self.named[request.pose]
 
-    def _refuse_elsewhere(self, request: Request, q: Vector) -> None:
+    def _refuse_elsewhere(self, request: Go, q: Vector) -> None:
         planned = request.planned_from
         if planned is None:
             return

@@ -9,7 +9,7 @@ import os
 import threading
 from pathlib import Path
 
-from daemon.protocol.messages import Grant
+from daemon.protocol.replies import Grant
 
 # Above all processes of the user, below the kernel's own interrupt threads (50).
 FIFO_PRIORITY = 40

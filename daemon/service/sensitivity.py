@@ -4,7 +4,7 @@ ticks."""
 import numpy as np
 
 from common.arrays import Vector
-from daemon.protocol.messages import Sensitivity, ToolForce
+from daemon.protocol.replies import Sensitivity, ToolForce
 from daemon.tick.tick import Tick
 from estimator.tool_force import ToolSense, tool_sense
 

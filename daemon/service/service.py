@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 from msgspec.structs import replace
 
@@ -11,10 +10,12 @@ from common.errors import ModelError, TrajectoryError
 from daemon.config.motion import limits_of
 from daemon.modes.table import Event, Mode, ModeMachine
 from daemon.motion.path import Place
+from daemon.protocol import requests
 from daemon.protocol.lease import in_words
-from daemon.protocol.messages import Reply, Request, Status, printable
+from daemon.protocol.replies import Reply, Status
+from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
-from daemon.service.arguments import misplaced
+from daemon.protocol.text import printable
 from daemon.service.attendance import Attendance
 from daemon.service.black_box import BlackBox
 from daemon.service.journal import LogLimit
@@ -32,16 +33,13 @@ from daemon.tick.telemetry import state_of
 from drivers.api import BootableDrives
 
 # Keyed so that mypy reports a new command that `handle` omits.
-EVENT_OF_COMMAND: dict[
-    Literal["enable", "start", "pause", "disarm", "stop", "disable", "reset"], Event
-] = {
-    "enable": Event.ENABLE,
-    "start": Event.START,
-    "pause": Event.PAUSE,
-    "disarm": Event.DISARM,
-    "stop": Event.STOP,
-    "disable": Event.DISABLE,
-    "reset": Event.RESET,
+EVENT_OF: dict[type[requests.ModeRequest], Event] = {
+    requests.Enable: Event.ENABLE,
+    requests.Pause: Event.PAUSE,
+    requests.Disarm: Event.DISARM,
+    requests.Stop: Event.STOP,
+    requests.Disable: Event.DISABLE,
+    requests.Reset: Event.RESET,
 }
 # Commands still served while the daemon is ending: none that moves or energises the arm.
 AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
@@ -167,54 +165,66 @@ class Service:
         if self._limit.admit(text, self.loop.time_s):
             self._report("fault", text)
 
-    def _carry_out(self, request: Request, peer: Peer) -> Reply:
-        if strange := misplaced(request):
-            return self._reply(request, strange)
-        if (self.ending or self.reloading) and request.command not in AT_THE_END:
-            why = "reads its files anew" if self.reloading else "is ending"
-            return self._reply(request, [f"the daemon {why}"])
+    def _carry_out(  # noqa: PLR0912 - a case for each command
+        self, request: Request, peer: Peer
+    ) -> Reply:
+        if refused := self._at_the_end(request):
+            return self._reply(request, refused)
         who = str(owner_of(request, peer))
         self.attendance.heard(peer.connection, self.loop.time_s)
-        match request.command:
-            case "status":
+        match request:
+            case requests.GetStatus():
                 reply = replace(self._reply(request), status=self._status())
-            case "subscribe":
+            case requests.Subscribe():
                 snapshot = snapshot_of(self.process.robot, self.loop.tick)
                 reply = replace(self._reply(request), snapshot=snapshot)
-            case "load":
+            case requests.Load():
                 reply = self._load(request, peer)
-            case "go":
+            case requests.Go():
                 reply = self._go(request, peer, who)
-            case "gain":
+            case requests.SetGain():
                 reply = self._gain(request, who)
-            case "payload":
+            case requests.SetPayload():
                 reply = self._payload(request, who)
-            case "arm":
+            case requests.Arm():
                 reply = self._arm(request, peer)
-            case "renew":
+            case requests.Renew():
                 reply = self._renew(request, peer)
-            case "reload":
+            case requests.Reload():
                 reply = self._reload(request, who)
-            case command:
-                reply = self._request(EVENT_OF_COMMAND[command], request, peer, who)
+            case requests.Start():
+                reply = self._start(request, peer, who)
+            case requests.Enable() if newer := self._newer():
+                reply = self._reply(request, newer)
+            case _:  # a ModeRequest
+                event = EVENT_OF[type(request)]
+                reply = self._reply(request, self.set_up.request(event, who))
         return reply
 
-    def _request(self, event: Event, request: Request, peer: Peer, who: str) -> Reply:
-        if event is Event.ENABLE and (newer := self._newer()):
-            return self._reply(request, newer)
+    def _at_the_end(self, request: Request) -> list[str]:
+        """Reasons why a request is not carried out any more."""
+        if not (self.ending or self.reloading) or request.command in AT_THE_END:
+            return []
+        return [f"the daemon {'reads its files anew' if self.reloading else 'is ending'}"]
+
+    def _start(self, request: requests.Start, peer: Peer, who: str) -> Reply:
         path = self.dock.take(peer.connection) if request.loaded else None
         controller = self.loop.tick.controller
         goes_on = path is None and controller.machine.paused
-        place = controller.next_place(path)
-        warnings = self._beyond_what_was_seen(place) if event is Event.START else []
-        reply = self._reply(request, self.set_up.request(event, who, path))
-        if event is Event.START and reply.ok:
-            self._set_out(request, peer, warnings, goes_on=goes_on)
-            reply = replace(reply, warnings=warnings)
-        return reply
+        warnings = self._beyond_what_was_seen(controller.next_place(path))
+        reply = self._reply(request, self.set_up.request(Event.START, who, path))
+        if not reply.ok:
+            return reply
+        self._set_out(request, peer, warnings, goes_on=goes_on)
+        return replace(reply, warnings=warnings)
 
     def _set_out(
-        self, request: Request, peer: Peer, warnings: Sequence[str], *, goes_on: bool = False
+        self,
+        request: requests.Start | requests.Go,
+        peer: Peer,
+        warnings: Sequence[str],
+        *,
+        goes_on: bool = False,
     ) -> None:
         # A continued motion stays with the client that began it.
         if request.attended or not goes_on:
@@ -243,7 +253,7 @@ class Service:
         c = self.process.robot.configuration
         return self.process.seen.beyond(c.joint_names, last.samples.link_position, place)
 
-    def _go(self, request: Request, peer: Peer, who: str) -> Reply:
+    def _go(self, request: requests.Go, peer: Peer, who: str) -> Reply:
         last, poses = self.loop.tick.last, self.process.poses
         if last is None or last.decision is None:
             return self._reply(request, ["no samples of the drives yet"])
@@ -265,7 +275,7 @@ class Service:
                 self._set_out(request, peer, seen)
         return replace(reply, way=way, warnings=warnings) if reply.ok else reply
 
-    def _arm(self, request: Request, peer: Peer) -> Reply:
+    def _arm(self, request: requests.Arm, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)
         self.control.spare = self.permission.connection
         sensitivity = None if answer.reasons else sensitivity_now(self.loop.tick)
@@ -273,10 +283,10 @@ class Service:
             self._granted(request, answer), checks=list(answer.checks), sensitivity=sensitivity
         )
 
-    def _renew(self, request: Request, peer: Peer) -> Reply:
+    def _renew(self, request: requests.Renew, peer: Peer) -> Reply:
         return self._granted(request, self.permission.renew(request, peer, self.loop.time_s))
 
-    def _granted(self, request: Request, answer: Answer) -> Reply:
+    def _granted(self, request: requests.Arm | requests.Renew, answer: Answer) -> Reply:
         outcome = _outcome(self.loop.tick.controller.machine)
         done = f"{outcome} for {in_words(answer.duration_s)}"
         return self._reply(request, answer.reasons, done)
@@ -292,7 +302,7 @@ class Service:
             controller, now = self.loop.tick.controller, self.loop.time_s
             controller.request(Event.ABANDON, f"the daemon: {why}; its motion is forgotten", now)
 
-    def _reload(self, request: Request, who: str) -> Reply:
+    def _reload(self, request: requests.Reload, who: str) -> Reply:
         """Request the end of the loop, and a new start with the present files."""
         mode = self.loop.tick.controller.machine.mode
         if mode is not Mode.OFF:
@@ -321,7 +331,7 @@ class Service:
         )
         return replace(status, gears=self.trends.warnings) if self.trends else status
 
-    def _load(self, request: Request, peer: Peer) -> Reply:
+    def _load(self, request: requests.Load, peer: Peer) -> Reply:
         try:
             if request.header is not None:
                 self.dock.begin(request.header, peer.connection)
@@ -331,7 +341,7 @@ class Service:
             return replace(self._reply(request, [str(error)]), row=error.row)
         return self._reply(request)
 
-    def _payload(self, request: Request, who: str) -> Reply:
+    def _payload(self, request: requests.SetPayload, who: str) -> Reply:
         try:
             payload = self.process.payloads.asked_for(request)
         except ModelError as error:
@@ -339,9 +349,6 @@ class Service:
         reasons = self.process.payloads.too_heavy(payload) or self.loop.tick.carry(payload, who)
         return self._reply(request, reasons, str(payload) if payload else "none")
 
-    def _gain(self, request: Request, who: str) -> Reply:
-        joint, gain = request.joint, request.gain
-        if joint is None or gain is None:
-            return self._reply(request, ["it takes a `joint` and a `gain`"])
-        reasons = self.loop.tick.controller.set_gain(joint, gain, who)
-        return self._reply(request, reasons, f"{joint} {gain:g} rad/s per Nm")
+    def _gain(self, request: requests.SetGain, who: str) -> Reply:
+        reasons = self.loop.tick.controller.set_gain(request.joint, request.gain, who)
+        return self._reply(request, reasons, f"{request.joint} {request.gain:g} rad/s per Nm")

@@ -35,12 +35,10 @@ import msgspec
 
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import MAX_CONNECTIONS, Door
-from daemon.protocol.messages import (
-    MAX_REQUEST_BYTES,
-    Reply,
-    State,
-)
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import MAX_REQUEST_BYTES
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import State
 from daemon.service.answers import Answers, Handler, has_hung_up
 from daemon.service.connections import Connection, Connections
 from daemon.service.entrance import MOST_OUTSIDE, Entrance, NoDescriptorError, places

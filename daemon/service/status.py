@@ -17,15 +17,8 @@ from daemon.faults.table import Condition
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.path import stands
 from daemon.motion.seen import SeenMotion
-from daemon.protocol.messages import (
-    STATE_FORMAT,
-    Grant,
-    Learned,
-    Permit,
-    Snapshot,
-    Status,
-    Trajectory,
-)
+from daemon.protocol.replies import Grant, Learned, Status, Trajectory
+from daemon.protocol.state import STATE_FORMAT, Permit, Snapshot
 from daemon.service.payloads import Payloads
 from daemon.service.poses import Poses
 from daemon.service.sensitivity import sensitivity_now

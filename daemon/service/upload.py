@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from common.errors import ControlError
 from daemon.motion.limits import Limits
 from daemon.motion.sampled_path import PathBuilder, SampledPath
-from daemon.protocol.messages import Header
+from daemon.protocol.requests import Header
 
 
 class TrajectoryUpload:

@@ -16,7 +16,7 @@ from daemon.faults.table import Condition
 from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.lease import SENSES_S
-from daemon.protocol.messages import Check
+from daemon.protocol.replies import Check
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES, TickRecord
 from drivers.api import DriveCondition, Objection, Samples

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 from estimator.estimator import Estimator
 
 #: Number of contacts at one place from which on it is reported.

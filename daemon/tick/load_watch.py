@@ -15,7 +15,7 @@ import numpy as np
 
 from common.arrays import Vector
 from daemon.modes.table import GUIDED, SENSING, YIELDING, Mode
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 from daemon.tick.sensing import Sensing
 from estimator.contact import dead_band
 from estimator.estimate import Estimate

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 
 WITHIN_S: Final = 10.0
 """Time constant of the share [s]."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 from estimator.estimate import Estimate, Flag
 
 #: Time constants of the residual until one that restarted at zero has settled.

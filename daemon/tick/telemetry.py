@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Contact, Notice, PerJoint, Permit, SideName, State, Timing
+from daemon.protocol.state import Contact, Notice, PerJoint, Permit, SideName, State, Timing
 from daemon.tick.decision import Decision
 from drivers.api import Samples
 from estimator import contact as estimator_contact

@@ -15,7 +15,7 @@ from daemon.faults.table import Condition, Response
 from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Change, Mode, refusal
 from daemon.motion.hand_witness import IndependentResidual, agreed
 from daemon.motion.limits import all_finite
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision

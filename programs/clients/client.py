@@ -17,18 +17,22 @@ from contactd_client.paths import usual_socket_path
 from daemon.motion.trajectory_file import refuse_shapes, rows_of, slopes
 from daemon.protocol.bounds import PLAUSIBLE
 from daemon.protocol.lease import LONGEST_S
-from daemon.protocol.messages import (
+from daemon.protocol.replies import Reply, Status
+from daemon.protocol.requests import (
     MAX_REQUEST_BYTES,
+    Arm,
     Command,
+    Go,
     Header,
-    Reply,
+    Load,
+    Renew,
     Request,
-    Snapshot,
-    State,
-    Status,
-    format_refusal,
-    printable,
+    SetPayload,
+    Start,
+    bare,
 )
+from daemon.protocol.state import Snapshot, State, format_refusal
+from daemon.protocol.text import printable
 
 T = TypeVar("T")
 
@@ -64,7 +68,7 @@ class Client:
 
     def request(self, command: Command) -> Reply:
         """Send `command` and wait for the answer, which may be a refusal."""
-        return self.ask(Request(command))
+        return self.ask(bare(command))
 
     def ask(self, request: Request) -> Reply:
         """Send a request with its arguments and wait for the answer, which may be a refusal."""
@@ -97,7 +101,7 @@ class Client:
 
         Raises ControlError unless 0 < lease_s <= 86400.
         """
-        return self.ask(Request("arm", lease_s=_a_lease(lease_s), detached=detached))
+        return self.ask(Arm(lease_s=_a_lease(lease_s), detached=detached))
 
     def renew(self, lease_s: float | None = None) -> Reply:
         """Keep what this connection armed for another `lease_s` [s], 0.5 s unless given.
@@ -105,7 +109,7 @@ class Client:
         Refused once the arm is not armed any more, whatever disarmed it. Raises
         ControlError unless 0 < lease_s <= 86400.
         """
-        return self.ask(Request("renew", lease_s=_a_lease(lease_s)))
+        return self.ask(Renew(lease_s=_a_lease(lease_s)))
 
     def payload(
         self, mass: float | None = None, com: Sequence[float] | None = None, *, name: str = ""
@@ -115,8 +119,8 @@ class Client:
         configuration; neither, or 0 kg: nothing. The answer may be a refusal."""
         place = None if com is None else list(com)
         if name or place is not None:  # the daemon refuses what does not go together
-            return self.ask(Request("payload", name=name or None, mass=mass, com=place))
-        return self.ask(Request("payload", mass=mass or 0.0))
+            return self.ask(SetPayload(name=name or None, mass=mass, com=place))
+        return self.ask(SetPayload(mass=mass or 0.0))
 
     def go(
         self,
@@ -138,8 +142,7 @@ class Client:
         connection ends or asks nothing for 2 s. The answer may be a refusal.
         """
         return self.ask(
-            Request(
-                "go",
+            Go(
                 pose=pose or None,
                 targets=dict(targets) if targets else None,
                 speed=speed,
@@ -186,16 +189,16 @@ class Client:
             from_here=from_here,
             motors_only=motors_only,
         )
-        self._load(Request("load", header=header))
+        self._load(Load(header=header))
         for chunk in _chunks(rows):
-            self._load(Request("load", rows=chunk))
+            self._load(Load(rows=chunk))
 
     def start_loaded(self, *, attended: bool = False) -> Reply:
         """Run what `load_trajectory` handed over; the answer may be a refusal. Where it is
         `attended`, it halts when this connection ends, or asks nothing for 2 s."""
-        return self.ask(Request("start", loaded=True, attended=attended))
+        return self.ask(Start(loaded=True, attended=attended))
 
-    def _load(self, request: Request) -> None:
+    def _load(self, request: Load) -> None:
         reply = self.ask(request)
         if not reply.ok:
             text = "; ".join(reply.reasons) or reply.message
@@ -238,7 +241,7 @@ class Client:
 def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:
     """The rows, rounded to 1e-9 (below the resolution of drives), in chunks that fit a request."""
     chunk: list[list[float]] = []
-    room = limit = MAX_REQUEST_BYTES - len(msgspec.json.encode(Request("load", rows=[])))
+    room = limit = MAX_REQUEST_BYTES - len(msgspec.json.encode(Load(rows=[])))
     for row in rows:
         short = [round(number, 9) for number in row]
         size = len(msgspec.json.encode(short)) + 1

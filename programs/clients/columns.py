@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Matrix
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.tick.telemetry import ESTIMATED, FLAG_NAMES, SIDE_NAMES
 from estimator.estimate import EstimateRows, Flag, SampleRows
 

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.clients.sensed import not_sensing, sensing_for_s
 from programs.clients.shown import (
     MODE_STYLES,

@@ -12,7 +12,8 @@ import msgspec
 from common.errors import ControlError
 from contactd_client.aio import AsyncConnection
 from contactd_client.connection import ANSWER_S
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Request
 
 _replies = msgspec.json.Decoder(Reply)
 

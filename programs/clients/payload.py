@@ -1,6 +1,6 @@
 """Payload of an arm in words for a person."""
 
-from daemon.protocol.messages import Status
+from daemon.protocol.replies import Status
 
 
 def payload_in_words(status: Status) -> str:

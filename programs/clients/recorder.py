@@ -19,8 +19,9 @@ from mcap.writer import Writer
 from common.errors import LogError, UnreachableError
 from common.new_file import open_new, refuse_unless_new
 from common.regular_file import open_regular
-from daemon.protocol.messages import PerJoint, Snapshot, State, format_refusal, printable
+from daemon.protocol.state import PerJoint, Snapshot, State, format_refusal
 from daemon.protocol.strict_json import StrictDecoder
+from daemon.protocol.text import printable
 from programs.clients.client import Client
 from programs.clients.cut_short import cut_short
 from programs.clients.viewer_schema import viewer_schema

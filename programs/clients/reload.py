@@ -4,7 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from common.errors import ControlError, HungUpError
-from daemon.protocol.messages import Status
+from daemon.protocol.replies import Status
 from programs.clients.client import Client
 from programs.clients.waiting import asked_until
 

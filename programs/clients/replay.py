@@ -12,7 +12,7 @@ from typing import Final
 from common.errors import ContactdError, LogError
 from daemon.config.load import parse_configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from estimator.estimator import Estimator
 from programs.clients.columns import Columns, Layout, first_difference
 from programs.clients.recorder import read_log

@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from daemon.modes.table import SENSING, Mode
-from daemon.protocol.messages import State, Status
+from daemon.protocol.replies import Status
+from daemon.protocol.state import State
 
 LOST = 0.01
 """Share of lost samples from which on it is shown."""

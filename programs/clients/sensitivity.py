@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from daemon.protocol.messages import Sensitivity, ToolForce
+from daemon.protocol.replies import Sensitivity, ToolForce
 
 AXES = "xyz"
 _ALONG_AN_AXIS = 0.98  # cosine of 11 degrees

@@ -3,7 +3,8 @@
 from rich.text import Text
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State, Status
+from daemon.protocol.replies import Status
+from daemon.protocol.state import State
 
 MODE_STYLES = {
     Mode.OFF: "white on grey30",

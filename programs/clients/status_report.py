@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.protocol.lease import in_words
-from daemon.protocol.messages import Check, Grant, Status, Trajectory
+from daemon.protocol.replies import Check, Grant, Status, Trajectory
 from programs.clients.payload import payload_in_words
 from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
 from programs.clients.sensitivity import sensitivity_lines

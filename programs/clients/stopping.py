@@ -12,7 +12,8 @@ import msgspec
 
 from common.errors import ContactdError
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import GetStatus, bare
 from programs.clients.link import Link
 
 WITHIN_S: Final = 0.8  # of the second that a person waits: the network takes the rest
@@ -32,7 +33,7 @@ class Stopped(msgspec.Struct, frozen=True):
 
 async def carry_out(path: Path, command: Command, on_behalf_of: str) -> Stopped:
     """Send it through the view socket, and watch until the arm stands."""
-    request = Request(command, on_behalf_of=on_behalf_of)
+    request = bare(command, on_behalf_of)
     last: Reply | None = None  # the first is the command's own, and shows that it was reached
     try:
         async with asyncio.timeout(WITHIN_S), await Link.open(path) as link:
@@ -42,7 +43,7 @@ async def carry_out(path: Path, command: Command, on_behalf_of: str) -> Stopped:
             last = reply
             while not _done(command, last):
                 await asyncio.sleep(_LOOKS_EVERY_S)
-                last = _as_reply(await link.ask(Request("status"), WITHIN_S))
+                last = _as_reply(await link.ask(GetStatus(), WITHIN_S))
             return Stopped("stands" if _stands(last) else "disarmed", "", str(last.mode))
     except (ContactdError, TimeoutError) as error:
         if last is None:

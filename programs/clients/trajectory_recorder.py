@@ -12,7 +12,7 @@ from pathlib import Path
 from common.errors import UnreachableError
 from common.new_file import open_new, refuse_unless_new
 from daemon.motion.trajectory_file import MAX_ROWS, TIME
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from programs.clients.client import Client
 from programs.clients.cut_short import cut_short, holds_a_row
 

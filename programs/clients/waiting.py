@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
-from daemon.protocol.messages import Reply
+from daemon.protocol.replies import Reply
 from programs.clients.client import Client
 
 POLL_S = 0.02

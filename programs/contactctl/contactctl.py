@@ -284,7 +284,7 @@ def payload(options: Options, what: str | None, com: tuple[float, float, float] 
     it. Without an argument: shows the announced payload and the known names. Refused while the arm
     is guided, and if the motors could not hold it. Forgotten when the daemon ends.
     """
-    from daemon.protocol.messages import Request
+    from daemon.protocol.requests import SetPayload
 
     if what is None:
         if com is not None:
@@ -296,13 +296,13 @@ def payload(options: Options, what: str | None, com: tuple[float, float, float] 
     except ValueError:
         if com is not None:
             raise click.UsageError(f"--com belongs to a mass in kg, {what!r} is a name") from None
-        request = Request("payload", name=what)
+        request = SetPayload(name=what)
     else:
         if not math.isfinite(mass):
             raise click.UsageError(f"{what} is not a mass")
         if com is not None and not all(map(math.isfinite, com)):
             raise click.UsageError(f"--com {' '.join(map(str, com))} is not a place")
-        request = Request("payload", mass=mass, com=None if com is None else list(com))
+        request = SetPayload(mass=mass, com=None if com is None else list(com))
     with options.connect() as client:
         answer(options, client.ask(request))
 
@@ -329,7 +329,7 @@ def reload(options: Options) -> None:
     ends. Files that cannot be read, or by which the drives cannot be set up, are not taken up: exit
     status 1 with the reason, and the daemon stays off until they are mended and it is asked again.
     """
-    from daemon.protocol.messages import Reply
+    from daemon.protocol.replies import Reply
     from programs.clients.reload import reload as read_anew
 
     with options.connect() as client:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import SetGain
 from programs.command_line.options import Options
 from programs.command_line.sentences import say
 from programs.contactctl.replies import answer, print_json
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from common.arrays import Vector
     from daemon.config.schema import Configuration
     from daemon.motion.balance import Balance
-    from daemon.protocol.messages import Snapshot, Status
+    from daemon.protocol.replies import Status
+    from daemon.protocol.state import Snapshot
 
 
 def show(options: Options, joint: str | None) -> None:
@@ -39,7 +41,7 @@ def change(options: Options, joint: str, value: float) -> None:
     """Change the gain of a joint."""
     with options.connect() as client:
         _gains(options, client.ask_status(), joint)
-        answer(options, client.ask(Request("gain", joint=joint, gain=value)))
+        answer(options, client.ask(SetGain(joint=joint, gain=value)))
 
 
 def _gains(options: Options, found: "Status", joint: str | None) -> dict[str, float]:
@@ -68,7 +70,7 @@ def balance(options: Options, *, apply: bool) -> None:
         return
     with options.connect() as client:
         for name, row in rows.items():
-            reply = client.ask(Request("gain", joint=name, gain=row["gain"]))
+            reply = client.ask(SetGain(joint=name, gain=row["gain"]))
             if not reply.ok:
                 answer(options, reply)  # joints before it are changed; `gain` shows which
     if not options.json:

@@ -29,7 +29,7 @@ from programs.contactctl.replies import (
 )
 
 if TYPE_CHECKING:
-    from daemon.protocol.messages import Reply, Way
+    from daemon.protocol.replies import Reply, Way
     from programs.clients.client import Client
 
 # How near to its goal a joint has arrived: what friction may hold back, and no more [rad].
@@ -95,7 +95,7 @@ def in_words(way: "Way") -> str:
 def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":
     """Reply on where the motion ended, once the mode is at rest; None as soon as it is interrupted.
     Waits while a person guides the arm."""
-    from daemon.protocol.messages import Reply
+    from daemon.protocol.replies import Reply
 
     while not interrupted():
         now = client.ask_status()

@@ -19,7 +19,7 @@ from programs.contactctl.replies import print_json
 if TYPE_CHECKING:
     from rich.live import Live
 
-    from daemon.protocol.messages import State
+    from daemon.protocol.state import State
     from programs.clients.client import Client
 
 FRAMES_PER_S = 10

@@ -16,7 +16,8 @@ from programs.command_line.options import Options
 from programs.command_line.sentences import say
 
 if TYPE_CHECKING:
-    from daemon.protocol.messages import Command, Reply, Status
+    from daemon.protocol.replies import Reply, Status
+    from daemon.protocol.requests import Command
     from programs.clients.client import Client
 
 WAIT_S = 5.0
@@ -140,7 +141,7 @@ def wait_for(
     """Poll until the mode is in `goal` and every joint commanded to stop is confirmed at
     standstill, until the mode comes to rest elsewhere, or WAIT_S have passed; with `yields` also
     while a person guides the arm, perhaps for minutes."""
-    from daemon.protocol.messages import Reply
+    from daemon.protocol.replies import Reply
 
     deadline = time.monotonic() + WAIT_S
     left = False

@@ -9,7 +9,7 @@ import click
 import msgspec
 
 from common.errors import LogError
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.clients.replay import Replay, replay
 from programs.command_line.progress import reading
 from programs.recordings.contents import ContactSeen, Contents

@@ -22,7 +22,7 @@ from common.errors import ContactdError, ControlError
 from common.new_file import refuse_suffix, refuse_unless_new
 from contactd_client.paths import view_socket_path
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.clients.dashboard import Dashboard, History
 from programs.demo.demo_story import Story, touch_of

@@ -8,7 +8,7 @@ import numpy as np
 
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 
 # After the hand is gone the residual still fades, and the arm swings back through its gaps [s].
 AFTERGLOW_S = 0.3

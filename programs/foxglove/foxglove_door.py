@@ -16,7 +16,7 @@ import click
 import msgspec
 
 from common.errors import ContactdError, ControlError, UnreachableError
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.command_line.options import PATH, Range
 

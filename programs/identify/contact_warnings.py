@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 
 ContactWarning = Callable[[Notice], str]
 """Warning about a contact; empty where none is due."""

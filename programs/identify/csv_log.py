@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.arrays import Matrix, Vector
 from common.errors import LogError
 from common.regular_file import open_text
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from programs.identify.log_names import NamedLog, Place, Rows, beside, read_names
 from programs.identify.mcap_log import read_rows

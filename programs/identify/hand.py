@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from identification.gap import identify_gap
 from identification.gap_result import CROSSINGS, GapResult
 from identification.motion_log import PAUSE_S, MotionLog

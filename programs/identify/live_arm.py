@@ -19,7 +19,7 @@ from daemon.config.identified import samples_alike
 from daemon.config.load import Robot
 from daemon.config.motion import row
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from identification.excitation import point_to_point
 from identification.motion_log import PAUSE_S, MotionLog
 from programs.identify.contact_warnings import discarded

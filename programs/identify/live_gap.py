@@ -5,7 +5,7 @@ from typing import Any
 
 from rich.live import Live
 
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from identification.gap_search import Strokes
 from identification.motion_log import MotionLog
 from programs.identify.contact_warnings import other_joint_touched, wiring_spoiled

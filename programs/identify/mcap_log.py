@@ -14,7 +14,7 @@ from mcap.records import Channel, Message
 
 from common.errors import LogError
 from common.regular_file import open_regular
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.clients.recorder import BrokenError, mcap_records
 
 TIME = "time"

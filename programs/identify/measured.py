@@ -17,7 +17,7 @@ from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING, Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES
 from estimator.estimate import Flag

@@ -12,7 +12,7 @@ from daemon.config.identified import ENTRIES, IdentifiedPayload
 from daemon.config.load import Robot
 from daemon.config.marks import marks
 from daemon.config.schema import ArmingStep
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.identify.steps import STEPS
 
 COLUMNS: Final[tuple[ArmingStep, ...]] = get_args(ArmingStep)

@@ -22,7 +22,8 @@ from common.errors import ContactdError, ControlError, UnreachableError
 from daemon.config.schema import Configuration
 from daemon.faults.table import Condition
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Notice, Reply, State, Status
+from daemon.protocol.replies import Reply, Status
+from daemon.protocol.state import Notice, State
 from programs.clients.client import Client
 from programs.clients.reload import reload
 from programs.clients.waiting import asked_until, reset

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from common.errors import ContactdError, ControlError, LogError
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from programs.clients import recorder
 from programs.clients.client import Client
 

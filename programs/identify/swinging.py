@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.arrays import Matrix, Vector
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from identification.limit_cycle import (
     ENDING_SHARE,
     WINDOW_S,

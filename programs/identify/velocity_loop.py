@@ -13,7 +13,7 @@ import numpy as np
 from daemon.config.schema import Configuration
 from daemon.faults.following import HEARD_SHARE, TICKS
 from daemon.faults.table import Condition
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 
 REMEMBERED = TICKS + 10
 """States before the end of a motion that are evaluated."""

@@ -13,7 +13,7 @@ import msgspec
 
 from common.errors import ConfigurationError, ModelError
 from daemon.config.schema import NO_PAYLOAD, Configuration, PayloadEntry
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.service.payloads import named_payloads
 from estimator.estimator import Estimator
 from estimator.model import Model

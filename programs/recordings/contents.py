@@ -10,7 +10,8 @@ from typing import Final, Literal
 
 import msgspec
 
-from daemon.protocol.messages import Notice, Snapshot, State, printable
+from daemon.protocol.state import Notice, Snapshot, State
+from daemon.protocol.text import printable
 
 EVENTS_KEPT: Final = 2000  # of a kind; of more only the number is known
 

@@ -9,7 +9,7 @@ from typing import IO, Final
 
 from common.errors import LogError, ModelError
 from common.new_file import whole_file
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.clients.recorder import read_log
 
 DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz

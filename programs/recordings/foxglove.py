@@ -38,7 +38,7 @@ from foxglove.messages import (
     Vector3,
 )
 
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.recordings.skeleton import Capsule, Skeleton, skeleton_of, towards
 
 _GREY: Final = Color(r=0.62, g=0.66, b=0.70, a=1.0)

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.recordings.contents import Contents, EventSeen
 from programs.recordings.view import View
 

@@ -18,7 +18,7 @@ import msgspec
 
 from common.errors import LogError
 from common.regular_file import open_text
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.recordings.contents import Contents
 
 ANY: Final = "any"

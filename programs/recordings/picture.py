@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from common.new_file import whole_file
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.recordings.html import about, events_in, first_shown
 from programs.recordings.pictures import without_matplotlib
 from programs.recordings.view import View

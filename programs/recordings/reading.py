@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from common.errors import LogError
-from daemon.protocol.messages import Snapshot
+from daemon.protocol.state import Snapshot
 from programs.clients.replay import batches
 from programs.recordings.contents import Contents
 

@@ -24,7 +24,7 @@ from daemon.config.dynamics import model_of
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Notice, Snapshot, State, format_refusal
+from daemon.protocol.state import Notice, Snapshot, State, format_refusal
 from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
 from daemon.tick.decision import Decision
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of

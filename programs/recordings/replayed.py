@@ -16,7 +16,7 @@ from daemon.assembly import build_estimator
 from daemon.config.dynamics import model_of
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from estimator.estimator import Estimator
 from programs.clients.columns import Layout
 from programs.clients.replay import SAME_ESTIMATOR, alike, batches, resets

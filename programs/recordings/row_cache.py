@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from common.arrays import Matrix
 from common.errors import LogError
 from common.regular_file import open_regular
-from daemon.protocol.messages import Snapshot
+from daemon.protocol.state import Snapshot
 from programs.clients.replay import batches
 from programs.recordings.rows import MATRICES, Rows, RowsGatherer, RowsHeader, beside_column
 

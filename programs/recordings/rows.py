@@ -17,7 +17,7 @@ from common.arrays import Matrix, Vector
 from common.errors import LogError
 from daemon.config.load import parse_configuration
 from daemon.modes.table import SENSING, YIELDING
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 
 #: Columns of Rows with one number per joint.
 MATRICES: Final = ("residual", "threshold", "level_share")

@@ -17,7 +17,8 @@ from common.errors import ConfigurationError
 from common.regular_file import read_text
 from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
-from daemon.protocol.messages import Snapshot, printable
+from daemon.protocol.state import Snapshot
+from daemon.protocol.text import printable
 
 IDENTIFIED: Final = "identified"
 PAYLOAD: Final = "payload"

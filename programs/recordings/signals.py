@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 
 #: Fields of a State that are drawn, one value per joint.
 DRAWN: Final = (

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Final
 
 from common.errors import LogError
-from daemon.protocol.messages import Snapshot, State, printable
+from daemon.protocol.state import Snapshot, State
+from daemon.protocol.text import printable
 from programs.clients.replay import batches
 from programs.recordings.contents import Contents
 from programs.recordings.reading import read_contents

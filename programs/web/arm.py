@@ -14,7 +14,9 @@ from typing import Final
 import msgspec
 
 from common.errors import ContactdError, ControlError
-from daemon.protocol.messages import Request, Snapshot, State, Status, format_refusal
+from daemon.protocol.replies import Status
+from daemon.protocol.requests import GetStatus, Subscribe
+from daemon.protocol.state import Snapshot, State, format_refusal
 from programs.clients.link import Link, ask_once
 from programs.web import frames, words
 from programs.web.audience import Audience, Browser
@@ -97,8 +99,8 @@ class Arm:
             await asyncio.sleep(RETRY_S)
 
     async def _subscribe(self, link: Link) -> None:
-        status = (await link.ask(Request("status"))).status
-        reply = await link.ask(Request("subscribe"))
+        status = (await link.ask(GetStatus())).status
+        reply = await link.ask(Subscribe())
         snapshot = reply.snapshot
         if snapshot is None:
             raise ControlError(reply.refusal)
@@ -167,7 +169,7 @@ class Arm:
             if not self.audience or self.snapshot is None:
                 continue
             try:
-                status = (await ask_once(self.path, Request("status"))).status
+                status = (await ask_once(self.path, GetStatus())).status
             except ContactdError:
                 continue  # `follow` reports it
             if status is not None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 
 VERSION: Final = 1
 MODES: Final = tuple(Mode)

@@ -11,7 +11,7 @@ from urllib.parse import parse_qs
 
 from aiohttp import WSMsgType, web
 
-from daemon.protocol.messages import on_behalf_of
+from daemon.protocol.text import on_behalf_of
 from programs.clients.stopping import Command, carry_out
 from programs.web import words
 from programs.web.arm import Arm, as_text

@@ -6,7 +6,8 @@ import msgspec
 
 from daemon.faults.finding import advice_on
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Check, Learned, Permit, Snapshot, State, Status
+from daemon.protocol.replies import Check, Learned, Status
+from daemon.protocol.state import Permit, Snapshot, State
 from programs.clients.sensed import lost_samples
 from programs.clients.user_names import user_name
 

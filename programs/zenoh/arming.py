@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Final, Literal, Protocol, Self
 
 from common.errors import ContactdError
-from daemon.protocol.messages import Reply, Request, on_behalf_of
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Arm, Renew, Request
+from daemon.protocol.text import on_behalf_of
 from programs.clients.client import Client
 from programs.zenoh.cdr import read_flag
 from programs.zenoh.holding import HOLD_S, LET_GO, Hold, Step, Verdict, Wish
@@ -121,4 +123,6 @@ class Arming:
     def _ask(self, command: Literal["arm", "renew"], call: Call, verdict: Verdict) -> Reply:
         assert self._line is not None
         who = on_behalf_of(call.caller)
-        return self._line.ask(Request(command, lease_s=verdict.lease_s, on_behalf_of=who))
+        return self._line.ask(
+            {"arm": Arm, "renew": Renew}[command](lease_s=verdict.lease_s, on_behalf_of=who)
+        )

@@ -2,7 +2,8 @@
 
 from daemon.faults.finding import advice_on
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State, Status
+from daemon.protocol.replies import Status
+from daemon.protocol.state import State
 from programs.zenoh.messages import Diagnosis, Level
 
 Key = tuple[object, ...]

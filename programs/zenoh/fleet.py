@@ -7,7 +7,7 @@ to show, and no more than MOST_ARMS are kept.
 from dataclasses import dataclass, replace
 from typing import Final
 
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.zenoh.messages import Diagnosis, Level
 from programs.zenoh.names import ADMIN, NAME, Kind
 

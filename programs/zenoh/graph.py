@@ -15,7 +15,7 @@ import zenoh
 from zenoh import ext
 
 from common.errors import ConfigurationError
-from daemon.protocol.messages import printable
+from daemon.protocol.text import printable
 from programs.zenoh import services
 from programs.zenoh.names import (
     ADMIN,

@@ -11,7 +11,8 @@ import zenoh
 
 from common.errors import ConfigurationError, ContactdError
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Snapshot, State, Status
+from daemon.protocol.replies import Status
+from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.zenoh import diagnoses, topics
 from programs.zenoh.arming import Arming

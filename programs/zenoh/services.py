@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from common.errors import ContactdError
-from daemon.protocol.messages import Request, on_behalf_of
+from daemon.protocol.requests import Reset
+from daemon.protocol.text import on_behalf_of
 from programs.clients.client import Client
 from programs.clients.stopping import Command, carry_out
 from programs.zenoh.cdr import CdrError, refuse_unless_empty
@@ -101,7 +102,7 @@ def _halt(view: Path, command: Command, who: str) -> Outcome:
 def _reset(control: Path, who: str) -> Outcome:
     try:
         with Client(control) as client:
-            reply = client.ask(Request("reset", on_behalf_of=on_behalf_of(who)))
+            reply = client.ask(Reset(on_behalf_of=on_behalf_of(who)))
     except ContactdError as error:
         return False, f"not reached: {error}"
     return reply.ok, reply.message if reply.ok else reply.refusal

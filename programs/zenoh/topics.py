@@ -13,7 +13,7 @@
 import math
 from typing import Final
 
-from daemon.protocol.messages import Contact, Snapshot, State
+from daemon.protocol.state import Contact, Snapshot, State
 from programs.zenoh.messages import Diagnosis, JointStates, Level, diagnostic_status, string
 from programs.zenoh.names import Endpoint, Kind, Node, Qos
 

@@ -11,7 +11,7 @@ import pytest
 
 from bench.rigs.lockstep import DESK_ARM, Rig, lockstep_rig
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Request
+from daemon.protocol.requests import bare
 from daemon.protocol.socket_path import Peer
 from daemon.service.notify import Notifier
 from daemon.service.service import Service
@@ -32,7 +32,7 @@ class ServedDeskArm:
     service: Service
 
     def ask(self, command: str):
-        return self.service.handle(Request(command), SOMEBODY)
+        return self.service.handle(bare(command), SOMEBODY)
 
     def silence(self, seconds: float) -> None:
         """The daemon stands still; the drives do not."""

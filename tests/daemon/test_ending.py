@@ -13,7 +13,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.config.schema import Configuration
 from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import COMMANDS, Command
+from daemon.protocol.requests import COMMANDS, Command
 from daemon.service.service import AT_THE_END
 from daemon.tick.loop import Clock, Loop
 from programs.clients.client import Client

@@ -22,7 +22,7 @@ import pytest
 
 from bench.rigs.lockstep import ROMEO
 from common.errors import ControlError, UnreachableError
-from daemon.protocol.messages import Status
+from daemon.protocol.replies import Status
 from programs.clients.client import Client
 from programs.clients.reload import reload
 

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import SideName
+from daemon.protocol.state import SideName
 from docs.commands import pages
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Reply, Way
+from daemon.protocol.replies import Reply, Way
 from programs.clients.client import Client
 from programs.command_line.options import Options
 from programs.contactctl import contactctl, go

@@ -15,7 +15,8 @@ import yaml
 from common.errors import ContactdError
 from daemon.config import identified, marks
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Command, Reply, Status
+from daemon.protocol.replies import Reply, Status
+from daemon.protocol.requests import Command
 from programs.clients.client import Client
 from programs.simulate.simulated_robot import write_truth
 

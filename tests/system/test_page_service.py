@@ -17,7 +17,7 @@ import pytest
 
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import DOORS, Door
-from daemon.protocol.messages import COMMANDS
+from daemon.protocol.requests import COMMANDS
 from tests.system.stand import Service, Simulator, run, wait_for
 
 PAGE = "contactd-web.service"

@@ -22,7 +22,7 @@ from programs.identify.step import CONFIG, Line, Outcome, now, step
 if TYPE_CHECKING:
     from common.arrays import Vector
     from daemon.config.load import Robot
-    from daemon.protocol.messages import State
+    from daemon.protocol.state import State
     from programs.identify.identification import Identification
     from programs.identify.live_arm import LiveArm
 

@@ -8,7 +8,7 @@ from bench.soak.invariants import Watch
 from bench.soak.record import Ledger, Part
 from bench.soak.report import failures
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Notice, PerJoint, State, Timing
+from daemon.protocol.state import Notice, PerJoint, State, Timing
 
 C = load_robot(ROMEO).configuration
 MIDDLE = [(joint.limits.lower + joint.limits.upper) / 2 for joint in C.joints]

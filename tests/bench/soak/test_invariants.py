@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from bench.soak.invariants import false_alarms
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from tests.bench.soak.scenes import MIDDLE, C, broken_by, first, notices, state
 
 

@@ -24,7 +24,8 @@ from bench.soak.people import (
 )
 from bench.soak.robot import gives_way, hand_script, strongest, write_robot
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Arm
 from simulator.hand import Hand
 from tests.bench.soak.scenes import C
 
@@ -78,7 +79,7 @@ def test_people_want_much_and_not_all_of_it_is_right() -> None:
 
 def test_leases_are_known_from_the_answers() -> None:
     leases, granted, refused = Leases(), Reply(ok=True), Reply(ok=False)
-    short, detached = Request("arm", lease_s=2.0), Request("arm", detached=True)
+    short, detached = Arm(lease_s=2.0), Arm(detached=True)
     one, two = leases.connection(), leases.connection()
     leases.asked(short, one)
     assert leases.until_s == math.inf  # it may be granted before it is known
@@ -99,13 +100,13 @@ def test_leases_are_known_from_the_answers() -> None:
 def test_what_was_asked_and_not_answered_may_have_been_granted() -> None:
     leases = Leases()
     one, two = leases.connection(), leases.connection()
-    leases.asked(Request("arm", lease_s=2.0), one)
+    leases.asked(Arm(lease_s=2.0), one)
     leases.closed(one, 10.0)
     assert (leases.until_s, leases.ticks) == (10.0, HEARD_TICKS)  # whoever held it is gone
-    leases.asked(Request("arm", lease_s=2.0, detached=True), two)
+    leases.asked(Arm(lease_s=2.0, detached=True), two)
     leases.closed(two, 11.0)
     assert leases.until_s == 13.0  # a person's lease outlives their connection
-    leases.asked(Request("arm", lease_s=2.0), one)
+    leases.asked(Arm(lease_s=2.0), one)
     leases.closed(one, 12.0)
     assert leases.until_s == 13.0  # and nobody takes it from them
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from daemon.protocol.messages import Notice, State
+from daemon.protocol.state import Notice, State
 from tests.bench.soak.scenes import C, broken_by, first, notices, state
 
 N = len(C.joints)

@@ -14,7 +14,7 @@ from bench.soak.record import Part
 from bench.soak.simulated import FAULTS, UNFIT, run_lockstep
 from daemon.config.schema import Configuration
 from daemon.modes.quiet_timer import QuietTimer
-from daemon.protocol.messages import Request
+from daemon.protocol.requests import bare
 from drivers.canopen.stop_stages import Seen, StopWatch
 from simulator.hand_script import Push
 
@@ -44,7 +44,7 @@ def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
     def nobody_resets(rng: Random, c: Configuration) -> Person:
         yield Step()
         for command in ("enable", "start"):
-            yield Step((Request(command),), wait_s=0.5)
+            yield Step((bare(command),), wait_s=0.5)
         while True:
             yield Step()
 
@@ -84,7 +84,7 @@ def soaked(monkeypatch: pytest.MonkeyPatch, case: str) -> Part:
         yield Step()
         while True:
             for command, wait_s in (("enable", 0.5), ("start", 4.5), ("reset", 1.0)):
-                yield Step((Request(command),), wait_s=wait_s)
+                yield Step((bare(command),), wait_s=wait_s)
 
     def no_person(rng: Random, c: Configuration) -> Person:
         while True:

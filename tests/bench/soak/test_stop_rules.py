@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from daemon.config.travels import travels
-from daemon.protocol.messages import Notice, State
+from daemon.protocol.state import Notice, State
 from daemon.tick.tick import STOP_PROVED
 from tests.bench.soak.scenes import MIDDLE, C, Scene, broken_by, first, ledger_of, notices, state
 

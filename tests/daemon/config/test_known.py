@@ -26,7 +26,7 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.marks import fingerprint
 from daemon.config.schema import Configuration, Friction, Levels
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Check
+from daemon.protocol.replies import Check
 
 DAY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}
 ENTRIES: dict[str, Entry] = {

@@ -6,7 +6,7 @@ import pytest
 
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import DOORS, Door, refusal
-from daemon.protocol.messages import AWAITED, COMMANDS
+from daemon.protocol.requests import AWAITED, COMMANDS
 
 # Written out, so that a new command is refused by the view door until somebody decides otherwise.
 TAKEN = {

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.protocol.messages import Header, Request, on_behalf_of, printable
+from daemon.protocol.requests import Disarm, Header, Load, Request
 from daemon.protocol.strict_json import StrictDecoder
+from daemon.protocol.text import on_behalf_of, printable
 from daemon.service.answers import SHORT_BYTES
 
 
@@ -68,7 +69,7 @@ def test_other_names_are_taken_as_they_are(name: str) -> None:
 def test_what_is_made_printable_is_taken(text: str) -> None:
     """Also lone surrogates, as which Python reads the names of files that are not UTF-8."""
     header = Header(name=printable(text), joints=[])
-    packet = msgspec.json.encode(Request("load", header=header))
+    packet = msgspec.json.encode(Load(header=header))
     assert msgspec.json.decode(packet, type=Request).header == header
 
 
@@ -81,6 +82,6 @@ def test_only_short_plain_text_says_on_whose_behalf(text: str) -> None:
 
 @given(st.text(st.characters(), min_size=1))
 def test_whatever_it_is_can_be_said_plainly_and_a_stop_stays_short(text: str) -> None:
-    packet = msgspec.json.encode(Request("disarm", on_behalf_of=on_behalf_of(text)))
+    packet = msgspec.json.encode(Disarm(on_behalf_of=on_behalf_of(text)))
     assert msgspec.json.decode(packet, type=Request).on_behalf_of == on_behalf_of(text)
     assert len(packet) <= SHORT_BYTES

@@ -17,7 +17,7 @@ from common.errors import ControlError
 from contactd_client import paths
 from contactd_client.paths import default_socket_path, usual_socket_path, view_socket_path
 from daemon.protocol.doors import DOORS, Door
-from daemon.protocol.messages import Reply
+from daemon.protocol.replies import Reply
 from daemon.service.socket import ControlSocket
 
 SOMEBODY_ELSE = """

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from daemon.protocol.doors import MAX_CONNECTIONS, Door
-from daemon.protocol.messages import Request
+from daemon.protocol.requests import Stop
 from daemon.protocol.socket_path import Peer
 from daemon.service import entrance
 from daemon.service.connections import GRACE, Connection, Connections
@@ -146,7 +146,7 @@ def test_a_stop_is_answered_without_a_descriptor_left(
     no_descriptors.send(b'{"command": "stop"}')
     control.poll(handler)
     assert told(no_descriptors)["ok"] is True
-    assert [request for request, _ in handler.seen] == [Request("stop")]
+    assert [request for request, _ in handler.seen] == [Stop()]
     assert control.connections == 20
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.modes.table import ENERGISED, Event, Mode
-from daemon.protocol.messages import Request
+from daemon.protocol.requests import SetPayload, bare
 from daemon.service import mishaps
 from daemon.service.mishaps import STILLING, Checkpoint, remedy
 from daemon.service.service import Service
@@ -141,7 +141,7 @@ def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
         served.rig.tick.controller.mend(Event.FAULT, "the test", served.rig.time_s)
         served.run(0.5)
     monkeypatch.setattr(of, name, breaking_after(getattr(of, name)))
-    request = Request(command, mass=0.2 if command == "payload" else None)  # type: ignore[arg-type]
+    request = SetPayload(mass=0.2) if command == "payload" else bare(command)
     assert served.until(lambda: client.ask(request)).message == BROKEN
     monkeypatch.undo()
     served.run(1.0)

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, cast
 
-from daemon.protocol.messages import Check, Request
+from daemon.protocol import requests
+from daemon.protocol.replies import Check
 from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
 from daemon.tick.arming_checks import ArmingResult
@@ -44,7 +45,7 @@ def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
     arm = Arm()
     permission = Permission(cast(Tick, arm))
     first, second = Peer(1000, 11, 1), Peer(1001, 12, 2)
-    request: Any = Request("arm", lease_s=0.5)
+    request: Any = requests.Arm(lease_s=0.5)
     assert not permission.arm(request, first, 0.0).reasons
     assert permission.arm(request, second, 0.4).reasons  # it is another's
     answer = permission.arm(request, second, 0.5)  # no tick came between
@@ -56,7 +57,7 @@ def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
 def test_a_failed_check_never_reaches_the_controller() -> None:
     arm = Arm(against=("late", "touched"))
     permission = Permission(cast(Tick, arm))
-    answer = permission.arm(Request("arm"), Peer(1000, 11, 1), 0.0)
+    answer = permission.arm(requests.Arm(), Peer(1000, 11, 1), 0.0)
     assert (list(answer.reasons), answer.checks) == (["late", "touched"], CHECKS)
     assert arm.told == []
     assert permission.permit(0.0) is None

@@ -16,7 +16,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ContactdError, ControlError
 from contactd_client.client import Joined, Lost, follow
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from estimator.model import Model
 from programs.clients import recorder
 from programs.clients.client import Client

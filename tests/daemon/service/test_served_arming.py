@@ -12,7 +12,7 @@ from common.errors import ControlError
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Request
+from daemon.protocol.requests import bare
 from daemon.protocol.socket_path import Peer
 from daemon.service.sensitivity import sensitivity_now
 from estimator.motor_position import Side
@@ -289,7 +289,7 @@ def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
 
     def flip(times: int) -> None:
         for command in ("arm", "disarm") * times:
-            assert served.service.handle(Request(command), somebody).ok
+            assert served.service.handle(bare(command), somebody).ok
             served.tick()
 
     flip(100)

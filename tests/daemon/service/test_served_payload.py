@@ -12,7 +12,8 @@ from daemon.config.load import load_robot
 from daemon.config.schema import PayloadEntry
 from daemon.config.worst_loads import Carrying
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Request, State
+from daemon.protocol.requests import SetPayload
+from daemon.protocol.state import State
 from estimator.payload import Payload
 from programs.clients.client import Client
 
@@ -63,11 +64,10 @@ def test_what_cannot_be_carried_is_refused(
 
 def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
     for request, reason in (
-        (Request("arm", mass=1.0), "`mass` belongs to payload"),
-        (Request("payload"), "it takes a `name`, or a `mass` with its `com`"),
-        (Request("payload", name="none", mass=1.0), "it takes a `name`, or a `mass` with its"),
-        (Request("payload", com=[0.0, 0.0, 0.0]), "it takes a `name`, or a `mass` with its `com`"),
-        (Request("payload", mass=1.0, com=[0.0]), "three numbers"),
+        (SetPayload(), "it takes a `name`, or a `mass` with its `com`"),
+        (SetPayload(name="none", mass=1.0), "it takes a `name`, or a `mass` with its"),
+        (SetPayload(com=[0.0, 0.0, 0.0]), "it takes a `name`, or a `mass` with its `com`"),
+        (SetPayload(mass=1.0, com=[0.0]), "three numbers"),
     ):
         reply = served.until(lambda asked=request: client.ask(asked))
         assert not reply.ok

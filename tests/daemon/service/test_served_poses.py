@@ -12,7 +12,8 @@ import pytest
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Check, Request, Status, Trajectory
+from daemon.protocol.replies import Check, Status, Trajectory
+from daemon.protocol.requests import Go, Request, Stop
 from daemon.service.status import ASK_AGAIN
 from programs.clients.client import Client
 from programs.contactctl import go as command
@@ -65,7 +66,7 @@ def test_it_goes_there_and_says_what_it_does(
 
 def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:
     served.rig.enable()
-    reply = served.until(lambda: _ask(served, Request("go", pose="home", speed=0.1)))
+    reply = served.until(lambda: _ask(served, Go(pose="home", speed=0.1)))
     assert reply.way is not None
     begun, where = served.rig.time_s, []
     while served.rig.mode is Mode.TRACKING:
@@ -78,7 +79,7 @@ def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:
 
 def test_a_plan_moves_nothing(served: ServedDaemon) -> None:
     served.rig.enable()
-    reply = served.until(lambda: _ask(served, Request("go", pose="far", plan=True)))
+    reply = served.until(lambda: _ask(served, Go(pose="far", plan=True)))
     assert reply.ok
     assert (reply.message, reply.way.goal) == ("go: planned", [1.2])
     served.run(0.2)
@@ -122,14 +123,11 @@ def test_what_is_refused(served: ServedDaemon, words: list[str], code: int, text
 @pytest.mark.parametrize(
     ("request_", "reason"),
     [
-        (Request("go"), "it takes either a `pose` or `targets`"),
-        (Request("go", targets={}), "it takes either a `pose` or `targets`"),
-        (Request("go", pose="home", targets={"joint": 0.0}), "either a `pose` or `targets`"),
-        (Request("go", pose="home", planned_from=[]), "`planned_from` has 0 joints instead of 1"),
-        (Request("go", pose="home", planned_from=[0.9]), "has moved since this was planned"),
-        (Request("start", pose="home"), "`pose` belongs to go"),
-        (Request("arm", speed=0.1), "`speed` belongs to go"),
-        (Request("go", pose="home", loaded=True), "`loaded` belongs to start"),
+        (Go(), "it takes either a `pose` or `targets`"),
+        (Go(targets={}), "it takes either a `pose` or `targets`"),
+        (Go(pose="home", targets={"joint": 0.0}), "either a `pose` or `targets`"),
+        (Go(pose="home", planned_from=[]), "`planned_from` has 0 joints instead of 1"),
+        (Go(pose="home", planned_from=[0.9]), "has moved since this was planned"),
     ],
 )
 def test_requests_that_are_refused(served: ServedDaemon, request_: Request, reason: str) -> None:
@@ -163,7 +161,7 @@ def test_an_arm_that_is_not_identified_stays(served: ServedDaemon, name: str) ->
 
 def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDaemon) -> None:
     served.rig.enable()
-    ask = Request("go", pose="far")
+    ask = Go(pose="far")
     assert served.until(lambda: _ask(served, ask)).ok
     served.run(1.5)
     assert served.rig.mode is Mode.TRACKING
@@ -174,7 +172,7 @@ def test_a_contact_on_the_way_halts_it_and_the_command_says_so(served: ServedDae
     assert not served.rig.tick.controller.machine.armed
     served.run(1.5)
     assert served.rig.mode is Mode.HOLDING
-    way = served.until(lambda: _ask(served, Request("go", pose="far", plan=True))).way
+    way = served.until(lambda: _ask(served, Go(pose="far", plan=True))).way
     ended = served.until(lambda: _waited(served, way))
     assert not ended.ok
     assert ended.message.startswith("not there: holding, contact of ")
@@ -212,9 +210,9 @@ def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPa
 
 def test_stopped_by_somebody_else_it_is_not_there(served: ServedDaemon) -> None:
     served.rig.enable()
-    way = served.until(lambda: _ask(served, Request("go", pose="far"))).way
+    way = served.until(lambda: _ask(served, Go(pose="far"))).way
     served.run(2.0)
-    assert served.until(lambda: _ask(served, Request("stop"))).ok
+    assert served.until(lambda: _ask(served, Stop())).ok
     ended = served.until(lambda: _waited(served, way))
     assert not ended.ok
     assert ended.message.startswith("not there: holding, stop by")

@@ -12,7 +12,8 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import GetStatus, bare
 from daemon.protocol.socket_path import Peer
 from drivers.can.wire import Wire
 from drivers.canopen.codec import transmit_pdos
@@ -50,7 +51,7 @@ def unheard(drive: Drive) -> set[int]:
 
 
 def asked(served: ServedDaemon, command: str) -> Reply:
-    return served.service.handle(Request(command), PEER)
+    return served.service.handle(bare(command), PEER)
 
 
 def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
@@ -61,7 +62,7 @@ def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
     reply = asked(romeo, "disable")
     names = list(romeo.rig.tick.drives.names)
     assert (reply.mode, reply.unproved) == (Mode.OFF, names), "nobody has told them yet"
-    assert romeo.service.handle(Request("status"), PEER).status.unproved == names
+    assert romeo.service.handle(GetStatus(), PEER).status.unproved == names
     romeo.run(0.5)
     assert asked(romeo, "stop").unproved == []
     romeo.rig.enable()

@@ -11,7 +11,7 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
 from programs.clients.client import Client
 
 # --- clients that are rude ----------------------------------------------------------------------
@@ -114,18 +114,6 @@ def test_what_is_no_gain_is_refused(
     assert result.exit_code == code
     assert words in result.stderr
     assert served.rig.tick.controller.motion.gains.goal[0] == 0.3
-
-
-def test_a_gain_needs_its_joint_and_belongs_to_its_command(
-    served: ServedDaemon, client: Client
-) -> None:
-    for request, reason in (
-        (Request("gain", joint="joint"), "it takes a `joint` and a `gain`"),
-        (Request("gain"), "it takes a `joint` and a `gain`"),
-        (Request("arm", gain=1.0), "`gain` belongs to gain"),
-    ):
-        reply = served.until(lambda asked=request: client.ask(asked))
-        assert (reply.ok, reply.reasons) == (False, [reason])
 
 
 # --- the black box's helper ---------------------------------------------------------------------

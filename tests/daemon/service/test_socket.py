@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from common.errors import ModelError
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Request, Stop
 from daemon.protocol.socket_path import Peer
 from daemon.service.socket import ControlSocket
 from tests.examples import scaled
@@ -23,7 +24,7 @@ def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Di
     client.send(b'{"command": "stop"}')
     control.poll(handler)
     assert told(client) == {"ok": True, "mode": "off"}
-    assert handler.seen == [(Request("stop"), Peer(os.getuid(), os.getpid(), 1))]
+    assert handler.seen == [(Stop(), Peer(os.getuid(), os.getpid(), 1))]
 
 
 @pytest.mark.parametrize(

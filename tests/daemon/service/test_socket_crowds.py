@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from daemon.protocol.messages import Request, Snapshot
+from daemon.protocol.requests import Pause
+from daemon.protocol.state import Snapshot
 from daemon.service.socket import ControlSocket
 from tests.socket_peers import Dial, Handler, flooding, inside, told
 
@@ -24,7 +25,7 @@ def test_flood_is_bounded_and_starves_nobody(control: ControlSocket, dial: Dial)
         before = len(handler.seen)
         control.poll(handler)
         assert len(handler.seen) - before == 4
-    assert Request("pause") in [request for request, _ in handler.seen]
+    assert Pause() in [request for request, _ in handler.seen]
     assert told(quiet)["ok"] is True
 
 

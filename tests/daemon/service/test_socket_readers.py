@@ -9,8 +9,10 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from daemon.protocol.messages import Reply, Request, Snapshot, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import Snapshot, State
 from daemon.service.answers import Handler
 from daemon.service.entrance import Entrance
 from daemon.service.socket import ControlSocket

@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Request, Start
 from daemon.protocol.socket_path import Peer
 from daemon.service.connections import Connection
 from daemon.service.socket import ControlSocket
@@ -51,7 +52,7 @@ def test_a_flood_of_stops_takes_one_of_each_kind_a_poll_beside_the_turns(
 def test_what_one_connection_says_stays_in_its_order(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
     client = dial()
-    commands = ["pause", "status", "start", "gain", "enable", "reset"]
+    commands = ["pause", "status", "start", "payload", "enable", "reset"]
     for command in commands:
         client.send(json.dumps({"command": command}).encode())
     for _ in range(6):
@@ -68,7 +69,7 @@ def test_a_stop_overtakes_what_the_same_connection_has_said(
     for _ in range(64):
         dial().send(b'{"command": "status"}')
     client = dial()
-    for command in ("start", "gain", "stop"):
+    for command in ("start", "payload", "stop"):
         client.send(json.dumps({"command": command}).encode())
     control.poll(handler, turns_s=0.0)
     assert [request.command for request, _ in handler.seen] == ["stop", "status"]
@@ -77,7 +78,7 @@ def test_a_stop_overtakes_what_the_same_connection_has_said(
         control.poll(handler)
     assert "a stop overtook it" in str(told(client)["message"])
     assert told(client)["ok"] is True
-    assert handler.seen[-1][0].command == "gain"
+    assert handler.seen[-1][0].command == "payload"
 
 
 def test_what_may_have_been_sent_before_a_stop_does_not_move_the_arm(
@@ -87,7 +88,7 @@ def test_what_may_have_been_sent_before_a_stop_does_not_move_the_arm(
     handler = Handler()
     deep, person = dial(), dial()
     control.poll(handler)
-    for command in (*["gain"] * 9, "start"):
+    for command in (*["payload"] * 9, "start"):
         deep.send(json.dumps({"command": command}).encode())
     outside = [dial() for _ in range(3)]
     outside[2].send(b'{"command": "start"}')
@@ -95,7 +96,7 @@ def test_what_may_have_been_sent_before_a_stop_does_not_move_the_arm(
     for _ in range(20):
         control.poll(handler, entrance_s=0.0)
     seen = [request.command for request, _ in handler.seen]
-    assert seen == ["stop", *["gain"] * 9]
+    assert seen == ["stop", *["payload"] * 9]
     assert "a stop overtook it" in str(told(outside[2])["message"])
     # Once everything is read that was there, what comes is new.
     outside[1].send(b'{"command": "start"}')
@@ -106,8 +107,8 @@ def test_what_may_have_been_sent_before_a_stop_does_not_move_the_arm(
 @pytest.mark.parametrize(
     ("stop", "overtaken", "done"),
     [
-        ("stop", {"enable", "start", "arm"}, {"renew", "pause", "reset", "gain"}),
-        ("disarm", {"arm"}, {"enable", "start", "renew", "pause", "reset", "gain"}),
+        ("stop", {"enable", "start", "arm"}, {"renew", "pause", "reset", "payload"}),
+        ("disarm", {"arm"}, {"enable", "start", "renew", "pause", "reset", "payload"}),
     ],
 )
 def test_what_a_stop_has_overtaken_does_not_move_the_arm_afterwards(
@@ -198,7 +199,7 @@ def test_one_who_always_talks_keeps_nobody_from_starting(
     person.send(b'{"command": "start"}')
     for _ in range(5):
         control.poll(handler)
-    assert Request("start") in [request for request, _ in handler.seen]
+    assert Start() in [request for request, _ in handler.seen]
 
 
 @pytest.mark.parametrize("before", [0, 7, 8, 40, 200])
@@ -207,7 +208,7 @@ def test_a_stop_among_last_words_counts(control: ControlSocket, dial: Dial, befo
     client = dial()
     control.poll(handler)
     for _ in range(before):
-        client.send(b'{"command": "gain"}')
+        client.send(b'{"command": "payload"}')
     client.send(b'{"command": "stop"}')
     client.close()
     control.poll(handler)

@@ -11,8 +11,10 @@ import pytest
 from bench.rigs.served_daemon import ServedDaemon
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import DOORS, Door, refusal
-from daemon.protocol.messages import COMMANDS, Reply, Request, Snapshot, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import COMMANDS, Arm, Request, Stop
 from daemon.protocol.socket_path import Peer
+from daemon.protocol.state import Snapshot, State
 from daemon.service.socket import ControlSocket
 from drivers.canopen.bus_load import bus_load
 from programs.clients.client import Client
@@ -48,7 +50,8 @@ def look(control: ControlSocket) -> Iterator[Dial]:
 
 
 def ask(client: socket.socket, command: str) -> None:
-    client.send(json.dumps({"command": command}).encode())
+    more = {"joint": "joint", "gain": 0.1} if command == "gain" else {}
+    client.send(json.dumps({"command": command, **more}).encode())
 
 
 def said(client: socket.socket) -> Reply:
@@ -128,7 +131,7 @@ def test_a_state_says_who_may_yield_and_for_how_long(served: ServedDaemon) -> No
     served.rig.enable()
     with Client(view_socket_path(served.path)) as onlooker, Client(served.path) as owner:
         _, states = served.until(onlooker.subscribe)
-        request = Request("arm", lease_s=3.0, on_behalf_of="anna")
+        request = Arm(lease_s=3.0, on_behalf_of="anna")
         assert served.until(lambda: owner.ask(request)).ok
         first = until(served, states, lambda state: state.armed)
         later = until(served, states, lambda state: state.time_s >= first.time_s + 1.0)
@@ -139,7 +142,7 @@ def test_a_state_says_who_may_yield_and_for_how_long(served: ServedDaemon) -> No
         assert first.permit.left_s == pytest.approx(3.0, abs=0.05)
         passed_s = later.time_s - first.time_s
         assert later.permit.left_s == pytest.approx(first.permit.left_s - passed_s, abs=1e-6)
-        stop = Request("stop", on_behalf_of="a phone at 192.0.2.7")
+        stop = Stop(on_behalf_of="a phone at 192.0.2.7")
         assert served.until(lambda: onlooker_s_stop(served, stop)).ok
         last = until(served, states, lambda state: not state.armed)
         assert last.permit is None

@@ -12,7 +12,8 @@ from daemon.config.schema import Configuration
 from daemon.faults.finding import Finding
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Check, Request
+from daemon.protocol.replies import Check
+from daemon.protocol.requests import Arm
 from daemon.protocol.socket_path import Peer
 from daemon.service.permission import Permission
 from daemon.tick.arming_checks import NAMES, SAMPLED, ArmingResult
@@ -260,7 +261,7 @@ def test_no_arming_on_a_tick_that_is_longer_ago_than_a_period(calm: Rig) -> None
     late = calm.last.time_s + 5.0
     assert calm.tick.check_arming(late).reasons == ("the last tick is 5000 ms old: ask again",)
     permission = Permission(calm.tick)
-    request, person = Request("arm", detached=True), Peer(1000, 11, 1)
+    request, person = Arm(detached=True), Peer(1000, 11, 1)
     assert permission.arm(request, person, late).reasons
     assert not calm.tick.controller.machine.armed
     assert not permission.arm(request, person, calm.time_s).reasons

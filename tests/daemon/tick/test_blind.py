@@ -11,7 +11,7 @@ from daemon.assembly import check_identification
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import Check
+from daemon.protocol.replies import Check
 
 Change = Callable[[Configuration], Configuration]
 

@@ -13,7 +13,7 @@ from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.faults import detector
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.service.sensitivity import sensitivity_now
 from daemon.tick.sensing import AGAIN_S
 from drivers.can.wire import Wire

@@ -11,7 +11,7 @@ from bench.rigs.lockstep import ROMEO, Rig, lockstep_rig
 from bench.rigs.recorded_arm import LockstepClient
 from daemon.config.schema import Configuration, Sinusoid
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.tick.load_watch import Interruptions
 from estimator.payload import Payload
 from programs.clients.recorder import read_log, record

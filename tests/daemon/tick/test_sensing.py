@@ -7,7 +7,7 @@ import pytest
 
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
-from daemon.protocol.messages import Notice
+from daemon.protocol.state import Notice
 from daemon.tick.sensing import AGAIN_S, SETTLED, Sensing, SensingNews
 from estimator.estimate import Estimate, Flag
 

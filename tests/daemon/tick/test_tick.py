@@ -12,7 +12,7 @@ from bench.rigs.breakable_arm import MAKES, stage, start
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision
 from daemon.tick.telemetry import TickRecord, state_of

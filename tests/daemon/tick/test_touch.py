@@ -11,7 +11,7 @@ import pytest
 
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.modes.table import YIELDING, Event, Mode
-from daemon.protocol.messages import STATE_FORMAT, Snapshot, State
+from daemon.protocol.state import STATE_FORMAT, Snapshot, State
 from programs.clients.recorder import _LogWriter, _Stamp
 from programs.clients.replay import replay
 

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from common.errors import ControlError, UnreachableError
-from daemon.protocol.messages import Reply, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.state import State
 from programs.clients.client import Client
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import Rig, lockstep_rig
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.tick.telemetry import estimated
 from estimator.estimate import Estimate, EstimateRows, Flag
 from programs.clients.columns import Columns, Layout, first_difference

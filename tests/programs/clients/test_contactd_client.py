@@ -21,7 +21,8 @@ from contactd_client import Client, ControlError, Joined, Lost, UnreachableError
 from contactd_client.aio import AsyncClient
 from contactd_client.aio import follow as follow_async
 from contactd_client.paths import view_socket_path
-from daemon.protocol.messages import Reply, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.state import State
 from programs.clients.client import Client as OwnClient
 
 SOURCES = Path(contactd_client.__file__).parent

@@ -15,7 +15,7 @@ from mcap.writer import Writer
 from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from common.errors import ContactdError, LogError
 from daemon.config.load import load_robot
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from daemon.service.status import snapshot_of
 from programs.clients.recorder import PROFILE, read_log
 from programs.clients.replay import replay

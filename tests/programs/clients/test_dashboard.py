@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console, RenderableType
 
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Notice, Permit, Snapshot, State
+from daemon.protocol.state import Notice, Permit, Snapshot, State
 from programs.clients.dashboard import (
     Dashboard,
     History,

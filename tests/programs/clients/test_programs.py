@@ -22,7 +22,9 @@ from hatchling.builders.wheel import WheelBuilder
 
 import hatch_build
 from contactd_client.paths import view_socket_path
-from daemon.protocol.messages import Reply, Request, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Request
+from daemon.protocol.state import State
 
 ROOT = Path(__file__).resolve().parents[3]
 PROGRAMS = ROOT / "docs/programs"

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from common.errors import ControlError, LogError, UnreachableError
-from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
+from daemon.protocol.state import STATE_FORMAT, Contact, Notice, Snapshot, State
 from programs.clients.client import Client
 from programs.clients.recorder import CHUNK_BYTES, read_log, record
 from programs.clients.replay import SAME_ESTIMATOR, replay

@@ -13,7 +13,7 @@ from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from bench.rigs.recorded_arm import LockstepClient, made
 from common.errors import LogError
 from daemon.modes.table import Event
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from estimator.payload import Payload
 from programs.clients import replay as replaying
 from programs.clients.recorder import CHUNK_BYTES, PROFILE, read_log, record

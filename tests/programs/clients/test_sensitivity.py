@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from daemon.protocol.messages import Sensitivity, ToolForce
+from daemon.protocol.replies import Sensitivity, ToolForce
 from programs.clients.sensitivity import along, sensitivity_lines
 
 

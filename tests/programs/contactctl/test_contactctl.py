@@ -13,7 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
-from daemon.protocol.messages import COMMANDS
+from daemon.protocol.requests import COMMANDS
 from programs.contactctl import contactctl
 from programs.contactd import contactd
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from click.testing import Result
 
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from programs.clients.recorder import read_log
 from programs.contactctl import contactctl
 

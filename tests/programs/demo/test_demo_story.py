@@ -7,7 +7,7 @@ from rich.text import Text
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
-from daemon.protocol.messages import STATE_FORMAT, Notice, Snapshot
+from daemon.protocol.state import STATE_FORMAT, Notice, Snapshot
 from programs.demo.demo import verdict
 from programs.demo.demo_story import Story, Touch, touch_of
 from simulator.hand_script import Guide, Push, Release

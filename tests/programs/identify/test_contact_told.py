@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.person import CommissionedArm
-from daemon.protocol.messages import Contact, Notice
+from daemon.protocol.state import Contact, Notice
 from programs.identify.contact_warnings import (
     ContactWarning,
     discarded,

@@ -19,7 +19,7 @@ from daemon.config import identified as file
 from daemon.config.load import load_robot, parse_configuration
 from daemon.modes.table import Event, Mode
 from daemon.motion.sampled_path import PathBuilder
-from daemon.protocol.messages import Check
+from daemon.protocol.replies import Check
 from estimator.body_inertia import BodyInertia
 from programs.contactd.contactd import main
 from programs.identify.measured import from_states, moved, raised

@@ -12,7 +12,7 @@ from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.person import CommissionedArm, Written
 from daemon.config import identified as file
 from daemon.config.load import Robot, load_robot
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.clients.recorder import read_log, record
 from programs.clients.replay import Replay, replay

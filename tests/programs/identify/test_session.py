@@ -21,7 +21,7 @@ from common.errors import LogError
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from identification.motion_log import MotionLog
 from programs.contactd import contactd
 from programs.identify.hand import Hand

@@ -10,7 +10,7 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.tick.arming_checks import RAISED
 from estimator.transmission import stiction_range
 from programs.identify.csv_log import COLUMNS

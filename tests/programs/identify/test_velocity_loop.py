@@ -7,7 +7,7 @@ import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.config.load import load_robot
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from programs.identify.velocity_loop import REMEMBERED, advice_on_following
 
 C = load_robot(SINGLE_JOINT).configuration

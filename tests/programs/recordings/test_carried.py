@@ -10,7 +10,7 @@ from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from common.arrays import Matrix
 from common.errors import ConfigurationError
 from daemon.modes.table import Event
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from daemon.service.status import snapshot_of
 from estimator.model import Model
 from estimator.payload import Payload

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from daemon.protocol.messages import STATE_FORMAT, Contact, Notice, Snapshot, State
+from daemon.protocol.state import STATE_FORMAT, Contact, Notice, Snapshot, State
 from programs.clients.replay import SAME_ESTIMATOR
 from programs.contactd.contactd import main
 from programs.recordings.contents import Contents

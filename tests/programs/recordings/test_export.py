@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from mcap.reader import make_reader
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO
-from daemon.protocol.messages import Snapshot
+from daemon.protocol.state import Snapshot
 from programs.clients.client import Client
 from programs.contactd.contactd import main
 from programs.foxglove.foxglove_door import serve

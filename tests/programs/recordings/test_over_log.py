@@ -12,7 +12,7 @@ from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from common.errors import LogError
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from estimator.model import Model
 from identification.motion_log import MotionLog
 from programs.contactd.contactd import main

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from daemon.protocol.messages import Notice, Snapshot, State
+from daemon.protocol.state import Notice, Snapshot, State
 from programs.contactd.contactd import main
 from programs.recordings import html
 from programs.recordings.html import page_of

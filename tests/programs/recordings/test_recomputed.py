@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from common.errors import LogError
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from daemon.service.black_box import Context, context_of_log, context_path, save
 from daemon.service.status import context_of
 from drivers.can.frame_ring import FrameRing, RecordedWire

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.recorded_arm import made
 from common.errors import ConfigurationError
-from daemon.protocol.messages import Snapshot, State
+from daemon.protocol.state import Snapshot, State
 from estimator.alarms import critical_collision
 from programs.clients.recorder import read_log
 from programs.clients.replay import SAME_ESTIMATOR

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from daemon.protocol.messages import Contact, Notice, Permit, State
+from daemon.protocol.state import Contact, Notice, Permit, State
 from programs.web import frames
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -8,7 +8,7 @@ import pytest
 
 from bench.rigs.page import Page, page_of
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Notice, Permit
+from daemon.protocol.state import Notice, Permit
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, WALL, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py

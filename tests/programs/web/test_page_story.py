@@ -13,7 +13,8 @@ from bench.rigs.lockstep import ROMEO
 from bench.rigs.page import page_of
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Request, State
+from daemon.protocol.requests import Arm
+from daemon.protocol.state import State
 from programs.clients.client import Client
 from simulator.hand_script import Guide, Push, Release
 from tests.programs.web.screens import PATIENCE_MS, PHONE, Screens
@@ -131,7 +132,7 @@ def mode(word: str) -> str:
 
 def arm_it(person: Client) -> None:
     """Arm, as soon as all checks pass; the lease outlives the connection."""
-    request = Request("arm", lease_s=600.0, detached=True, on_behalf_of="a test")
+    request = Arm(lease_s=600.0, detached=True, on_behalf_of="a test")
     deadline = time.monotonic() + PATIENCE_MS / 1e3
     while not (reply := person.ask(request)).ok:
         assert time.monotonic() < deadline, reply.refusal

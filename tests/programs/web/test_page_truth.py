@@ -15,7 +15,7 @@ from bench.rigs.page import Page, page_of
 from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE, Condition
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Permit
+from daemon.protocol.state import Permit
 from tests.programs.web.network import Network, network
 from tests.programs.web.screens import AXE, PATIENCE_MS, PHONE, Screens
 

@@ -17,7 +17,8 @@ import pytest
 from common.errors import UnreachableError
 from contactd_client.paths import view_socket_path
 from daemon.modes.table import Mode
-from daemon.protocol.messages import Reply, State
+from daemon.protocol.replies import Reply
+from daemon.protocol.state import State
 from programs.clients.stopping import carry_out
 from programs.web import arm, frames
 from programs.web.guard import COMMAND_HEADER

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
-from daemon.protocol.messages import Permit, State
+from daemon.protocol.state import Permit, State
 from programs.web.words import Load, load, owner, words
 
 CUP = SimpleNamespace(mass=0.4, com=[0.0, 0.1, 0.0])

@@ -7,7 +7,8 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from common.errors import UnreachableError
-from daemon.protocol.messages import Reply, Request
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import Disarm, Request, bare
 from daemon.protocol.socket_path import Peer
 from programs.zenoh.arming import Arming
 from programs.zenoh.holding import HOLD_S, KNOCK_S, LET_GO, ONCE
@@ -70,7 +71,7 @@ class Ros:
         return self.lines[-1]
 
     def _disarm(self, who: str) -> tuple[bool, str]:
-        reply = self.served.service.handle(Request("disarm", on_behalf_of=who), Peer(1, 8, 100))
+        reply = self.served.service.handle(Disarm(on_behalf_of=who), Peer(1, 8, 100))
         return reply.ok, reply.message
 
     def say(self, request: bytes = TRUE, gid: bytes = A, late_s: float = 0.0) -> tuple[bool, str]:
@@ -133,7 +134,7 @@ def test_nobody_else_renews_and_everybody_may_disarm(ros: Ros) -> None:
 @pytest.mark.parametrize("command", ["disarm", "stop"])
 def test_calls_that_go_on_do_not_undo_what_a_person_does(ros: Ros, command: Any) -> None:
     ros.arm()
-    ros.served.service.handle(Request(command), Peer(2, 9, 101))
+    ros.served.service.handle(bare(command), Peer(2, 9, 101))
     ros.served.run(0.5)
     assert ros.say() == (
         False,

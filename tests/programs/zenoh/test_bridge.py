@@ -15,7 +15,7 @@ from zenoh_ros2_sdk.service_client import ROS2ServiceClient
 from zenoh_ros2_sdk.subscriber import ROS2Subscriber
 
 from common.errors import ConfigurationError
-from daemon.protocol.messages import State
+from daemon.protocol.state import State
 from programs.zenoh.messages import outcome
 from programs.zenoh.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
 from programs.zenoh.serve import Settings, serve

@@ -8,7 +8,8 @@ from msgspec.structs import replace
 
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
-from daemon.protocol.messages import State, Status
+from daemon.protocol.replies import Status
+from daemon.protocol.state import State
 from programs.zenoh import diagnoses
 from tests.programs.zenoh.bridge import until
 

@@ -1,0 +1,157 @@
+"""Replies of the control socket to requests, and the Status of the daemon. JSON, as `state`."""
+
+from typing import Literal
+
+import msgspec
+
+from daemon.modes.table import Mode
+from daemon.protocol.state import PerJoint, Permit, SideName, Snapshot
+from estimator.payload import Payload
+
+
+class Check(msgspec.Struct, frozen=True, kw_only=True):
+    """One check before the arm may be armed, with the reason why it passed or failed."""
+
+    name: str
+    passed: bool
+    text: str
+
+    def __str__(self) -> str:
+        return f"{'passed' if self.passed else 'failed'}  {self.name:15} {self.text}"
+
+
+class ToolForce(msgspec.Struct, frozen=True, kw_only=True):
+    """Forces at the tool that the arm detects; directions along x, y, z of the URDF's root."""
+
+    least_N: float  # in the most sensitive direction
+    least_along: list[float]
+    most_N: float  # in the least sensitive direction, except those without detection
+    most_along: list[float]
+    undetected: list[list[float]] = []  # directions in which no joint detects a force
+
+
+class Sensitivity(msgspec.Struct, frozen=True, kw_only=True):
+    """Smallest touches that the arm detects in its present pose: torque at each joint, force at the
+    tool. With errors of the model both may be a little larger (docs/estimator.md)."""
+
+    joints: list[str]
+    tool: str  # description of the tool point
+    # None: a joint that does not sense now, and detects nothing
+    moving: list[float | None]  # [Nm], every joint at its velocity limit
+    resting: list[float | None]  # [Nm], every joint at rest
+    tool_moving: ToolForce
+    tool_resting: ToolForce
+
+
+class Way(msgspec.Struct, frozen=True, kw_only=True):
+    """Way to a pose: a straight line through joint space, on which all joints arrive together.
+    Obstacles are not taken into account."""
+
+    name: str
+    joints: list[str]
+    start: PerJoint  # [rad]
+    goal: PerJoint  # [rad]
+    speed: PerJoint  # largest on the way [rad/s]
+    duration_s: float  # from standstill to standstill, unless a contact comes in between
+
+
+class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Answer to one `Request`: done or refused, with every reason for a refusal."""
+
+    ok: bool
+    message: str = ""
+    reasons: list[str] = []
+    mode: Mode | None = None
+    armed: bool = False
+    checks: list[Check] = []  # of `arm`
+    sensitivity: Sensitivity | None = None  # of `arm` that is done
+    row: int | None = None  # of a trajectory: the first that was refused, from 0
+    unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
+    # of `start` and `go` that are done, and of a plan: beyond what the thresholds cover, or
+    # nearer to a limit than a joint may get
+    warnings: list[str] = []
+    way: Way | None = None  # of `go` that is done, or planned
+    status: "Status | None" = None
+    snapshot: "Snapshot | None" = None
+
+    @property
+    def refusal(self) -> str:
+        """The message and every reason of a refusal, in one line."""
+        return "; ".join([self.message or "refused", *self.reasons])
+
+
+class Grant(msgspec.Struct, frozen=True):
+    """One part of the real-time set-up, granted by the machine or not, with its description."""
+
+    name: str
+    achieved: bool
+    text: str
+
+
+class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
+    """The trajectory that runs, is interrupted, or would be run by `start`."""
+
+    name: str  # empty where none is configured: `start` needs a file then
+    state: Literal["ready", "running", "interrupted", "paused"]
+    time_s: float  # path time
+    duration_s: float | None  # None: it has no end
+    attended: bool = False  # it halts, and is forgotten, when the program that began it ends
+
+
+class Learned(msgspec.Struct, frozen=True, kw_only=True):
+    """Changes learned since identification, as shares of the identified values: +0.1 is a tenth
+    more."""
+
+    coulomb: PerJoint
+    viscous: PerJoint
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """Status of the daemon, as `contactctl status` shows it."""
+
+    name: str
+    configuration: str  # absolute path
+    pid: int
+    uptime_s: float
+    mode: Mode
+    armed: bool
+    permit: Permit | None  # while armed
+    cause: str
+    since_s: float | None = None  # when that led to this mode, as `uptime_s` counts
+    advice: str = ""  # what to do about the cause, if that is a fault
+    trajectory: Trajectory
+    checks: list[Check]  # what arming needs
+    ticks: int
+    missed: int
+    lateness_max_us: float
+    work_max_us: float
+    realtime: list[Grant]  # parts of the real-time set-up, achieved or not
+    readers: int
+    joints: list[str]
+    identities: list[str] = []  # of the drives: make, revision, serial number
+    drives: list[str]
+    link_position: PerJoint
+    residual: PerJoint
+    threshold: PerJoint
+    side: list[SideName]
+    gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
+    age_ticks: list[int]
+    serials: list[int | None] = []  # 0x1018:4 of the drives
+    unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
+    silenced: bool = False  # the daemon sends nothing to the drives until `reset`
+    sensitivity: Sensitivity | None = None  # None before the first samples
+    sensing: list[bool] | None = None  # joints that sense contact now; None before the first tick
+    sensing_since_s: PerJoint | None = None  # when that last changed, as `uptime_s` counts
+    lost: PerJoint | None = None  # share of recent samples that went missing
+    learned: Learned | None = None  # None where nothing is learned
+    hand: str = ""  # the URDF's last link, in whose frame payloads are
+    payload: Payload | None = (
+        None  # that was announced since the start, and is forgotten at its end
+    )
+    payloads: list[Payload] = []  # that can be announced by name
+    poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
+    gears: list[str] = []  # findings of their trends, a line for each joint (`contactctl health`)
+    recognised: str = ""  # description of an unannounced payload, with advice; empty without one
+    # Files that differ from those in use; checked while the drives are off.
+    changed: list[str] = []
+    not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field

@@ -1,0 +1,186 @@
+"""Requests of the control socket: one struct per command, with the arguments that it takes.
+
+JSON objects, told apart by `command`. A field that a command does not take is refused, as is an
+unknown one.
+"""
+
+from typing import Annotated, Any, Final, Literal, get_args
+
+import msgspec
+
+from daemon.protocol.bounds import FASTEST, MAX_GAIN, PLAUSIBLE, SLOWEST
+from daemon.protocol.lease import LONGEST_S, SHORTEST_S
+from daemon.protocol.text import MOST_ON_BEHALF, ONE_LINE, PLAIN
+from estimator.payload import FURTHEST_M, HEAVIEST_KG
+
+MAX_REQUEST_BYTES: Final = 8192  # of one message to the daemon
+
+
+def _within(least: float, most: float) -> msgspec.Meta:
+    """Bounds for the schema, of numbers that are checked where joint and row are known."""
+    return msgspec.Meta(extra_json_schema={"minimum": least, "maximum": most})
+
+
+Plausible = Annotated[float, _within(-PLAUSIBLE, PLAUSIBLE)]
+LeaseS = Annotated[float, msgspec.Meta(ge=SHORTEST_S, le=LONGEST_S)]
+
+
+class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Header of a trajectory, whose rows are [t, q of each joint, q_dot of each joint]."""
+
+    name: Annotated[str, msgspec.Meta(min_length=1, max_length=64, pattern=ONE_LINE)]
+    joints: Annotated[list[str], msgspec.Meta(max_length=32)]  # all others hold
+    from_here: bool = False  # may begin from any pose, run as displacements
+    motors_only: bool = False  # by the motors' velocity alone, whatever the links do
+
+
+class _Bare(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True,
+    tag_field="command",
+):  # fmt: skip
+    """Request without arguments of its own, and what every request has."""
+
+    # Person or program on whose behalf the client asks, as stated by the client: for the log only,
+    # not verified.
+    on_behalf_of: (
+        Annotated[str, msgspec.Meta(min_length=1, max_length=MOST_ON_BEHALF, pattern=PLAIN)] | None
+    ) = None
+
+    @property
+    def command(self) -> "Command":
+        """Name of the command."""
+        name: Command = self.__struct_config__.tag  # type: ignore[assignment]
+        return name
+
+
+class Enable(_Bare, frozen=True, tag="enable"):
+    """Energise the drives and hold."""
+
+
+class Load(_Bare, frozen=True, tag="load"):
+    """Begin a trajectory, or append to it."""
+
+    header: Header | None = None  # begins one
+    rows: list[list[Plausible]] | None = None  # more of it
+
+
+class Start(_Bare, frozen=True, tag="start"):
+    """Run the configured trajectory, or go on with the one that is paused."""
+
+    loaded: bool = False  # run what this connection has loaded
+    # what is loaded halts when this connection ends, or sends nothing for 2 s, and is forgotten
+    attended: bool = False
+
+
+class Go(_Bare, frozen=True, tag="go"):
+    """Move on a straight line through joint space, to a pose or to targets."""
+
+    pose: Annotated[str, msgspec.Meta(max_length=64)] | None = None  # to this one, or
+    # to these positions, within the joints' limits; joints that are not named stay [rad]
+    targets: Annotated[dict[str, Plausible], msgspec.Meta(max_length=32)] | None = None
+    # of the joint that goes furthest; 0.2 unless given [rad/s]
+    speed: Annotated[float, msgspec.Meta(ge=SLOWEST, le=FASTEST)] | None = None
+    plan: bool = False  # answer only what it would do
+    # positions for which it was planned; refused if the arm is elsewhere by now [rad]
+    planned_from: Annotated[list[Plausible], msgspec.Meta(max_length=32)] | None = None
+    # it halts when this connection ends, or sends nothing for 2 s, and is forgotten
+    attended: bool = False
+
+
+class Pause(_Bare, frozen=True, tag="pause"):
+    """Halt the trajectory where it is."""
+
+
+class Arm(_Bare, frozen=True, tag="arm"):
+    """Let the arm yield to hands, for as long as the lease lasts."""
+
+    lease_s: LeaseS | None = None  # from now, unless renewed; 0.5 s, or 600 s if detached
+    # the lease outlives this connection, and any process of this user may arm again
+    detached: bool = False
+
+
+class Renew(_Bare, frozen=True, tag="renew"):
+    """Prolong the lease of this connection."""
+
+    lease_s: LeaseS | None = None  # from now; 0.5 s unless given
+
+
+class Disarm(_Bare, frozen=True, tag="disarm"):
+    """Yield to hands no longer."""
+
+
+class Stop(_Bare, frozen=True, tag="stop"):
+    """Stop the arm, and hold."""
+
+
+class Disable(_Bare, frozen=True, tag="disable"):
+    """Stop, and take power from the drives."""
+
+
+class Reset(_Bare, frozen=True, tag="reset"):
+    """End a fault whose cause is gone."""
+
+
+class SetGain(_Bare, frozen=True, tag="gain"):
+    """Set the gain of (15) of one joint."""
+
+    joint: str
+    # K_a from now on, 0 or at least LEAST_GAIN [rad/s per Nm]
+    gain: Annotated[float, _within(0.0, MAX_GAIN)]
+
+
+class SetPayload(_Bare, frozen=True, tag="payload"):
+    """Announce the payload of the hand."""
+
+    name: str | None = None  # by its name in the configuration, or
+    # by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
+    mass: Annotated[float, _within(0.0, HEAVIEST_KG)] | None = None
+    # beside `mass`: its centre in the hand's frame, three numbers [m]
+    com: list[Annotated[float, _within(-FURTHEST_M, FURTHEST_M)]] | None = None
+
+
+class Reload(_Bare, frozen=True, tag="reload"):
+    """Take up changed files while the drives are off."""
+
+
+class GetStatus(_Bare, frozen=True, tag="status"):
+    """Ask for the Status."""
+
+
+class Subscribe(_Bare, frozen=True, tag="subscribe"):
+    """Ask for a State each tick."""
+
+
+Request = (
+    Enable | Load | Start | Go | Pause | Arm | Renew | Disarm | Stop | Disable | Reset | SetGain
+    | SetPayload | Reload | GetStatus | Subscribe
+)  # fmt: skip
+ModeRequest = Enable | Pause | Disarm | Stop | Disable | Reset
+"""Requests for an event of the table of modes, without arguments."""
+Command = Literal[
+    "enable", "load", "start", "go", "pause", "arm", "renew", "disarm", "stop", "disable", "reset",
+    "gain", "payload", "reload", "status", "subscribe",
+]  # fmt: skip
+COMMANDS: Final[tuple[Command, ...]] = get_args(Command)
+KINDS: Final[dict[Command, type[Any]]] = dict(zip(COMMANDS, get_args(Request), strict=True))
+
+# Commands that let the arm move: dropped if the client closed the connection before the answer.
+AWAITED: Final[frozenset[Command]] = frozenset({"enable", "start", "go", "arm"})
+# Commands that are served before all others, and those that must not be carried out any more if
+# they came before them, or with them, and still wait for their turn.
+OUTDATED_BY: Final[dict[Command, frozenset[Command]]] = {
+    "stop": AWAITED,
+    "disarm": frozenset({"arm"}),
+}
+
+
+def bare(command: Command, on_behalf_of: str | None = None) -> Request:
+    """Request of a command without its optional arguments."""
+    request: Request = KINDS[command](on_behalf_of=on_behalf_of)
+    return request
+
+
+def fields_of(command: Command) -> tuple[str, ...]:
+    """Names of the arguments of a command, `on_behalf_of` last."""
+    own = KINDS[command].__struct_fields__
+    return (*(name for name in own if name != "on_behalf_of"), "on_behalf_of")

@@ -1,0 +1,139 @@
+"""State of a tick, its record for readers and recordings, and the Snapshot that is sent before it.
+
+Everything is JSON. Numbers keep every bit on the way (shortest round-trip representation), so a
+recording can be replayed bit-identically. Vectors have one entry per joint, in the order of
+`Snapshot.joints`, SI units at the link side.
+"""
+
+from typing import Any, Literal
+
+import msgspec
+
+from daemon.modes.table import Mode
+from estimator.payload import Payload
+
+PerJoint = list[float]
+"""One number per joint, in the order of `Snapshot.joints`, SI at the link side."""
+
+SideName = Literal["left", "gap", "right", "unknown"]
+"""Gap state of a joint: name of `motor_position.Side`."""
+
+
+class Permit(msgspec.Struct, frozen=True, kw_only=True):
+    """Owner of the lease on the armed arm, and the time it has left."""
+
+    uid: int
+    pid: int
+    detached: bool  # ends by time alone; otherwise also with the connection of `pid`
+    left_s: float
+    on_behalf_of: str = ""  # as stated by the owner
+
+
+class Contact(msgspec.Struct, frozen=True, kw_only=True):
+    """Contact: the residual of a joint passed one of its levels."""
+
+    joint: str
+    torque: float  # the residual, signed [Nm]
+    threshold: float  # the level it passed [Nm]
+    level: Literal["contact", "collision"]
+    side: SideName
+
+
+class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Event of one tick: a change of mode or permission, a contact, or a fault."""
+
+    kind: Literal["mode", "contact", "fault"]
+    text: str
+    contact: Contact | None = None
+
+
+class Timing(msgspec.Struct, frozen=True, kw_only=True):
+    """Timing of the loop: the only fields of a State that differ between two lockstep runs with one
+    seed."""
+
+    wall_s: float  # Unix time of the tick
+    monotonic_s: float  # CLOCK_MONOTONIC of the wake-up
+    lateness_us: float  # wake-up after the deadline
+    work_us: float  # from the wake-up to the last frame sent, in the tick before this one
+    missed: int  # deadlines missed since the start
+    doors_us: float = 0.0  # spent on clients and the log, after the tick before this one
+
+
+class State(msgspec.Struct, frozen=True, kw_only=True):
+    """Record of one tick: its measurements, estimates and decisions."""
+
+    tick: int
+    time_s: float  # time of the tick since the loop started
+    interval_s: float  # since the tick before
+    mode: Mode
+    armed: bool
+    cause: str  # reason for this mode
+    moving: bool  # a trajectory is running or will go on after this contact
+    fresh: list[bool]  # joints whose samples came in time; of others these are the last
+    drives: list[str]  # CiA 402 states
+    # measured, input of the estimator
+    current: PerJoint  # [A]
+    link_position: PerJoint  # q [rad]
+    motor_velocity: PerJoint  # theta_dot [rad/s]
+    motor_position: PerJoint | None  # theta [rad], where the drive has it
+    # estimated
+    link_velocity: PerJoint  # q_dot [rad/s]
+    motor_estimate: PerJoint  # theta used [rad]
+    phi: PerJoint  # phi = q - theta [rad]
+    phi_sigma: PerJoint  # standard uncertainty of phi [rad]
+    side: list[SideName]
+    motor_torque: PerJoint  # tau_M = K_c * current [Nm]
+    residual: PerJoint  # [Nm]
+    threshold: PerJoint  # in force in this tick [Nm]
+    thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
+    touched_link: str  # named by its joint; empty: no contact, or its link is not known
+    beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
+    flags: list[str]  # warnings of the estimator
+    # decided
+    reference: PerJoint  # desired q [rad]
+    setpoint: PerJoint  # target velocity [rad/s]
+    quiet_s: float  # since the last tick with a non-zero thresholded residual
+    notices: list[Notice]
+    timing: Timing
+    unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
+    silenced: bool = False  # the daemon sends nothing to the drives until `reset`
+    sensing: list[bool] | None = None  # joints that sense contact now; None in format 1
+    sensing_since_s: PerJoint | None = None  # time at which that last changed [s]
+    # k: share of each configured contact level that learning leaves in force; None in recordings
+    # from before it was published
+    level_share: PerJoint | None = None
+    permit: Permit | None = None  # while armed; None also in recordings from before it existed
+    payload: Payload | None = None  # included in the model in this tick
+    recognised: Payload | None = None  # unannounced payload; nothing is learned in this tick
+
+
+STATE_FORMAT = 6
+"""Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
+with a default needs no new version. Recordings of every version from 1 on stay readable."""
+
+
+def format_refusal(version: int) -> str:
+    """Reason why States of this version are not read; empty if they are."""
+    if version < 1:
+        return "of a contactd before format 1, whose States have other fields: record anew"
+    if version > STATE_FORMAT:
+        return f"of format {version}; this contactd reads up to {STATE_FORMAT}: use a newer one"
+    return ""
+
+
+class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
+    """Context of a recording: everything needed to read its States. Sent to each reader first."""
+
+    format: int = 0  # STATE_FORMAT of its program; 0: made before there was one
+
+    joints: list[str]
+    half_gap: PerJoint
+    thresholds: PerJoint
+    period_s: float
+    tick: int  # `memory` is the estimator's after this tick
+    memory: dict[str, Any]
+    configuration: str  # text of config.yaml
+    urdf: str  # text of the URDF
+    identified: str = ""  # text of identified.yaml
+    program: str  # name and version
+    bus_load: float | None = None  # share of the bus that periodic frames take at worst
