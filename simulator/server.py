@@ -233,21 +233,8 @@ class Server:
         client.connection.close()
 
 
-def serve(
-    description: ArmDescription,
-    settings: SimulationSettings,
-    *,
-    host: str = "127.0.0.1",
-    port: int = 29536,
-    hand_script: Sequence[AnyAct] = (),
-    events: BinaryIO | None = None,
-    door: HandDoor | None = None,
-) -> None:
-    """Serve the arm as a socketcand server until SIGTERM or SIGINT. Raises BusError."""
-    server = Server(
-        description, settings, host=host, port=port, hand_script=hand_script, events=events,
-        door=door,
-    )  # fmt: skip
+def serve(server: Server) -> None:
+    """Serve the arm until SIGTERM or SIGINT, and close it."""
     try:
         server.run(_stop_on_signals())
     finally:

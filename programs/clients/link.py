@@ -4,7 +4,6 @@
 """
 
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import msgspec
@@ -34,12 +33,7 @@ class Link:
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self._connection.close()
 
     async def ask(self, request: Request, timeout_s: float = ANSWER_S) -> Reply:

@@ -17,7 +17,7 @@ from programs.command_line.sentences import say
 from programs.simulate.simulated_robot import refused_drives, true_arm
 from simulator.hand_door import HandDoor
 from simulator.hand_script import read_script
-from simulator.server import serve, serve_on_bus
+from simulator.server import Server, serve, serve_on_bus
 
 
 def run_simulation(
@@ -39,7 +39,7 @@ def run_simulation(
         both: dict[str, Any] = {"hand_script": script, "events": sys.stdout.buffer, "door": live}
         match bus.interface:
             case "socketcand":
-                serve(description, settings, host=bus.host, port=bus.port, **both)
+                serve(Server(description, settings, host=bus.host, port=bus.port, **both))
             case "socketcan":
                 serve_on_bus(
                     description, settings, interface=bus.interface, channel=bus.channel, **both

@@ -181,12 +181,12 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
-from simulator.server import serve
+from simulator.server import Server, serve
 import json
 joints = tuple(JointDescription(**row) for row in json.loads(sys.argv[2]))
 folder = Path(sys.argv[1])
 arm = ArmDescription(urdf=folder / "arm.urdf", eds=folder / "drive.eds", joints=joints)
-serve(arm, SimulationSettings(), port=0, events=sys.stdout.buffer)
+serve(Server(arm, SimulationSettings(), port=0, events=sys.stdout.buffer))
 """
 
 
