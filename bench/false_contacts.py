@@ -37,10 +37,10 @@ from bench.study import courses, world
 from bench.study.detection_report import NARROW
 from bench.study.estimates import VARIANTS, Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
+from bench.study.scores import count_alarms
 from bench.study.world import LAWS, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from estimator.alarms import count_alarms
 from estimator.motor_position import Side
 from estimator.settings import Kind, Variant
 from programs.command_line.options import Range

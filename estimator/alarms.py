@@ -12,29 +12,15 @@ as the level that was needed, k C, does not depend on the configured one.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
 from estimator.thresholds import LEAST_SHARE
-
-
-def count_alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
-    """Number of times (n,) that each joint goes beyond its threshold: stretches, not ticks."""
-    beyond = np.abs(residual) > threshold
-    begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
-    return np.asarray(np.count_nonzero(begins, axis=0))
 
 
 def excess(residual: Matrix, raised: Matrix) -> Matrix:
     """|r| beyond the raise (ticks, n) [Nm]: the lowest level without an alarm."""
     beyond: Matrix = np.maximum(np.abs(residual) - raised, 0.0)
     return beyond
-
-
-def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
-    """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
-    lowest: Vector = np.max(excess(residual, raised), axis=0)
-    return lowest
 
 
 def critical_level(

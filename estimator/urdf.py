@@ -42,11 +42,6 @@ class MovedLink:
     lever: float = 0.0
     """from the link's frame to the centre of mass [m]"""
 
-    @property
-    def gyration(self) -> float:
-        """Radius at which all of its mass would have that moment [m]."""
-        return math.sqrt(self.moment / self.mass) if self.mass > 0 else 0.0
-
 
 def moved_links(text: str) -> list[MovedLink]:
     """Links that movable joints carry, on a chain of `fixed` joints, too.

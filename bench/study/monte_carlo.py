@@ -23,12 +23,11 @@ from bench.rigs.arm_without_bus import Push, Recording, Scenario, record, record
 from bench.study import courses, population, scores, world
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.population import STEP_MS, Step, Touch
-from bench.study.scores import Errors, Trial
+from bench.study.scores import Errors, Trial, count_alarms, quiet_threshold
 from bench.study.world import Law
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from estimator.alarms import count_alarms, quiet_threshold
 
 Kind = Literal["free", "moving", "rest", "link"]
 Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
+from estimator.alarms import excess
 
 
 def filtered(external: Matrix, gain: float, period_s: float) -> Matrix:
@@ -102,3 +103,16 @@ class Errors:
 def percentile(values: Sequence[float], share: float) -> float:
     """Percentile of the values; NaN without any."""
     return float(np.percentile(values, share)) if len(values) else float("nan")
+
+
+def count_alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
+    """Number of times (n,) that each joint goes beyond its threshold: stretches, not ticks."""
+    beyond = np.abs(residual) > threshold
+    begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
+    return np.asarray(np.count_nonzero(begins, axis=0))
+
+
+def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
+    """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
+    lowest: Vector = np.max(excess(residual, raised), axis=0)
+    return lowest

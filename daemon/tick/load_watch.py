@@ -171,7 +171,7 @@ class LoadWatch:
         self._interruptions.forget()
         self._estimator.freeze_learning(False)
         self._left = self._fades  # by the next tick
-        self._payload, self._said_kg = payload, 0.0
+        self._payload = payload
 
 
 class Interruptions:

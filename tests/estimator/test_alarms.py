@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from estimator.alarms import count_alarms, critical_level, quiet_threshold
+from bench.study.scores import count_alarms, quiet_threshold
+from estimator.alarms import critical_level
 from estimator.thresholds import LEAST_SHARE
 
 
