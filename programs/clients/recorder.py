@@ -57,6 +57,10 @@ class Recording:
     snapshots: int
     ended: str  # empty if it ended as asked, else why not
 
+    def __str__(self) -> str:
+        again = f", {self.snapshots} snapshots" if self.snapshots > 1 else ""
+        return f"{self.duration_s:.1f} s, {self.states} states, {self.lost} lost{again}"
+
 
 class _Format(msgspec.Struct):
     """Version of a Snapshot, read before anything else of it."""

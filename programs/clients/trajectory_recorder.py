@@ -30,6 +30,9 @@ class Recorded:
     samples: int
     ended: str  # empty if it ended as asked, else why not
 
+    def __str__(self) -> str:
+        return f"{self.duration_s:.1f} s, {self.samples} samples"
+
 
 def record_trajectory(
     connect: Callable[[], Client],

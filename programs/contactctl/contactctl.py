@@ -17,7 +17,8 @@ from daemon.protocol.bounds import FASTEST, SLOWEST
 from daemon.protocol.lease import LONGEST_S, PERSON_S, SHORTEST_S
 from programs.command_line.options import PATH, Group, Options, Range, json_option, socket_option
 from programs.contactctl.hand import hand
-from programs.contactctl.live_states import record_csv, record_states, show_live, stream_json
+from programs.contactctl.live_states import record as record_states
+from programs.contactctl.live_states import show_live, stream_json
 from programs.contactctl.replies import (
     answer,
     carry_out,
@@ -413,9 +414,7 @@ def record(options: Options, file: Path, seconds: float | None) -> None:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: signals.append(received))
-    as_csv = file.suffix.lower() == ".csv"
-    ended = (record_csv if as_csv else record_states)(options, file, seconds, lambda: bool(signals))
-    if ended:
+    if ended := record_states(options, file, seconds, lambda: bool(signals)):
         raise UnreachableError(ended)
 
 

@@ -95,36 +95,24 @@ def stream_json(options: Options) -> None:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-def record_states(
-    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
-) -> str:
-    """Record every State as MCAP. Returns why it ended early, or an empty text."""
-    from programs.clients.recorder import record
-
-    begun = _announcement(options, file, seconds)
-    made = record(options.connect, file, seconds=seconds, stop=stop, begun=begun)
-    if options.json:
-        print_json(made)
-    else:
-        again = f", {made.snapshots} snapshots" if made.snapshots > 1 else ""
-        click.echo(
-            f"{file}: {made.duration_s:.1f} s, {made.states} states, {made.lost} lost{again}"
-        )
-    return made.ended
-
-
-def record_csv(
-    options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]
-) -> str:
-    """Record joint positions as CSV. Returns why it ended early, or an empty text."""
+def record(options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]) -> str:
+    """Record every State as MCAP, or joint positions as CSV, by the suffix of the file. Returns why
+    it ended early, or an empty text."""
+    from programs.clients import recorder
     from programs.clients.trajectory_recorder import record_trajectory
 
-    begun = _announcement(options, file, seconds)
-    made = record_trajectory(options.connect, file, seconds=seconds, stop=stop, begun=begun)
+    as_csv = file.suffix.lower() == ".csv"
+    made = (record_trajectory if as_csv else recorder.record)(
+        options.connect,
+        file,
+        seconds=seconds,
+        stop=stop,
+        begun=_announcement(options, file, seconds),
+    )
     if options.json:
         print_json(made)
     else:
-        click.echo(f"{file}: {made.duration_s:.1f} s, {made.samples} samples")
+        click.echo(f"{file}: {made}")
     return made.ended
 
 
