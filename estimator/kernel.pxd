@@ -87,6 +87,7 @@ cdef class Kernel:
     )
     cdef void _hold_against(self, Py_ssize_t i, double dt) noexcept
     cdef double _doubted(self, Py_ssize_t i) noexcept
+    cdef double _lowered_share(self, Py_ssize_t i) noexcept
     @cython.locals(doubt=double, doubted=double)
     cdef double _unknown(self, Py_ssize_t i) noexcept
     @cython.locals(learning=double)

@@ -374,10 +374,13 @@ class Kernel:
         if verdict in (_ENDED, _GRAZED):
             # What a rest, a load or a cable changes of one joint, it may change of all.
             for k in range(self.n):
-                if verdict == _GRAZED:
-                    learning.grow(k, doubt.often[k])
-                if k != i:
+                doubt.widen(k, verdict == _GRAZED, k == i)
+                if verdict == _GRAZED and k != i:
                     doubt.raise_all(k)
+
+    def _lowered_share(self, i: int) -> float:
+        """Share of the stated level of joint i that learning and contacts in doubt leave."""
+        return float(min(self.learning.level(i) * (1.0 + self.doubt.margin[i]), 1.0))
 
     def _doubted(self, i: int) -> float:
         """Doubt of joint i where it is, 0 to 1. While learning is suspended it is 1: what was
@@ -457,8 +460,8 @@ class Kernel:
         self.doubt.moving[i] = moving
         doubt = self._doubted(i)
         learning.learn(
-            i, residual.values[0, i], self.threshold[i], usual, levels.friction[i],
-            levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
+            i, residual.values[0, i], self.threshold[i] / (1.0 + self.doubt.margin[i]), usual,
+            levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
         )  # fmt: skip
         self._apply(i)
 
@@ -467,7 +470,7 @@ class Kernel:
         self.motor_position.friction[i] = self.learning.friction(i)
         self.motor_position.friction_error[i] = self.learning.error(i)
         doubt = self._doubted(i)
-        share, crossing = self.learning.level(i), self.learning.crossing_level(i)
+        share, crossing = self._lowered_share(i), self.learning.crossing_level(i)
         self.levels.share[i] = share + doubt * (1.0 - share)
         self.levels.crossing[i] = crossing + doubt * (1.0 - crossing)
 

@@ -35,7 +35,7 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s"),
         *("way", "beyond", "rubs", "placed", "moving"),
         *("low", "high", "cleared_s", "upwards_s", "downwards_s", "met", "away_s"),
-        *("near_s", "depth", "often"),
+        *("near_s", "depth", "margin", "needed_s"),
     ),
 }
 # Only where something is carried, or learning stands still; else the memory is as it ever was.
