@@ -10,16 +10,16 @@ is back at its stated level, and its friction counts as unknown,
 
 until its motion agrees again: everywhere (d) after half a second of it in each direction in which
 it was interrupted, but where the joint was, `place`, only after it has passed there without that.
-A direction that was not interrupted shows nothing: what rubs one way agrees in the other. All
-other joints are in doubt, too, until both directions agree: a rest, a load or a cable may have
-changed more than one. Where the residual goes on to exceed the lowered level, and follows the sign
+A direction that was not interrupted shows nothing: what rubs one way agrees in the other. A joint
+that sets out after a minute of rest is in doubt, too, until both directions agree: its gear may
+have cooled. Where the residual goes on to exceed the lowered level, and follows the sign
 of the motion in both directions, it is friction: what was learned of it is uncertain again, and
 given up if the residual is smaller without it.
 
 A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
-beyond it, is more likely the arm's own, and comes again in each such pose. So each contact in doubt
-adds to the margin m of all joints' levels, k' (1 + m); a joint that is grazed again and again is
-soon at its stated level. The margin fades in motion that would have stayed below the level without.
+beyond it, is more likely the arm's own, and comes again in each such pose: then all other joints
+are in doubt, too. Each contact in doubt adds to the margin m of all joints' levels, k (1 + m); a
+joint that is grazed again and again is soon at its stated level. The margin fades in motion that would have stayed below the level without.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.

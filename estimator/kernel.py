@@ -28,6 +28,7 @@ from estimator.transmission import REST_VELOCITY, Transmission
 
 # For the compiler.
 _SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY
+_SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
 _SIDE_GAP, _SIDE_UNKNOWN = int(Side.GAP), int(Side.UNKNOWN)
 _SENSED_PERIODS = SENSED_PERIODS
 _INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
@@ -458,6 +459,8 @@ class Kernel:
         usual = levels.usual(i, speed)
         moving = acts and speed > _REST_VELOCITY and not self.frozen
         self.doubt.moving[i] = moving
+        if speed > _SETS_OUT and learning.stood(i):
+            self.doubt.raise_all(i)
         doubt = self._doubted(i)
         learning.learn(
             i, residual.values[0, i], self.threshold[i] / (1.0 + self.doubt.margin[i]), usual,

@@ -27,6 +27,7 @@ cdef class Learning:
     cpdef double error(self, Py_ssize_t i) noexcept
     cpdef double unknown_at(self, Py_ssize_t i, double coulomb, double viscous) noexcept
     cpdef double doubted_at(self, Py_ssize_t i, double doubt) noexcept
+    cpdef bint stood(self, Py_ssize_t i) noexcept
     cpdef double identified(self, Py_ssize_t i) noexcept
     cpdef void unsettle(self, Py_ssize_t i) noexcept
     cpdef void give_up(self, Py_ssize_t i) noexcept

@@ -139,6 +139,10 @@ class Learning:
         """Uncertainty of the present friction of joint i at a doubt of 0 to 1 in learning [Nm]."""
         return float(_OFF * doubt * self.identified(i))
 
+    def stood(self, i: int) -> bool:
+        """True for a joint that has stood so long that its gear cooled."""
+        return bool(self.still_s[i] > _STANDS_S)
+
     def identified(self, i: int) -> float:
         """Size of the friction of joint i as it was identified, filtered as r is [Nm]."""
         return float(abs(self.columns[i, _VISCOUS]) + abs(self.columns[i, _COULOMB]))
