@@ -18,8 +18,8 @@ given up if the residual is smaller without it.
 
 A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
 beyond it, is more likely the arm's own, and comes again in each such pose: then all other joints
-are in doubt, too. Each contact in doubt adds to the margin m of all joints' levels, k (1 + m); a
-joint that is grazed again and again is soon at its stated level. The margin fades in motion that would have stayed below the level without.
+are in doubt, too, and all levels get a margin m, k (1 + m). That of a joint that is grazed again
+and again doubles. It fades in motion that would have stayed below the level without.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
@@ -36,10 +36,10 @@ _LASTS_S, _RISES_S = 10.0, 1.0
 # A residual crept over the lowered level if it was beyond a share of it for so long, in the last so
 # many seconds, and grazed it if it was never so many levels.
 _CREEPS_S, _NEAR_S, _NEAR, _GRAZES = 0.2, 0.5, 0.7, 1.3
-# Margin that a graze adds, and another contact in doubt, up to _MARGIN; on the joint that is grazed
-# it doubles, too, up to _GRAZED_MARGIN. It fades in _MARGIN_S of motion, after _NEEDED_S of it in
-# which no residual exceeded that share of the level without it.
-_OF_GRAZE, _OF_CONTACT, _MARGIN, _GRAZED_MARGIN = 0.4, 0.1, 0.4, 4.0
+# Margin after a graze; on the joint that is grazed it doubles, too, up to _MOST_MARGIN. It fades
+# in _MARGIN_S of motion, after _NEEDED_S of it in which no residual exceeded that share of the
+# level without it.
+_MARGIN, _MOST_MARGIN = 0.4, 4.0
 _MARGIN_S, _NEEDED_S, _NEEDED = 10.0, 18.0, 0.9
 # With more than that of it, motion is held against what was learned, too.
 _SOME = 0.05
@@ -130,14 +130,12 @@ class Doubt:
         self.value[i] = 1.0
         self._owe(i, 0)
 
-    def widen(self, i: int, grazed: bool, own: bool) -> None:
-        """Add to the margin of joint i what one contact in doubt adds, of this joint (`own`) or of
-        another."""
-        if grazed and own:
-            self.margin[i] = min(2.0 * self.margin[i] + _OF_GRAZE, _GRAZED_MARGIN)
+    def widen(self, i: int, own: bool) -> None:
+        """Widen the margin of joint i after a graze of this joint (`own`), or of another."""
+        if own:
+            self.margin[i] = min(2.0 * self.margin[i] + _MARGIN, _MOST_MARGIN)
         else:
-            added = _OF_GRAZE if grazed else _OF_CONTACT
-            self.margin[i] = max(self.margin[i], min(self.margin[i] + added, _MARGIN))
+            self.margin[i] = max(self.margin[i], _MARGIN)
 
     def reset(self, i: int) -> None:
         """Forget the contact of joint i that lasts."""

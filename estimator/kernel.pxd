@@ -15,7 +15,7 @@ from estimator.residual cimport Residual
 from estimator.stiction cimport Stiction, displacement
 
 cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
-cdef long long _ENDED, _GRAZED, _FRICTION
+cdef long long _GRAZED, _FRICTION
 cdef double _SETS_OUT, _REST_VELOCITY
 cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
 cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
-from estimator.doubt import ENDED, FRICTION, GRAZED, Doubt
+from estimator.doubt import FRICTION, GRAZED, Doubt
 from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
@@ -36,7 +36,7 @@ _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.R
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
 _TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
 _STICTION = 10
-_ENDED, _GRAZED, _FRICTION = ENDED, GRAZED, FRICTION
+_GRAZED, _FRICTION = GRAZED, FRICTION
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
@@ -372,11 +372,11 @@ class Kernel:
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1
-        if verdict in (_ENDED, _GRAZED):
-            # What a rest, a load or a cable changes of one joint, it may change of all.
+        if verdict == _GRAZED:
+            # What a load or a cable changes of one joint, it may change of all.
             for k in range(self.n):
-                doubt.widen(k, verdict == _GRAZED, k == i)
-                if verdict == _GRAZED and k != i:
+                doubt.widen(k, k == i)
+                if k != i:
                     doubt.raise_all(k)
 
     def _lowered_share(self, i: int) -> float:

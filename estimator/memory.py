@@ -65,6 +65,7 @@ _RANGES = {
     "learning.crossing_seen": (0.0, _LARGEST),
     "learning.passing": (0.0, _LARGEST),
     "doubt.value": (0.0, 1.0),
+    "doubt.margin": (0.0, _LARGEST),
     "doubt.way": (-1, 1),
     "doubt.beyond": (0, 1),
     "doubt.rubs": (0, 1),
