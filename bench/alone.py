@@ -14,9 +14,10 @@ yields, and no person does work on it, nor did half a second ago; what is left o
 which it began to yield is no distance. A contact is false if no person touches; a change may cost
 one when it comes, and one when it goes. Touches of half a second and twice the level in force
 before the change come when it is gone (10 s after; 120 s after friction has changed), 15 s apart,
-and are compared with touches of the same arm without the change; touches that this one misses, too,
-are subtracted. The level is that in motion 130 s after the change is over, over that of the arm
-without it, or with it from the beginning where it lasts: other friction needs another level.
+in motion, once the joint has been beyond its gap for 0.3 s, and are compared with touches of the
+same arm without the change; touches that this one misses, too, are subtracted. The level is that in
+motion 130 s after the change is over, over that of the arm without it, or with it from the
+beginning where it lasts: other friction needs another level.
 """
 
 import math

@@ -10,14 +10,16 @@ is back at its stated level, and its friction counts as unknown,
 
 until its motion agrees again: everywhere (d) after half a second of it in each direction in which
 it was interrupted, but where the joint was, `place`, only after it has passed there without that.
-A direction that was not interrupted shows nothing: what rubs one way agrees in the other. All
-other joints are in doubt, too, until both directions agree: a rest, a load or a cable may have
-changed more than one. Where the residual goes on to exceed the lowered level, and follows the sign
+A direction that was not interrupted shows nothing: what rubs one way agrees in the other. A joint
+that sets out after a minute of rest is in doubt, too, until both directions agree: its gear may
+have cooled. Where the residual goes on to exceed the lowered level, and follows the sign
 of the motion in both directions, it is friction: what was learned of it is uncertain again, and
 given up if the residual is smaller without it.
 
 A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
-beyond it, is more likely the arm's own, and comes again in each such pose: all levels rise.
+beyond it, is more likely the arm's own, and comes again in each such pose: then all other joints
+are in doubt, too, and all levels get a margin m, k (1 + m). That of a joint that is grazed again
+and again doubles. It fades in motion that would have stayed below the level without.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
@@ -32,8 +34,15 @@ _HOLDS_S, _FADES_S = 0.5, 0.5
 # A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
 _LASTS_S, _RISES_S = 10.0, 1.0
 # A residual crept over the lowered level if it was beyond a share of it for so long, in the last so
-# many seconds, and grazed it if it was never so many levels; how often it did fades in so long.
-_CREEPS_S, _NEAR_S, _NEAR, _GRAZES, _OFTEN_S = 0.2, 0.5, 0.7, 1.3, 300.0
+# many seconds, and grazed it if it was never so many levels.
+_CREEPS_S, _NEAR_S, _NEAR, _GRAZES = 0.2, 0.5, 0.7, 1.3
+# Margin after a graze; on the joint that is grazed it doubles, too, up to _MOST_MARGIN. It fades
+# in _MARGIN_S of motion, after _NEEDED_S of it in which no residual exceeded that share of the
+# level without it.
+_MARGIN, _MOST_MARGIN = 0.4, 4.0
+_MARGIN_S, _NEEDED_S, _NEEDED = 10.0, 18.0, 0.9
+# With more than that of it, motion is held against what was learned, too.
+_SOME = 0.05
 # A place is so wide to both sides [rad], and forgotten after so much motion there that agrees.
 _WIDTH, _CLEARS_S = 0.08, 1.0
 # Residual beyond the lowered level in both directions of motion, each for so long, is friction.
@@ -55,8 +64,8 @@ class Doubt:
         # 1 where the contact that lasts is beyond doubt, and where a place is known.
         self.beyond, self.placed = np.zeros((2, n), dtype=np.int64)
         # How long the residual was near the lowered level, of late [s]; how far beyond it in this
-        # contact; and how often it did no more than graze it, fading.
-        self.near_s, self.depth, self.often = np.zeros((3, n))
+        # contact; the margin of its level, and for how long that is needed still [s].
+        self.near_s, self.depth, self.margin, self.needed_s = np.zeros((4, n))
         self.rubs = np.zeros(n, dtype=np.int64)  # 1: friction was seen to be another
         self.moving = np.zeros(n, dtype=np.int64)  # 1 where rotor and link move together
         self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place
@@ -79,27 +88,30 @@ class Doubt:
         """Take one tick of joint i, dt [s]; returns a verdict.
 
         touched: its contact lasts; residual: as it decides [Nm]; believed: what of its size does
-        not depend on what was learned [Nm]; lowered: level in force but for doubt [Nm]; stated:
-        level that only a person or an obstacle exceeds [Nm].
+        not depend on what was learned [Nm]; lowered: level in force but for doubt and the margin
+        [Nm]; stated: level that only a person or an obstacle exceeds [Nm].
         """
-        depth = abs(residual) / lowered
+        depth = abs(residual) / (lowered * (1.0 + self.margin[i]))
         if touched:
             self.depth[i] = max(self.depth[i], depth)
             return self._last(i, velocity, believed, stated, dt)
         grazed = self.depth[i] < _GRAZES and self.near_s[i] > _CREEPS_S
         self.near_s[i] = min(max(self.near_s[i] + (dt if depth > _NEAR else -dt), 0.0), _NEAR_S)
-        self.depth[i], self.often[i] = 0.0, self.often[i] - dt / _OFTEN_S * self.often[i]
+        self.depth[i] = 0.0
+        if depth * (1.0 + self.margin[i]) > _NEEDED:
+            self.needed_s[i] = _NEEDED_S
+        elif self.moving[i]:
+            self.needed_s[i] = max(self.needed_s[i] - dt, 0.0)
+            if self.needed_s[i] <= 0.0:
+                self.margin[i] -= dt / _MARGIN_S * self.margin[i]
         if self.lasted_s[i] > 0.0:
             self.lasted_s[i] = 0.0
             if self.beyond[i]:
                 self.beyond[i] = 0
                 return _AGREES
             self.raise_at(i, q)
-            if not grazed:
-                return _ENDED
-            self.often[i] += 1.0
-            return _GRAZED
-        if self.moving[i] and (self.value[i] > 0.0 or self.placed[i]):
+            return _GRAZED if grazed else _ENDED
+        if self.moving[i] and (self.value[i] > 0.0 or self.placed[i] or self.margin[i] > _SOME):
             return self._compare(i, q, velocity, residual, lowered, dt)
         return _AGREES
 
@@ -117,6 +129,13 @@ class Doubt:
         """Doubt joint i everywhere, until both directions agree."""
         self.value[i] = 1.0
         self._owe(i, 0)
+
+    def widen(self, i: int, own: bool) -> None:
+        """Widen the margin of joint i after a graze of this joint (`own`), or of another."""
+        if own:
+            self.margin[i] = min(2.0 * self.margin[i] + _MARGIN, _MOST_MARGIN)
+        else:
+            self.margin[i] = max(self.margin[i], _MARGIN)
 
     def reset(self, i: int) -> None:
         """Forget the contact of joint i that lasts."""
@@ -152,12 +171,10 @@ class Doubt:
             self._pass(i, q, agrees, dt)
         else:
             self.away_s[i] += dt
-        if self.value[i] <= 0.0:
-            return _AGREES
         if agrees:
             self._agree(i, velocity, dt)
             return _AGREES
-        if not here or self.value[i] >= 1.0:
+        if self.value[i] > 0.0 and (self.value[i] >= 1.0 or not here):
             self.value[i] = 1.0
             if velocity > 0.0:
                 self.upwards_owed_s[i] = _HOLDS_S

@@ -15,8 +15,8 @@ from estimator.residual cimport Residual
 from estimator.stiction cimport Stiction, displacement
 
 cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
-cdef long long _ENDED, _GRAZED, _FRICTION
-cdef double _REST_VELOCITY
+cdef long long _GRAZED, _FRICTION
+cdef double _SETS_OUT, _REST_VELOCITY
 cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
 cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION
 cdef Py_ssize_t _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION, _STICTION
@@ -87,6 +87,7 @@ cdef class Kernel:
     )
     cdef void _hold_against(self, Py_ssize_t i, double dt) noexcept
     cdef double _doubted(self, Py_ssize_t i) noexcept
+    cdef double _lowered_share(self, Py_ssize_t i) noexcept
     @cython.locals(doubt=double, doubted=double)
     cdef double _unknown(self, Py_ssize_t i) noexcept
     @cython.locals(learning=double)

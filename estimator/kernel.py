@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
-from estimator.doubt import ENDED, FRICTION, GRAZED, Doubt
+from estimator.doubt import FRICTION, GRAZED, Doubt
 from estimator.dynamics import Dynamics
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
@@ -28,6 +28,7 @@ from estimator.transmission import REST_VELOCITY, Transmission
 
 # For the compiler.
 _SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY
+_SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
 _SIDE_GAP, _SIDE_UNKNOWN = int(Side.GAP), int(Side.UNKNOWN)
 _SENSED_PERIODS = SENSED_PERIODS
 _INVALID, _LATE, _RESTARTED = int(Flag.INVALID), int(Flag.LATE), int(Flag.RESTARTED)
@@ -35,7 +36,7 @@ _STARTING, _BRIDGED, _RAISED = int(Flag.STARTING), int(Flag.BRIDGED), int(Flag.R
 _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA = range(5)  # rows of `interval.TERMS`
 _TAU_M, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION = range(5, 10)
 _STICTION = 10
-_ENDED, _GRAZED, _FRICTION = ENDED, GRAZED, FRICTION
+_GRAZED, _FRICTION = GRAZED, FRICTION
 # An interval of so many periods is late; one of so many raises the levels of its joint: two samples
 # were missing.
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
@@ -371,13 +372,16 @@ class Kernel:
             if abs(raw) < abs(corrected):
                 learning.give_up(i)
                 self.given_up[i] += 1
-        if verdict in (_ENDED, _GRAZED):
-            # What a rest, a load or a cable changes of one joint, it may change of all.
+        if verdict == _GRAZED:
+            # What a load or a cable changes of one joint, it may change of all.
             for k in range(self.n):
-                if verdict == _GRAZED:
-                    learning.grow(k, doubt.often[k])
+                doubt.widen(k, k == i)
                 if k != i:
                     doubt.raise_all(k)
+
+    def _lowered_share(self, i: int) -> float:
+        """Share of the stated level of joint i that learning and contacts in doubt leave."""
+        return float(min(self.learning.level(i) * (1.0 + self.doubt.margin[i]), 1.0))
 
     def _doubted(self, i: int) -> float:
         """Doubt of joint i where it is, 0 to 1. While learning is suspended it is 1: what was
@@ -455,10 +459,12 @@ class Kernel:
         usual = levels.usual(i, speed)
         moving = acts and speed > _REST_VELOCITY and not self.frozen
         self.doubt.moving[i] = moving
+        if speed > _SETS_OUT and learning.stood(i):
+            self.doubt.raise_all(i)
         doubt = self._doubted(i)
         learning.learn(
-            i, residual.values[0, i], self.threshold[i], usual, levels.friction[i],
-            levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
+            i, residual.values[0, i], self.threshold[i] / (1.0 + self.doubt.margin[i]), usual,
+            levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
         )  # fmt: skip
         self._apply(i)
 
@@ -467,7 +473,7 @@ class Kernel:
         self.motor_position.friction[i] = self.learning.friction(i)
         self.motor_position.friction_error[i] = self.learning.error(i)
         doubt = self._doubted(i)
-        share, crossing = self.learning.level(i), self.learning.crossing_level(i)
+        share, crossing = self._lowered_share(i), self.learning.crossing_level(i)
         self.levels.share[i] = share + doubt * (1.0 - share)
         self.levels.crossing[i] = crossing + doubt * (1.0 - crossing)
 

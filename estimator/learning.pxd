@@ -8,7 +8,7 @@ cdef extern from "math.h":
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
 cdef double _STANDS_S, _RESTS_S, _RESTING
 cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
-cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _GROWS, _GROWN, _LARGEST, _LEANS_S, _DOUBTED, _RELEARNS, _SETTLES_S, _PASSES_S
+cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _GROWS, _LARGEST, _LEANS_S, _DOUBTED, _RELEARNS, _SETTLES_S, _PASSES_S
 
 cdef class Learning:
     cdef double[:, ::1] _variance
@@ -27,9 +27,8 @@ cdef class Learning:
     cpdef double error(self, Py_ssize_t i) noexcept
     cpdef double unknown_at(self, Py_ssize_t i, double coulomb, double viscous) noexcept
     cpdef double doubted_at(self, Py_ssize_t i, double doubt) noexcept
+    cpdef bint stood(self, Py_ssize_t i) noexcept
     cpdef double identified(self, Py_ssize_t i) noexcept
-    @cython.locals(grown=double)
-    cpdef void grow(self, Py_ssize_t i, double often) noexcept
     cpdef void unsettle(self, Py_ssize_t i) noexcept
     cpdef void give_up(self, Py_ssize_t i) noexcept
     @cython.locals(constant=double)

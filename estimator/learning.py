@@ -58,8 +58,6 @@ _OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 600.0, 1.0
 _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7
 # One peak raises the level by no more than this: it may have been a person all the same.
 _GROWS = 1.1
-# What grazed the level raises it by this share.
-_GROWN = 0.1
 # Mean of the residual over so much motion [s]: what leans on the arm, and raises no level. Nor does
 # anything while so much of what was learned is in doubt.
 _LEANS_S, _DOUBTED = 5.0, 0.1
@@ -141,15 +139,13 @@ class Learning:
         """Uncertainty of the present friction of joint i at a doubt of 0 to 1 in learning [Nm]."""
         return float(_OFF * doubt * self.identified(i))
 
+    def stood(self, i: int) -> bool:
+        """True for a joint that has stood so long that its gear cooled."""
+        return bool(self.still_s[i] > _STANDS_S)
+
     def identified(self, i: int) -> float:
         """Size of the friction of joint i as it was identified, filtered as r is [Nm]."""
         return float(abs(self.columns[i, _VISCOUS]) + abs(self.columns[i, _COULOMB]))
-
-    def grow(self, i: int, often: float) -> None:
-        """Raise the level of joint i, whose residual grazed it so often lately: by _GROWN the first
-        time, and twice as much each time, up to four times."""
-        grown = (1.0 + 0.5 * _GROWN * 2.0 ** min(often, 3.0)) * self.level(i)
-        self.peak[i] = max(self.peak[i], min(grown, 1.0) / _OF_PEAK)
 
     def unsettle(self, i: int) -> None:
         """Know friction no better than before anything was learned of it, and keep what is believed

@@ -35,7 +35,7 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s"),
         *("way", "beyond", "rubs", "placed", "moving"),
         *("low", "high", "cleared_s", "upwards_s", "downwards_s", "met", "away_s"),
-        *("near_s", "depth", "often"),
+        *("near_s", "depth", "margin", "needed_s"),
     ),
 }
 # Only where something is carried, or learning stands still; else the memory is as it ever was.
@@ -65,6 +65,7 @@ _RANGES = {
     "learning.crossing_seen": (0.0, _LARGEST),
     "learning.passing": (0.0, _LARGEST),
     "doubt.value": (0.0, 1.0),
+    "doubt.margin": (0.0, _LARGEST),
     "doubt.way": (-1, 1),
     "doubt.beyond": (0, 1),
     "doubt.rubs": (0, 1),

@@ -37,7 +37,8 @@ TIMES: Final = 2.0
 MOVES: Final = 0.02
 """[rad/s]"""
 FAST: Final = 0.1
-"""of a joint that is touched in motion [rad/s]"""
+"""of a joint that is touched in motion [rad/s], beyond its gap for ENGAGED_S"""
+ENGAGED_S: Final = 0.3
 GAINS: Final = (0.1, 5.0)
 START: Final = np.array([0.3, 0.3, 0.0, -0.8, -1.0, 0.0, 0.0])
 
@@ -189,10 +190,12 @@ class Watched:
         while on.time_s < end:
             self.run(EVERY_S - TOUCH_S)
             waits = on.time_s + EVERY_S
-            while on.time_s < waits and not (
-                on.mode is Mode.TRACKING and abs(on.harness.plant.q_dot[i]) > FAST
-            ):
+            engaged_s = 0.0  # a joint that crosses its gap, or lands, would miss it anyway
+            while on.time_s < waits and engaged_s < ENGAGED_S:
                 self.step()
+                plant = on.harness.plant
+                moves = on.mode is Mode.TRACKING and abs(plant.q_dot[i]) > FAST
+                engaged_s = engaged_s + on.period_s if moves and not plant.in_gap[i] else 0.0
             if on.mode is Mode.TRACKING:
                 self.seen.felt.append(self._touch(torque))
 

@@ -162,14 +162,50 @@ def test_a_residual_that_creeps_over_the_level_grazes_it(
     assert contact(doubt, size) == verdict
 
 
-def test_how_often_it_was_grazed_fades() -> None:
+@pytest.mark.parametrize(
+    ("own", "margins"),
+    [
+        (True, (0.4, 1.2, 2.8, 4.0, 4.0)),  # again and again: soon at the stated level
+        (False, (0.4, 0.4, 0.4)),
+    ],
+)
+def test_a_graze_widens_the_margin(own: bool, margins: tuple[float, ...]) -> None:
     doubt = Doubt(1)
-    for times in (1, 2):
-        run(doubt, 0.3, residual=0.08)
-        contact(doubt, 0.12)
-        assert doubt.often[0] == pytest.approx(times, rel=0.01)
-    run(doubt, 300.0)
-    assert doubt.often[0] == pytest.approx(2 / np.e, rel=0.02)
+    for margin in margins:
+        doubt.widen(0, own)
+        assert doubt.margin[0] == pytest.approx(margin)
+
+
+def test_another_joints_graze_leaves_a_wide_margin_as_it_is() -> None:
+    doubt = Doubt(1)
+    for own in (True, True, False):
+        doubt.widen(0, own)
+    assert doubt.margin[0] == pytest.approx(1.2)
+
+
+def test_a_margin_fades_in_motion_that_needs_none() -> None:
+    doubt = Doubt(1)
+    doubt.widen(0, True)
+    for _ in range(3):
+        run(doubt, 0.02, residual=0.095)  # below the level, but hardly
+        run(doubt, 17.9, residual=0.085)
+    assert doubt.margin[0] == 0.4
+    run(doubt, 10.1, residual=0.085)
+    assert doubt.margin[0] == pytest.approx(0.4 / np.e, rel=0.02)
+
+
+def test_friction_that_is_another_is_found_below_the_margin() -> None:
+    doubt = Doubt(1)
+    doubt.widen(0, True)
+    assert FRICTION not in run(doubt, 1.0, velocity=0.3, residual=-0.12)
+    assert FRICTION in run(doubt, 1.0, velocity=-0.3, residual=0.12)
+
+
+def test_a_margin_stays_while_the_arm_stands() -> None:
+    doubt = Doubt(1)
+    doubt.widen(0, True)
+    run(doubt, 600.0, residual=0.02, moving=False)
+    assert doubt.margin[0] == 0.4
 
 
 def test_a_reset_forgets_the_contact_that_lasts() -> None:

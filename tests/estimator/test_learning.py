@@ -365,17 +365,3 @@ def test_memory_goes_on_bit_identically(days: dict[str, Recording], at: int) -> 
         np.testing.assert_array_equal(a.residual, b.residual, str(k))
         np.testing.assert_array_equal(a.threshold, b.threshold, str(k))
     assert whole.memory() == other.memory()
-
-
-def test_what_grazes_a_level_again_and_again_raises_it_in_larger_steps() -> None:
-    joint = Joint()
-    joint.swing(600.0, noise=0.05)
-    before = joint.learning.level(0)
-    for often, share in ((0.0, 1.05), (1.0, 1.1), (2.0, 1.2), (3.0, 1.4), (9.0, 1.4)):
-        level = joint.learning.level(0)
-        joint.learning.grow(0, often)
-        assert joint.learning.level(0) == pytest.approx(min(share * level, 1.0))
-    assert joint.learning.level(0) > 1.9 * before
-    for _ in range(9):
-        joint.learning.grow(0, 2.0)
-    assert joint.learning.level(0) == 1.0, "and never beyond the stated one"
