@@ -1,6 +1,6 @@
 """Requests of the control socket: one struct per command, with the arguments that it takes.
 
-JSON objects, told apart by `command`. A field that a command does not take is refused, as is an
+JSON objects, distinguished by `command`. A field that a command does not take is refused, as is an
 unknown one.
 """
 
