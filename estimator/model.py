@@ -1,6 +1,5 @@
 """Rigid-body dynamics of the links: M(q), C(q, q_dot)^T q_dot and g(q), by pinocchio."""
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -9,15 +8,19 @@ import numpy as np
 import pinocchio as pin
 
 from common.arrays import Matrix, Vector, check_shapes
-from common.errors import ModelError
-from common.regular_file import read_text
 from estimator.body_inertia import PARAMETERS, BodyInertia, refuse_impossible
 from estimator.dynamics import Body, Dynamics
-from estimator.urdf import MovedLink, moved_links
+from estimator.model_reading import (
+    add_tool,
+    body_of,
+    hand_of,
+    order_of,
+    reach_of,
+    read_urdf,
+    refuse_weightless,
+)
 
 # That of a milligram at a millimetre: what is less is rounding.
-_NO_INERTIA = 1e-12  # kg m2
-_OFF_AXIS = 0.01  # [m]; nearer to the joint, a force has no lever about it
 
 
 class Model:
@@ -49,28 +52,28 @@ class Model:
         joints: Sequence[str],
         bodies: Mapping[str, BodyInertia] = MappingProxyType({}),
     ) -> None:
-        model, self.links = _read(urdf)
+        model, self.links = read_urdf(urdf)
         self.names = tuple(joints)
         self.n = len(self.names)
         where = "the URDF" if isinstance(urdf, str) else str(urdf)
-        order = _order(model, self.names, where)
+        order = order_of(model, self.names, where)
         model.armature[:] = 0.0
         for name, body in bodies.items():
             refuse_impossible(name, body)
             inertia = pin.Inertia(body.mass, np.array(body.com), body.tensor())
             model.inertias[model.getJointId(name)] = inertia
-        _refuse_weightless(model, where)
+        refuse_weightless(model, where)
         self.lower: Vector = model.lowerPositionLimit[order]
         self.upper: Vector = model.upperPositionLimit[order]
         # Row i of the caller is coordinate order[i] of pinocchio; `None` spares the permutation.
         self._order = None if np.array_equal(order, np.arange(self.n)) else order
-        self.hand, placement = _hand(model)
+        self.hand, placement = hand_of(model)
         self._hand_rotation, self._hand_place = placement.rotation, placement.translation
-        self.tool, self._tool = _add_tool(model)
+        self.tool, self._tool = add_tool(model)
         tool = model.frames[self._tool].placement.translation
         self.tool_place: Vector = self._hand_rotation.T @ (tool - self._hand_place)
         self.mass = float(sum(body.mass for body in list(model.inertias)[1:]))
-        self.reach = _reach(model)
+        self.reach = reach_of(model)
         self._model = model
         self._data = model.createData()
         self._q = np.zeros(self.n)
@@ -92,7 +95,7 @@ class Model:
         """Bodies of the joints, each behind its parent: the caller's order is in `Body.row`."""
         order = np.arange(self.n) if self._order is None else self._order
         row = np.argsort(order)
-        return [_body(self._model, k, int(row[k])) for k in range(self.n)]
+        return [body_of(self._model, k, int(row[k])) for k in range(self.n)]
 
     def parameters(self) -> Matrix:
         """Ten parameters of each joint's body (n, 10), `body_inertia.PARAMETERS`: a copy."""
@@ -178,127 +181,3 @@ def _cross(x: Matrix, y: Vector) -> Matrix:
     return np.array(
         [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
     )
-
-
-def _read(urdf: Path | str) -> tuple[pin.Model, tuple[MovedLink, ...]]:
-    """pinocchio's model of a file, or of the text of one, and its links that move."""
-    where = "the URDF" if isinstance(urdf, str) else str(urdf)
-    try:
-        text = urdf if isinstance(urdf, str) else read_text(urdf)
-        links = tuple(moved_links(text))
-        mass = sum(link.mass for link in links)
-        model = pin.buildModelFromXML(text)
-    except ModelError as error:
-        raise ModelError(f"{where}: {error}") from error
-    except (OSError, ValueError, RuntimeError) as error:
-        raise ModelError(f"{where}: not a URDF that can be read: {error}") from error
-    # XML makes spaces of tabs in a value, pinocchio's parser does not, and leaves the link out.
-    read = sum(body.mass for body in list(model.inertias)[1:])
-    if not math.isclose(read, mass, rel_tol=1e-6):
-        raise ModelError(
-            f"{where}: pinocchio reads only {read:g} of the {mass:g} kg that move: no tab and no "
-            "line break is allowed within a value of an <inertial>"
-        )
-    return model, links
-
-
-def _order(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
-    """Coordinate of each of the caller's joints in pinocchio's vectors."""
-    movable = list(model.names)[1:]
-    for name in joints:
-        if name not in movable:
-            raise ModelError(f"{urdf}: no movable joint {name!r}; it has {', '.join(movable)}")
-        if joints.count(name) > 1:
-            raise ModelError(f"joint {name!r} is named twice")
-    for name in movable:
-        if name not in joints:
-            raise ModelError(f"{urdf}: joint {name!r} moves but is not measured; make it fixed")
-        joint = model.joints[model.getJointId(name)]
-        # One that slides has one coordinate as well, in m: a weight in N would count as Nm.
-        if joint.nq != 1 or joint.nv != 1 or not joint.shortname().startswith("JointModelR"):
-            raise ModelError(f"{urdf}: joint {name!r} must be revolute, with limits")
-    return np.array([model.joints[model.getJointId(name)].idx_v for name in joints])
-
-
-def _body(model: pin.Model, coordinate: int, row: int) -> Body:
-    """Body of joint `coordinate` + 1; the coordinates are in the order of the joints."""
-    index = coordinate + 1
-    joint, inertia = model.joints[index], model.inertias[index]
-    placement = model.jointPlacements[index]
-    data = joint.createData()
-    joint.calc(data, np.zeros(model.nq), np.zeros(model.nv))
-    axis = np.asarray(data.S).ravel()
-    return Body(
-        parent=model.parents[index] - 1,
-        row=row,
-        rotation=placement.rotation.copy(),
-        translation=placement.translation.copy(),
-        turning=axis[3:],
-        sliding=axis[:3],
-        mass=inertia.mass,
-        moment=inertia.mass * inertia.lever,
-        inertia=inertia.matrix()[3:, 3:].copy(),
-    )
-
-
-def _hand(model: pin.Model) -> tuple[str, pin.SE3]:
-    """Name of the URDF's last link, and where its frame is in that of the last joint."""
-    joint = model.njoints - 1
-    links = [
-        frame
-        for frame in model.frames
-        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY
-    ]
-    return links[-1].name, links[-1].placement.copy()
-
-
-def _add_tool(model: pin.Model) -> tuple[str, int]:
-    """The tool point, in words, and its frame: the origin of the URDF's last link if that is off
-    the axis of the last joint, as a fixed `tool0` is; else the centre of mass of that joint's body,
-    as the origin of a link that turns about it has no lever."""
-    joint = model.njoints - 1
-    links = [
-        (i, frame)
-        for i, frame in enumerate(model.frames)
-        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY
-    ]
-    index, link = links[-1]
-    if np.linalg.norm(link.placement.translation) > _OFF_AXIS:
-        return f"the origin of {link.name}", index
-    center = pin.SE3(np.eye(3), model.inertias[joint].lever)
-    frame = pin.Frame("centre of mass of the tool", joint, center, pin.FrameType.OP_FRAME)
-    # Adding the frame's inertia, of nothing, would round that of the joint.
-    return f"the centre of mass of {link.name}", model.addFrame(frame, append_inertia=False)
-
-
-def _reach(model: pin.Model) -> float:
-    """Longest way [m] from the first joint through the others to the far end of a body."""
-    way = np.zeros(model.njoints)
-    ends = np.zeros(model.njoints)
-    for i in range(1, model.njoints):
-        parent = model.parents[i]
-        if parent:
-            way[i] = way[parent] + np.linalg.norm(model.jointPlacements[i].translation)
-        ends[i] = way[i] + 2.0 * np.linalg.norm(model.inertias[i].lever)
-    return float(ends.max())
-
-
-def _refuse_weightless(model: pin.Model, urdf: str) -> None:
-    """A joint that moves no mass, or whose M_ii vanishes in some pose: M would be singular."""
-    data = model.createData()
-    pin.computeSubtreeMasses(model, data)
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    poses = (np.clip(0.0, lower, upper), lower, 0.5 * (lower + upper), upper)
-    least = np.min([np.diag(pin.crba(model, data, q)) for q in poses], axis=0)
-    for name in list(model.names)[1:]:
-        joint = model.getJointId(name)
-        if not data.mass[joint] > 0:
-            raise ModelError(
-                f"{urdf}: nothing that joint {name!r} moves has a mass; its link needs an "
-                "<inertial> with mass, in kg, and inertia"
-            )
-        if not (inertia := least[model.joints[joint].idx_v]) > _NO_INERTIA:
-            raise ModelError(
-                f"{urdf}: joint {name!r} moves an inertia of {inertia:.3g} kg m2 about its axis "
-                f"in some pose; it must be above {_NO_INERTIA:g}: the links need their <inertia>"
-            )

@@ -8,7 +8,8 @@ from msgspec.structs import replace
 
 from common.errors import ModelError, TrajectoryError
 from daemon.config.motion import limits_of
-from daemon.modes.table import Event, Mode, ModeMachine
+from daemon.modes.machine import ModeMachine
+from daemon.modes.table import Event, Mode
 from daemon.motion.path import Place
 from daemon.protocol import requests
 from daemon.protocol.lease import in_words

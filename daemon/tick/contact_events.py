@@ -3,9 +3,10 @@ the configured reactions and as far as the arm can follow it."""
 
 from daemon.faults.table import Response
 from daemon.modes.contact_reactions import ATTENTIVE, Reactions
+from daemon.modes.machine import ModeMachine, Trigger
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.release_stage import LEFT, ReleaseStage, after_change, after_release
-from daemon.modes.table import GUIDED, SENSING, Event, Mode, ModeMachine, Trigger
+from daemon.modes.table import GUIDED, SENSING, Event, Mode
 from daemon.motion.motion import Motion
 from daemon.tick.decision import ControlInput
 

@@ -9,19 +9,10 @@ from common.arrays import Vector
 from daemon.faults.finding import Finding, strongest
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet
+from daemon.modes.machine import Change, ModeMachine, Trigger
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.release_stage import ReleaseStage
-from daemon.modes.table import (
-    ARMABLE,
-    GUIDED,
-    YIELDING,
-    Change,
-    Event,
-    Mode,
-    ModeMachine,
-    Trigger,
-    refusal,
-)
+from daemon.modes.table import ARMABLE, GUIDED, YIELDING, Event, Mode, refusal
 from daemon.motion.admittance import Allowance
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion

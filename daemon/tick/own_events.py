@@ -7,9 +7,10 @@ import numpy as np
 
 from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.modes.contact_reactions import AfterQuiet
+from daemon.modes.machine import ModeMachine, Trigger
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.release_stage import Ending
-from daemon.modes.table import Event, Mode, ModeMachine, Trigger
+from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import Allowance
 from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion

@@ -12,7 +12,8 @@ from common.arrays import Vector
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
 from daemon.faults.table import Condition, Response
-from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Change, Mode, refusal
+from daemon.modes.machine import Change
+from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Mode, refusal
 from daemon.motion.hand_witness import IndependentResidual, agreed
 from daemon.motion.limits import all_finite
 from daemon.protocol.state import Notice

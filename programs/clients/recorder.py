@@ -5,45 +5,25 @@ every bit; channel `/snapshot` has their context, once at the start and again af
 Foxglove and PlotJuggler open such files.
 """
 
-import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, get_type_hints
+from typing import IO
 
 import msgspec
-from mcap.records import Channel, Header, Message
-from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from common.errors import LogError, UnreachableError
+from common.errors import UnreachableError
 from common.new_file import open_new, refuse_unless_new
-from common.regular_file import open_regular
-from daemon.protocol.state import PerJoint, Snapshot, State, format_refusal
-from daemon.protocol.strict_json import StrictDecoder
-from daemon.protocol.text import printable
+from daemon.protocol.state import Snapshot
 from programs.clients.client import Client
 from programs.clients.cut_short import cut_short
+from programs.clients.log_reader import KINDS, PROFILE, holds_a_state
 from programs.clients.viewer_schema import viewer_schema
 
-KINDS: dict[str, type[Snapshot] | type[State]] = {"/snapshot": Snapshot, "/state": State}
-DECODERS: dict[type[Snapshot] | type[State], StrictDecoder[Any]] = {
-    kind: StrictDecoder(kind) for kind in KINDS.values()
-}
-# Fields of a State with one entry per joint.
-PER_JOINT = (
-    "fresh",
-    "drives",
-    "side",
-    *(name for name, kind in get_type_hints(State).items() if kind in (PerJoint, PerJoint | None)),
-)
-MAGIC = b"\x89MCAP0\r\n"
-PROFILE = "contactd"
 # Lost at most when the process is killed: 0.25 s of seven joints, 0.75 s of one, at 100 Hz. Files
 # are 3 to 9 % larger than with 512 kB, at no more CPU time.
 CHUNK_BYTES = 64 * 1024
-PROGRESS_STATES = 1024  # between two reports of how far a file was read
-RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +40,6 @@ class Recording:
     def __str__(self) -> str:
         again = f", {self.snapshots} snapshots" if self.snapshots > 1 else ""
         return f"{self.duration_s:.1f} s, {self.states} states, {self.lost} lost{again}"
-
-
-class _Format(msgspec.Struct):
-    """Version of a Snapshot, read before anything else of it."""
-
-    format: int = 0
 
 
 class _Wall(msgspec.Struct):
@@ -206,112 +180,3 @@ class _LogWriter:
     def _write(self, topic: str, time_ns: int, data: bytes) -> None:
         channel = self._channels[topic]
         self._writer.add_message(channel, log_time=time_ns, data=data, publish_time=time_ns)
-
-
-def read_log(
-    path: Path, progress: Callable[[float], None] = lambda share: None
-) -> Iterator[Snapshot | State]:
-    """Messages of a recording, in order, one at a time; `progress` gets the share of the file that
-    was read, now and then.
-
-    Raises LogError if `path` cannot be read, is no MCAP file, is no recording of contactd, is of a
-    format that is not read here, or is damaged; of a file that ends in the middle, all whole
-    messages come first.
-    """
-    try:
-        stream = open_regular(path)
-    except OSError as error:
-        raise LogError(f"cannot read {path}: {error.strerror}") from error
-    states = joints = 0
-    size = max(os.fstat(stream.fileno()).st_size, 1)
-    last = "none"
-    topics: dict[int, str] = {}
-    with stream:
-        try:
-            for found in mcap_records(path, stream):
-                if isinstance(found, Channel):
-                    topics[found.id] = found.topic
-                elif isinstance(found, Message) and (kind := KINDS.get(_topic(found, topics))):
-                    if kind is Snapshot:
-                        _refuse_other_format(path, found.data)
-                    message = DECODERS[kind].decode(found.data)
-                    joints = _joints_of(message, joints)
-                    if isinstance(message, State):
-                        states += 1
-                        last = str(message.tick)
-                        if states % PROGRESS_STATES == 0:
-                            progress(stream.tell() / size)
-                    yield message
-        except BrokenError as error:
-            raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise LogError(f"{path} is of another version after tick {last}: {error}") from error
-
-
-def holds_a_state(path: Path) -> bool:
-    """True if a State can be read from a recording, whole or not."""
-    try:
-        return any(isinstance(message, State) for message in read_log(path))
-    except LogError:
-        return False
-
-
-def _joints_of(message: Snapshot | State, before: int) -> int:
-    """Number of joints from a message on. Raises BrokenError for a State with another number, or
-    without a Snapshot before it, and for a joint's name that would upset a terminal."""
-    if isinstance(message, Snapshot):
-        if odd := [name for name in message.joints if not name or name != printable(name)]:
-            raise BrokenError(f"is damaged: {odd[0]!r} is no name of a joint")
-        return len(message.joints)
-    for field in PER_JOINT:
-        values = getattr(message, field)
-        if values is not None and len(values) != before:
-            raise BrokenError(
-                f"is damaged in tick {message.tick}: {len(values)} values of {field} for {before} "
-                "joints"
-            )
-    return before
-
-
-def _refuse_other_format(path: Path, snapshot: bytes) -> None:
-    if refusal := format_refusal(msgspec.json.decode(snapshot, type=_Format).format):
-        raise LogError(f"{path} is a recording {refusal}")
-
-
-def _topic(message: Message, topics: Mapping[int, str]) -> str:
-    """Topic of a message. Raises BrokenError if it names a channel that does not exist."""
-    if message.channel_id not in topics:
-        raise BrokenError(f"is damaged: no channel {message.channel_id}")
-    return topics[message.channel_id]
-
-
-class BrokenError(Exception):
-    """Damage of a file; `read_log` adds how far it was read."""
-
-
-def mcap_records(path: Path, stream: IO[bytes], *, ours: bool = True) -> Iterator[Any]:
-    """Records of an MCAP file, one of contactd unless it need not be `ours`.
-
-    Every failure of the library becomes a BrokenError; LogError where it is no such file.
-    """
-    begin = stream.read(len(MAGIC))
-    if not begin:
-        raise LogError(f"{path} is empty")
-    if begin != MAGIC:
-        raise LogError(f"{path} is not an MCAP file")
-    size = path.stat().st_size
-    stream.seek(0)
-    reader = StreamReader(stream, validate_crcs=True, record_size_limit=RECORD_LIMIT_BYTES)
-    records = reader.records
-    while True:
-        try:
-            found = next(records)
-        except StopIteration:
-            return
-        except Exception as error:  # garbage makes the library raise nearly anything
-            if stream.tell() >= size:
-                raise BrokenError("ends in the middle") from error
-            raise BrokenError(f"is damaged ({error})") from error
-        if ours and isinstance(found, Header) and found.profile != PROFILE:
-            raise LogError(f"{path} is an MCAP file, but not a recording of contactd")
-        yield found

@@ -15,7 +15,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
 from estimator.estimator import Estimator
 from programs.clients.columns import Columns, Layout, first_difference
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 
 SAME_ESTIMATOR = 6
 """Format from which on the estimator computes what it does now: those before believed something

@@ -7,14 +7,8 @@ import click
 from common.errors import LogError, UnreachableError
 from common.regular_file import open_regular
 from contactd_client.paths import how_to_be_let_in, usual_socket_path
-from daemon.service.black_box import (
-    default_directory,
-    new_log,
-    ring_path,
-    save_left_over,
-    write_context,
-    write_log,
-)
+from daemon.service.black_box import default_directory, ring_path
+from daemon.service.black_box_log import new_log, save_left_over, write_context, write_log
 from drivers.can.frame_ring import read_frames
 
 

@@ -15,7 +15,7 @@ from mcap.records import Channel, Message
 from common.errors import LogError
 from common.regular_file import open_regular
 from daemon.protocol.text import printable
-from programs.clients.recorder import BrokenError, mcap_records
+from programs.clients.log_reader import BrokenError, mcap_records
 
 TIME = "time"
 

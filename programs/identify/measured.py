@@ -22,7 +22,7 @@ from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES
 from estimator.estimate import Flag
 from identification.motion_log import MotionLog
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.identify.csv_log import COLUMNS, read_csv
 from programs.identify.log_names import is_foreign
 

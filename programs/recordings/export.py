@@ -10,7 +10,7 @@ from typing import IO, Final
 from common.errors import LogError, ModelError
 from common.new_file import whole_file
 from daemon.protocol.state import Snapshot, State
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 
 DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
 _LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say

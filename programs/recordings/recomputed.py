@@ -25,7 +25,8 @@ from daemon.config.load import parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Snapshot, State, format_refusal
-from daemon.service.black_box import FORMATS, Context, context_of_log, default_directory
+from daemon.service.black_box import default_directory
+from daemon.service.black_box_log import FORMATS, Context, context_of_log
 from daemon.tick.decision import Decision
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of
 from drivers.api import DriveCondition, Samples
@@ -33,7 +34,8 @@ from drivers.canopen.answers import Answers, Counters
 from drivers.canopen.codec import link_side, receive_pdos
 from drivers.canopen.ids import SYNC
 from estimator.estimator import Estimator
-from programs.clients.recorder import CHUNK_BYTES, KINDS, PROFILE
+from programs.clients.log_reader import KINDS, PROFILE
+from programs.clients.recorder import CHUNK_BYTES
 from programs.clients.viewer_schema import viewer_schema
 from programs.recordings.row_cache import cache_directory, content_digest
 

@@ -16,7 +16,7 @@ from daemon.config.load import load_robot
 from daemon.motion.trajectory_file import read_trajectory
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from estimator.model import Model
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.identify.measured import from_csv
 from simulator.hand_script import read_script
 from simulator.objects import entries

@@ -189,6 +189,7 @@ def test_a_margin_fades_in_motion_that_needs_none() -> None:
     for _ in range(3):
         run(doubt, 0.02, residual=0.095)  # below the level, but hardly
         run(doubt, 17.9, residual=0.085)
+    run(doubt, 600.0, residual=0.085, moving=False)
     assert doubt.margin[0] == 0.4
     run(doubt, 10.1, residual=0.085)
     assert doubt.margin[0] == pytest.approx(0.4 / np.e, rel=0.02)
@@ -199,13 +200,6 @@ def test_friction_that_is_another_is_found_below_the_margin() -> None:
     doubt.widen(0, True)
     assert FRICTION not in run(doubt, 1.0, velocity=0.3, residual=-0.12)
     assert FRICTION in run(doubt, 1.0, velocity=-0.3, residual=0.12)
-
-
-def test_a_margin_stays_while_the_arm_stands() -> None:
-    doubt = Doubt(1)
-    doubt.widen(0, True)
-    run(doubt, 600.0, residual=0.02, moving=False)
-    assert doubt.margin[0] == 0.4
 
 
 def test_a_reset_forgets_the_contact_that_lasts() -> None:

@@ -17,7 +17,7 @@ from common.errors import LogError
 from common.new_file import whole_file
 from daemon.protocol.trend_row import trends_folder
 from programs.clients.cut_short import cut_short
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.contactd import contactd
 from programs.trends.day import write_day
 from tests.fake_daemon import snapshot_at, state_at

@@ -4,6 +4,7 @@ from itertools import product
 
 import pytest
 
+from daemon.modes.machine import ModeMachine
 from daemon.modes.table import (
     ARMABLE,
     DISARMING,
@@ -14,7 +15,6 @@ from daemon.modes.table import (
     TRANSITIONS,
     Event,
     Mode,
-    ModeMachine,
     next_mode,
 )
 

@@ -18,8 +18,9 @@ from click.testing import CliRunner
 
 from common.errors import LogError
 from daemon.protocol.doors import DOORS, Door
-from daemon.service import black_box
-from daemon.service.black_box import BlackBox, follow, ring_path, save, save_left_over, write_log
+from daemon.service import black_box, black_box_log
+from daemon.service.black_box import BlackBox, ring_path
+from daemon.service.black_box_log import follow, save, save_left_over, write_log
 from drivers.can.frame_ring import FrameRing, Recorded
 from drivers.can.wire import ERROR, EXTENDED, REMOTE
 from programs.contactd.contactd import main
@@ -121,7 +122,7 @@ def test_old_logs_go(path, logs):
     kept = save(path, logs)
     names = sorted(log.name for log in logs.iterdir())
     assert kept is not None
-    assert len(names) == black_box.LOGS_KEPT
+    assert len(names) == black_box_log.LOGS_KEPT
     assert names[-1] == kept.name
     assert ids(kept) == [0x181, 0x182, 0x183]
 
@@ -160,20 +161,20 @@ def test_one_log_for_a_fault_or_a_death_and_none_for_an_orderly_end(path, logs, 
 
 
 def test_a_fault_waits_for_its_aftermath_and_the_next_is_another(path, logs, monkeypatch):
-    monkeypatch.setattr(black_box, "AFTERMATH_S", 0.01)
+    monkeypatch.setattr(black_box_log, "AFTERMATH_S", 0.01)
     filled(path)
     assert len(helper(path, logs, b"one\n", b"two\n", b"ended\n")) == 2
 
 
 def test_a_helper_leaves_the_ring_of_the_next_daemon_alone(path, logs, monkeypatch):
     filled(path)
-    written = black_box.save
+    written = black_box_log.save
 
     def late(*arguments):
         filled(path)  # the next daemon has started meanwhile
         return written(*arguments)
 
-    monkeypatch.setattr(black_box, "save", late)
+    monkeypatch.setattr(black_box_log, "save", late)
     helper(path, logs)
     assert path.exists()
 

@@ -14,7 +14,8 @@ from daemon.modes.table import Event, Mode
 from daemon.protocol.state import State
 from daemon.tick.load_watch import Interruptions
 from estimator.payload import Payload
-from programs.clients.recorder import read_log, record
+from programs.clients.log_reader import read_log
+from programs.clients.recorder import record
 from programs.clients.replay import replay
 
 SWING = {

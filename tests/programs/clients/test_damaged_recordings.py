@@ -17,7 +17,7 @@ from common.errors import ContactdError, LogError
 from daemon.config.load import load_robot
 from daemon.protocol.state import Snapshot, State
 from daemon.service.status import snapshot_of
-from programs.clients.recorder import PROFILE, read_log
+from programs.clients.log_reader import PROFILE, read_log
 from programs.clients.replay import replay
 from programs.contactd.contactd import main
 from programs.identify.measured import read_measured

@@ -16,7 +16,8 @@ from daemon.modes.table import Event
 from daemon.protocol.state import Snapshot, State
 from estimator.payload import Payload
 from programs.clients import replay as replaying
-from programs.clients.recorder import CHUNK_BYTES, PROFILE, read_log, record
+from programs.clients.log_reader import PROFILE, read_log
+from programs.clients.recorder import CHUNK_BYTES, record
 from programs.clients.replay import Replay, replay
 
 Messages = list[Snapshot | State]

@@ -16,7 +16,7 @@ import pytest
 from click.testing import Result
 
 from daemon.protocol.state import State
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.contactctl import contactctl
 
 ROOT = Path(contactctl.__file__).parents[2]

@@ -14,7 +14,8 @@ from daemon.config import identified as file
 from daemon.config.load import Robot, load_robot
 from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
-from programs.clients.recorder import read_log, record
+from programs.clients.log_reader import read_log
+from programs.clients.recorder import record
 from programs.clients.replay import Replay, replay
 from programs.identify import session
 from programs.simulate.simulated_robot import describe

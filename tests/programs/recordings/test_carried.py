@@ -14,7 +14,7 @@ from daemon.protocol.state import Snapshot, State
 from daemon.service.status import snapshot_of
 from estimator.model import Model
 from estimator.payload import Payload
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.recordings.carried import Carried
 from programs.recordings.replayed import ReplayedRows
 from programs.recordings.settings import Change, changed_configuration

@@ -12,10 +12,10 @@ from click.testing import CliRunner
 from bench.rigs.lockstep import SINGLE_JOINT, lockstep_rig
 from common.errors import LogError
 from daemon.protocol.state import State
-from daemon.service.black_box import Context, context_of_log, context_path, save
+from daemon.service.black_box_log import Context, context_of_log, context_path, save
 from daemon.service.status import context_of
 from drivers.can.frame_ring import FrameRing, RecordedWire
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.contactd.contactd import main
 from programs.recordings.recomputed import as_recording, last_fault, recomputed
 

@@ -17,7 +17,7 @@ from bench.rigs.recorded_arm import made
 from common.errors import ConfigurationError
 from daemon.protocol.state import Snapshot, State
 from estimator.alarms import critical_collision
-from programs.clients.recorder import read_log
+from programs.clients.log_reader import read_log
 from programs.clients.replay import SAME_ESTIMATOR
 from programs.contactd.contactd import main
 from programs.recordings.labels import Label
