@@ -52,7 +52,7 @@ _STANDS_S, _RESTS_S, _RESTING = 60.0, 7200.0, 12.0
 # _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud
 # for longer than _LASTS_S may be a person, and does not count.
 _OF_RMS, _RMS_S, _AT_FIRST_S = 2.9, 300.0, 10.0
-_OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 600.0, 1.0
+_OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 300.0, 1.0
 # While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
 # so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
 _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7

@@ -365,3 +365,19 @@ def test_memory_goes_on_bit_identically(days: dict[str, Recording], at: int) -> 
         np.testing.assert_array_equal(a.residual, b.residual, str(k))
         np.testing.assert_array_equal(a.threshold, b.threshold, str(k))
     assert whole.memory() == other.memory()
+
+
+@pytest.mark.parametrize(("rested_s", "share"), [(30.0, 0.5), (59.0, 0.5), (61.0, 1.0)])
+def test_a_joint_that_sets_out_after_a_minute_of_rest_is_at_its_stated_level(
+    rested_s: float, share: float
+) -> None:
+    estimator, zero = build(load_robot(ROMEO)), np.zeros(7)
+    memory = estimator.memory()
+    memory["learning"]["squares_s"] = [0.0] * 7  # it had needed half of its level
+    memory["learning"]["peak"] = [0.5 / 1.5] * 7
+    estimator.restore(memory)
+    for _ in range(round(rested_s / 0.01)):
+        estimator.step(zero, zero, zero, zero)
+    for _ in range(5):
+        estimate = estimator.step(zero, zero, np.full(7, 0.02), zero)
+    assert estimate.level_share == pytest.approx(np.full(7, share), abs=0.06)
