@@ -163,24 +163,18 @@ def test_a_residual_that_creeps_over_the_level_grazes_it(
 
 
 @pytest.mark.parametrize(
-    ("own", "margins"),
+    ("grazes", "margins"),
     [
-        (True, (0.4, 1.2, 2.8, 4.0, 4.0)),  # again and again: soon at the stated level
-        (False, (0.4, 0.4, 0.4)),
+        ("own own own own own", (0.4, 1.2, 2.8, 4.0, 4.0)),  # soon at the stated level
+        ("other other", (0.4, 0.4)),
+        ("own own other", (0.4, 1.2, 1.2)),
     ],
 )
-def test_a_graze_widens_the_margin(own: bool, margins: tuple[float, ...]) -> None:
+def test_a_graze_widens_the_margin(grazes: str, margins: tuple[float, ...]) -> None:
     doubt = Doubt(1)
-    for margin in margins:
-        doubt.widen(0, own)
+    for graze, margin in zip(grazes.split(), margins, strict=True):
+        doubt.widen(0, graze == "own")
         assert doubt.margin[0] == pytest.approx(margin)
-
-
-def test_another_joints_graze_leaves_a_wide_margin_as_it_is() -> None:
-    doubt = Doubt(1)
-    for own in (True, True, False):
-        doubt.widen(0, own)
-    assert doubt.margin[0] == pytest.approx(1.2)
 
 
 def test_a_margin_fades_in_motion_that_needs_none() -> None:

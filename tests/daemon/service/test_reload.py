@@ -1,7 +1,6 @@
 """Files read anew by a running daemon, in lockstep: changed while off, while on, badly, half-way,
 by two at once, and while somebody records."""
 
-import shutil
 import threading
 import tracemalloc
 from collections.abc import Callable, Iterator
@@ -11,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
+from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ContactdError, ControlError
 from contactd_client.client import Joined, Lost, follow
@@ -20,17 +19,10 @@ from daemon.protocol.state import Snapshot, State
 from estimator.model import Model
 from programs.clients import recorder
 from programs.clients.client import Client
+from programs.clients.log_reader import read_log
 from programs.clients.reload import reload
 
 Edit = Callable[[dict[str, Any]], None]
-
-
-@pytest.fixture
-def arm(tmp_path: Path) -> Path:
-    """A folder of its own, to be edited."""
-    shutil.copytree(ROMEO, tmp_path / ROMEO.name)  # whose EDS the joint's drive refers to
-    shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
-    return tmp_path / "arm"
 
 
 @pytest.fixture
@@ -273,7 +265,7 @@ def test_a_recording_ends_whole(served: ServedDaemon, arm: Path, tmp_path: Path)
     assert served.contactctl("reload").exit_code == 0
     served.until(thread.join)
     assert made[0].ended, "the daemon hung up"
-    kinds = [type(message) for message in recorder.read_log(file)]
+    kinds = [type(message) for message in read_log(file)]
     assert kinds[0] is Snapshot
     assert kinds.count(State) == made[0].states > 40
 

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import pty
-import shutil
 import subprocess
 import sys
 import threading
@@ -21,7 +20,6 @@ import zenoh
 from click.testing import CliRunner
 from rosbags.typesys import Stores, get_typestore
 
-from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from contactd_client.paths import view_socket_path
 from programs.clients.client import Client
@@ -34,14 +32,6 @@ from tests.programs.zenoh.zenoh_router import free_port, session_at
 ROOT = Path(contactd.__file__).parents[2]
 OLD, NEW = "joint", "elbow"
 PATIENCE_S = 120.0
-
-
-@pytest.fixture
-def arm(tmp_path: Path) -> Path:
-    """A folder of its own, to be edited."""
-    shutil.copytree(ROMEO, tmp_path / ROMEO.name)  # whose EDS the joint's drive refers to
-    shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
-    return tmp_path / "arm"
 
 
 @pytest.fixture
