@@ -79,9 +79,9 @@ def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> No
         assert learning.level(0) <= 1.1 * level + 1e-9
         level = learning.level(0)
     assert level == pytest.approx(1.5 * 0.6, rel=2e-2)
-    for minutes in (5, 10):
-        shown(300.0, 0.0, learning)
-        assert learning.level(0) == pytest.approx(level * np.exp(-minutes / 10), rel=2e-3)
+    for minutes in (2.5, 5):
+        shown(150.0, 0.0, learning)
+        assert learning.level(0) == pytest.approx(level * np.exp(-minutes / 5), rel=2e-3)
     shown(DT, 0.2, learning)  # a smaller one is no matter
     assert learning.level(0) == pytest.approx(level * np.exp(-1.0), rel=2e-3)
 
