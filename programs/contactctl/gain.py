@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from programs.command_line.options import Command, Options
-from programs.command_line.sentences import say
+from programs.command_line.sentences import aligned, say
 from programs.contactctl.replies import answer, print_json
 
 if TYPE_CHECKING:
@@ -189,11 +189,6 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
         )
         for (name, row), now, then in zip(rows.items(), *ways, strict=True)
     ]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = [
-        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
-        for line in table
-    ]
     even = [
         max(row[f"{when}most_N"] for row in rows.values())
         / min(row[f"{when}least_N"] for row in rows.values())
@@ -201,7 +196,7 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     ]
     return "\n".join(
         [
-            *lines,
+            *aligned(table, numbers=True),
             f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
             "within the limits but for rare ones.",
             "Rest: from which a joint sets out, by its level and friction, which no gain changes; "

@@ -22,8 +22,6 @@ from daemon.protocol.state import Snapshot, State
 #: Columns of Rows with one number per joint.
 MATRICES: Final = ("residual", "threshold", "level_share")
 _LEARNS_SINCE: Final = 4  # format
-_SENSING: Final = frozenset(mode.value for mode in SENSING)
-_YIELDING: Final = frozenset(mode.value for mode in YIELDING)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +65,7 @@ def times_and_reports(
     """Rows.time_s and Rows.reports of these States of `n` joints."""
     always, never = [True] * n, [False] * n
     time_s = np.array([state.time_s for state in states]) - begun_s
-    reports = [(state.sensing or always) if state.mode in _SENSING else never for state in states]
+    reports = [(state.sensing or always) if state.mode in SENSING else never for state in states]
     return time_s, np.array(reports, dtype=np.bool_)
 
 
@@ -147,7 +145,7 @@ class RowsGatherer:
         if self._reaction_s is None:
             changed = any(notice.kind == "mode" for notice in state.notices)
             touched = any(notice.contact is not None for notice in state.notices)
-            if state.mode in _YIELDING or (changed and touched):
+            if state.mode in YIELDING or (changed and touched):
                 self._reaction_s = state.time_s - self._begun_s
 
     def header(self, broken: str) -> RowsHeader:

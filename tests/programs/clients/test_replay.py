@@ -15,7 +15,6 @@ from common.errors import LogError
 from daemon.modes.table import Event
 from daemon.protocol.state import Snapshot, State
 from estimator.payload import Payload
-from programs.clients import log_reader
 from programs.clients import replay as replaying
 from programs.clients.log_reader import PROFILE, read_log
 from programs.clients.log_writer import CHUNK_BYTES
@@ -65,7 +64,7 @@ def changed(state: State, **values: Any) -> State:
 
 @pytest.fixture(params=[1, 7, 64, 5000])
 def _batch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_reader, "BATCH", request.param)
+    monkeypatch.setattr("programs.clients.log_reader.BATCH", request.param)
 
 
 @pytest.mark.usefixtures("_batch")
