@@ -17,9 +17,9 @@ of the motion in both directions, it is friction: what was learned of it is unce
 given up if the residual is smaller without it.
 
 A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
-beyond it, is more likely the arm's own, and comes again in each such pose: then all other joints
-are in doubt, too, and all levels get a margin m, k (1 + m). That of a joint that is grazed again
-and again doubles. It fades in motion that would have stayed below the level without.
+beyond it, is more likely the arm's own, and comes again in each such pose: then all levels get a
+margin m, k (1 + m). That of a joint that is grazed again and again doubles. It fades in motion that
+would have stayed below the level without.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.

@@ -376,8 +376,6 @@ class Kernel:
             # What a load or a cable changes of one joint, it may change of all.
             for k in range(self.n):
                 doubt.widen(k, k == i)
-                if k != i:
-                    doubt.raise_all(k)
 
     def _lowered_share(self, i: int) -> float:
         """Share of the stated level of joint i that learning and contacts in doubt leave."""
