@@ -33,7 +33,7 @@ from bench.rigs.page import page_of, ticks_in
 from bench.rigs.processes import Pair, pair
 from bench.study.beside import cpu_s, median_ratio, p99_us, peak_mb, watch
 from programs.clients.client import Client
-from programs.web.server import BUILT
+from programs.web.page_routes import BUILT
 
 READERS = 5
 LOADS = 5

@@ -22,14 +22,26 @@ from docs.fields import comments_of, inner_structs, structs_of
 SCHEMAS: Final[dict[str, Any]] = {"request": Request, "reply": Reply, "state": State}
 WIDTH: Final = 100
 
-HEAD: Final = '''"""Messages of the daemon's sockets, as the dictionaries that they are in JSON.
+REQUESTS_HEAD: Final = '''"""Requests to the daemon's sockets, as the dictionaries that JSON makes.
+
+Made from the code by `make reference`: change them in `daemon/protocol/`.
+"""
+
+from typing import Literal, NotRequired, TypedDict
+'''
+MESSAGES_HEAD: Final = '''"""Messages of the daemon's sockets, as the dictionaries that JSON makes.
 
 Made from the code by `make reference`: change them in `daemon/protocol/`. A key that is
 NotRequired may be missing: from a daemon that is older, or where it says nothing. Vectors have one
 number per joint, in the order of `Snapshot.joints`, SI units at the link side.
 """
+# ruff: noqa: PLC0414 - other programs take all names from here
 
 from typing import Any, Final, Literal, NotRequired, TypedDict
+
+from contactd_client.requests import Command as Command
+from contactd_client.requests import Header as Header
+from contactd_client.requests import Request as Request
 '''
 
 
@@ -62,20 +74,32 @@ def _pattern(text: str) -> str:
     return text.removesuffix(r"\Z") + "$" if text.endswith(r"\Z") else text
 
 
+def client_requests() -> str:
+    """contactd_client/requests.py: a TypedDict for all requests, and one for what they hold."""
+    held = [cls for cls in _ordered(Request) if cls not in get_args(Request)]
+    dicts = [*map(_typed_dict, held), _request_dict()]
+    return _module(REQUESTS_HEAD, [f"Command = {_literal(COMMANDS)}"], dicts)
+
+
 def client_messages() -> str:
     """contactd_client/messages.py: a TypedDict for each message."""
-    parts = [
-        HEAD,
-        f"STATE_FORMAT: Final = {STATE_FORMAT}",
-        f"Command = {_literal(COMMANDS)}\nMode = {_literal([mode.value for mode in Mode])}\n",
-    ]
+    requests = _ordered(Request)
+    dicts = [_typed_dict(cls) for cls in _ordered(Reply, State) if cls not in requests]
+    names = [f"STATE_FORMAT: Final = {STATE_FORMAT}", f"Mode = {_literal([*Mode])}"]
+    return _module(MESSAGES_HEAD, names, dicts)
+
+
+def _module(head: str, names: list[str], dicts: list[str]) -> str:
+    return "\n".join([head, *names, "", *(f"\n{made}" for made in dicts)])
+
+
+def _ordered(*messages: Any) -> list[type]:
+    """Structs of the messages, each behind all that it holds."""
     ordered: dict[type, None] = {}
-    for cls in SCHEMAS.values():
-        for member in members(cls):
+    for message in messages:
+        for member in members(message):
             _add(member, ordered)
-    kinds = get_args(Request)
-    dicts = [_typed_dict(cls) for cls in ordered if cls not in kinds]
-    return "\n".join([*parts, *(f"\n{made}" for made in [*dicts, _request_dict()])])
+    return list(ordered)
 
 
 def members(cls: Any) -> tuple[type, ...]:
@@ -84,7 +108,7 @@ def members(cls: Any) -> tuple[type, ...]:
 
 
 def _request_dict() -> str:
-    """One TypedDict for all requests, whose fields say which commands take them."""
+    """TypedDict of all requests, whose fields say which commands take them."""
     lines = [
         "class Request(TypedDict):",
         '    """One command, with the arguments that only some commands take."""',
@@ -101,8 +125,7 @@ def _request_dict() -> str:
         comment = comments_of(cls).get(name, "")
         if len(commands) < len(COMMANDS):
             comment = f"{', '.join(f'`{c}`' for c in commands)}: {comment}".removesuffix(": ")
-        lines += [f"    # {line}" for line in textwrap.wrap(comment, WIDTH - 6)]
-        lines.append(f"    {name}: NotRequired[{_annotation(kind)}]")
+        lines += _field(f"{name}: NotRequired[{_annotation(kind)}]", comment)
     return "\n".join([*lines, ""])
 
 
@@ -123,11 +146,19 @@ def _typed_dict(cls: type) -> str:
     lines += textwrap.indent(f'"""{doc}"""', "    ").splitlines()
     lines.append("")
     for field in types.type_info(cls).fields:
-        comment = said.get(field.name, "")
-        lines += [f"    # {line}" for line in textwrap.wrap(comment, WIDTH - 6)]
         kind = _annotation(field.type)
-        lines.append(f"    {field.name}: {kind if field.required else f'NotRequired[{kind}]'}")
+        annotated = f"{field.name}: {kind if field.required else f'NotRequired[{kind}]'}"
+        lines += _field(annotated, said.get(field.name, ""))
     return "\n".join([*lines, ""])
+
+
+def _field(annotated: str, comment: str) -> list[str]:
+    """Lines of a field: its comment beside it, above it where that is too long."""
+    beside = f"    {annotated}  # {comment}" if comment else f"    {annotated}"
+    if len(beside) <= WIDTH:
+        return [beside]
+    above = textwrap.wrap(comment, WIDTH - 6)
+    return [*(f"    # {line}" for line in above), f"    {annotated}"]
 
 
 def _annotation(kind: types.Type) -> str:  # noqa: PLR0911, PLR0912 - a line for each kind
@@ -162,8 +193,9 @@ def _annotation(kind: types.Type) -> str:  # noqa: PLR0911, PLR0912 - a line for
 
 
 def _literal(values: Any) -> str:
-    """A Literal, as ruff would format it."""
-    quoted = [f'"{value}"' for value in values]
-    if sum(map(len, quoted)) < 60:
-        return f"Literal[{', '.join(quoted)}]"
-    return "Literal[\n" + "".join(f"    {word},\n" for word in quoted) + "]"
+    """A Literal, on as few lines as it takes."""
+    words = ", ".join(f'"{value}"' for value in values)
+    if len(words) < 60:
+        return f"Literal[{words}]"
+    packed = textwrap.fill(f"{words},", WIDTH, initial_indent="    ", subsequent_indent="    ")
+    return f"Literal[\n{packed}\n]  # fmt: skip"

@@ -1,11 +1,12 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help; `schemas/` and `contactd_client/messages.py` from the
-messages of the socket; `concepts/` from `drawings.py`; `programs/zenoh/type_hashes.py` from the
-definitions of ROS 2; the page's `troubleshooting.html` from the document of that name. `faults.md`,
-`modes.md`, `mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts
-between two markers, which come from what the program runs on.
+`contactctl.md` from the commands' own help; `schemas/`, and `messages.py` and `requests.py` of
+`contactd_client/`, from the messages of the socket; `concepts/` from `drawings.py`;
+`programs/zenoh/type_hashes.py` from the definitions of ROS 2; the page's `troubleshooting.html`
+from the document of that name. `faults.md`, `modes.md`, `mistakes.md`, `recording.md` and
+`rehearsing.md` are written by hand but for the parts between two markers, which come from what the
+program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -33,7 +34,7 @@ from simulator.truth import SimulationFile
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))  # of this checkout, and `docs` itself, which is in no wheel
 
-from docs.door import SCHEMAS, client_messages, schema  # noqa: E402
+from docs.door import SCHEMAS, client_messages, client_requests, schema  # noqa: E402
 from docs.drawings import drawings  # noqa: E402
 from docs.fields import comments_of, structs_of  # noqa: E402
 from docs.help_page import help_page  # noqa: E402
@@ -350,6 +351,7 @@ def files() -> dict[Path, str]:
     return made | {
         DOCS.parent / "programs/web/built/troubleshooting.html": help_page(trouble),
         DOCS.parent / "contactd_client/messages.py": client_messages(),
+        DOCS.parent / "contactd_client/requests.py": client_requests(),
         DOCS.parent / "programs/zenoh/type_hashes.py": type_hashes(),
     }
 

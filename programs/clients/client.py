@@ -67,9 +67,8 @@ class Client:
     def ask(self, request: Request) -> Reply:
         """Send a request with its arguments and wait for the answer, which may be a refusal."""
         patience = patience_s(request.command, self._timeout_s)
-        return self._decode(
-            self._replies, self._connection.exchange(msgspec.json.encode(request), patience)
-        )
+        answer = self._connection.exchange(msgspec.json.encode(request), patience)
+        return decoded(self._replies, answer)
 
     def demand(self, command: Command) -> Reply:
         """Ask for `command`. Raises ControlError, with every reason, where it is refused."""
@@ -222,14 +221,15 @@ class Client:
 
     def _iterate(self) -> Iterator[State]:
         while True:
-            yield self._decode(self._states, self.packet())
+            yield decoded(self._states, self.packet())
 
-    @staticmethod
-    def _decode(decoder: msgspec.json.Decoder[T], packet: bytes) -> T:
-        try:
-            return decoder.decode(packet)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise ControlError(f"the daemon speaks another version: {error}") from error
+
+def decoded(decoder: msgspec.json.Decoder[T], packet: bytes) -> T:
+    """Message in a packet of the daemon. Raises ControlError for another one."""
+    try:
+        return decoder.decode(packet)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise ControlError(f"the daemon speaks another version: {error}") from error
 
 
 def _chunks(rows: Sequence[list[float]]) -> Iterator[list[list[float]]]:

@@ -8,11 +8,11 @@ from typing import Self
 
 import msgspec
 
-from common.errors import ControlError
 from contactd_client.aio import AsyncConnection
 from contactd_client.connection import ANSWER_S
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import Request
+from programs.clients.client import decoded
 
 _replies = msgspec.json.Decoder(Reply)
 
@@ -40,10 +40,7 @@ class Link:
         """Send a request and wait for its answer, which may be a refusal. Raises ControlError for
         an answer that is not understood."""
         packet = await self._connection.exchange(msgspec.json.encode(request), timeout_s)
-        try:
-            return _replies.decode(packet)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
-            raise ControlError(f"the daemon speaks another version: {error}") from error
+        return decoded(_replies, packet)
 
 
 async def ask_once(path: Path, request: Request, timeout_s: float = ANSWER_S) -> Reply:

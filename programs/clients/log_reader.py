@@ -32,6 +32,7 @@ DECODERS: dict[type[Snapshot] | type[State], StrictDecoder[Any]] = {
 }
 MAGIC = b"\x89MCAP0\r\n"
 PROGRESS_STATES = 1024  # between two reports of how far a file was read
+BATCH = 32  # States at once; of more, the decoded ones leave the processor's cache
 RECORD_LIMIT_BYTES = 64 << 20  # a damaged length must not ask for all memory
 
 
@@ -79,6 +80,53 @@ def read_log(
             raise LogError(f"{path} {error}: {states} states read, last tick {last}") from error
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise LogError(f"{path} is of another version after tick {last}: {error}") from error
+
+
+def batches(
+    path: Path, progress: Callable[[float], None] = lambda share: None
+) -> Iterator[Snapshot | list[State]]:
+    """Snapshots of a recording, and what lies between them in batches.
+
+    Raises LogError like `read_log`, after all that came whole.
+    """
+    states: list[State] = []
+    broken: LogError | None = None
+    try:
+        for message in read_log(path, progress):
+            if isinstance(message, State):
+                states.append(message)
+            if states and (message is not states[-1] or len(states) == BATCH):
+                yield states
+                states = []
+            if isinstance(message, Snapshot):
+                yield message
+    except LogError as error:
+        broken = error
+    if states:
+        yield states
+    if broken is not None:
+        raise broken
+
+
+def read_batches(
+    path: Path,
+    take: Callable[[Snapshot | list[State]], None],
+    progress: Callable[[float], None] = lambda share: None,
+) -> str:
+    """Give `take` all `batches` of a recording; returns why it ends early, empty if it does not.
+    Raises LogError if that comes before any State was taken."""
+    taken = False
+    try:
+        for batch in batches(path, progress):
+            take(batch)
+            taken = taken or not isinstance(batch, Snapshot)
+    except LogError as error:
+        if not taken:
+            raise
+        return str(error)
+    if not taken:
+        raise LogError(f"{path} is a recording without any state")
+    return ""
 
 
 def holds_a_state(path: Path) -> bool:

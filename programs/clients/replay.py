@@ -15,15 +15,13 @@ from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
 from estimator.estimator import Estimator
 from programs.clients.columns import Columns, Layout, first_difference
-from programs.clients.log_reader import read_log
+from programs.clients.log_reader import read_batches
 
 SAME_ESTIMATOR = 6
 """Format from which on the estimator computes what it does now: those before believed something
 else of friction near rest, or learned otherwise."""
 
 _UNKNOWN: Final = object()  # payload before the first State
-
-BATCH: Final = 32  # States at once; of more, the decoded ones leave the processor's cache
 
 
 def incomparable(snapshot: Snapshot) -> str:
@@ -75,49 +73,17 @@ def replay(
     there.
     """
     run = _Run(path)
-    broken, read = "", 0
-    try:
-        for batch in batches(path, progress):
-            heed(batch)
-            if isinstance(batch, Snapshot):
-                run.restart(batch)
-            else:
-                read += len(batch)
-                run.compare(batch)
-    except LogError as error:
-        if not read:
-            raise
-        broken = str(error)
-    if not read:
-        raise LogError(f"{path} is a recording without any state")
+
+    def take(batch: Snapshot | list[State]) -> None:
+        heed(batch)
+        if isinstance(batch, Snapshot):
+            run.restart(batch)
+        else:
+            run.compare(batch)
+
+    broken = read_batches(path, take, progress)
     older = f"{path} {run.older}" if run.older else ""
     return Replay(run.states, run.skipped, run.stretches, run.difference, broken, older)
-
-
-def batches(
-    path: Path, progress: Callable[[float], None] = lambda share: None
-) -> Iterator[Snapshot | list[State]]:
-    """Snapshots of a recording, and what lies between them in batches.
-
-    Raises LogError like `read_log`, after all that came whole.
-    """
-    states: list[State] = []
-    broken: LogError | None = None
-    try:
-        for message in read_log(path, progress):
-            if isinstance(message, State):
-                states.append(message)
-            if states and (message is not states[-1] or len(states) == BATCH):
-                yield states
-                states = []
-            if isinstance(message, Snapshot):
-                yield message
-    except LogError as error:
-        broken = error
-    if states:
-        yield states
-    if broken is not None:
-        raise broken
 
 
 def alike(states: list[State]) -> Iterator[list[State]]:

@@ -1,12 +1,13 @@
-"""Sentence for a person: at a terminal it goes on in the next line between two words, where the
-terminal alone would cut one in two. Files, pipes and the journal get it in one line."""
+"""Sentences and tables for a person: at a terminal a sentence goes on in the next line between two
+words, where the terminal alone would cut one in two. Files, pipes and the journal get it in one
+line."""
 
 import errno
 import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
 
@@ -47,6 +48,18 @@ def read_to_the_end() -> Iterator[None]:
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
         sys.exit(UNREAD)
+
+
+def aligned(rows: Sequence[Sequence[str]], *, numbers: bool = False) -> list[str]:
+    """Lines of a table; of `numbers` all columns but the first are aligned at their right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    align = [str.ljust, *[str.rjust if numbers else str.ljust] * (len(widths) - 1)]
+
+    def line(row: Sequence[str]) -> str:
+        cells = zip(align, row, widths, strict=True)
+        return "  ".join(put(cell, width) for put, cell, width in cells).rstrip()
+
+    return [line(row) for row in rows]
 
 
 def folded(line: str, width: int) -> str:

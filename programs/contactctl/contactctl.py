@@ -4,21 +4,19 @@ Everything heavy is imported by the command that needs it, so that the others st
 """
 # ruff: noqa: PLC0415
 
-import math
-import signal
 import sys
 from pathlib import Path
 
 import click
 
-from common.errors import TrajectoryError, UnreachableError
-from common.new_file import refuse_suffix
-from daemon.protocol.bounds import FASTEST, SLOWEST
+from common.errors import TrajectoryError
 from daemon.protocol.lease import LONGEST_S, PERSON_S, SHORTEST_S
 from programs.command_line.options import PATH, Group, Options, Range, json_option, socket_option
+from programs.contactctl.gain import gain
+from programs.contactctl.go import go, home
 from programs.contactctl.hand import hand
-from programs.contactctl.live_states import record as record_states
-from programs.contactctl.live_states import show_live, stream_json
+from programs.contactctl.live_states import record, watch
+from programs.contactctl.payload import payload
 from programs.contactctl.replies import (
     answer,
     carry_out,
@@ -193,132 +191,8 @@ def reset(options: Options) -> None:
     carry_out(options, "reset")
 
 
-_speed = click.option(
-    "--speed",
-    type=Range(min=SLOWEST, max=FASTEST),
-    default=0.2,
-    show_default=True,
-    metavar="RAD/S",
-    help="Speed of the joint that goes furthest; others are slower, so that all arrive together.",
-)
-_yes = click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
-
-
-@main.command()
-@click.argument("words", nargs=-1, metavar="[POSE | JOINT=VALUE ...]")
-@_speed
-@_yes
-@click.pass_obj
-def go(options: Options, words: tuple[str, ...], speed: float, yes: bool) -> None:
-    """Move to a pose of the configuration, or joints to positions in rad: the arm moves.
-
-    Shows distance and time per joint, and asks. The way is a straight line through joint space
-    within all limits, and nothing checks it for collisions. A contact halts the arm where it is
-    not armed; armed it reacts as on any trajectory, and goes on to the pose. After a halt, ask
-    again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
-    """
-    from programs.contactctl import go as motion
-
-    motion.go(options, words, speed, yes=yes)
-
-
-@main.command()
-@_speed
-@_yes
-@click.pass_obj
-def home(options: Options, speed: float, yes: bool) -> None:
-    """Move to the pose `home` of the configuration: `go home`."""
-    from programs.contactctl import go as motion
-
-    motion.go(options, ["home"], speed, yes=yes)
-
-
-@main.command(context_settings={"ignore_unknown_options": True})  # -0.1 is no option
-@click.argument("joint", required=False)
-@click.argument("value", type=float, required=False)
-@click.option("--balance", is_flag=True, help="Propose gains with which all joints react alike.")
-@click.option("--apply", is_flag=True, help="With --balance: change the gains to these.")
-@click.pass_obj
-def gain(
-    options: Options, joint: str | None, value: float | None, balance: bool, apply: bool
-) -> None:
-    """Show or change how softly joints yield: K_a [rad/s per Nm].
-
-    The change takes half a second, also while the joint is guided. The configuration is not
-    changed: the daemon's next start, or `reload`, begins from it.
-
-    With --balance: gains with which each joint asks for the same force at the hand, from levers,
-    inertia and thresholds, and what it asks for now. Nothing changes without --apply.
-    """
-    from programs.contactctl import gain as gains
-
-    if value is not None and not math.isfinite(value):
-        raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
-    if balance and joint is not None:
-        raise click.UsageError("--balance is about all joints")
-    if apply and not balance:
-        raise click.UsageError("--apply belongs to --balance")
-    if balance:
-        gains.balance(options, apply=apply)
-    elif joint is None or value is None:
-        gains.show(options, joint)
-    else:
-        gains.change(options, joint, value)
-
-
-@main.command(context_settings={"ignore_unknown_options": True})
-@click.argument("what", required=False, metavar="[MASS|NAME|none]")
-@click.option(
-    "--com",
-    nargs=3,
-    type=float,
-    metavar="X Y Z",
-    help="Centre of the mass in the frame of the URDF's last link, in m; without it, the point "
-    "that `status` calls the tool.",
-)
-@click.pass_obj
-def payload(options: Options, what: str | None, com: tuple[float, float, float] | None) -> None:
-    """Announce the payload in the hand, by its mass in kg or its name in the configuration, or
-    `none`.
-
-    From the next tick on the model includes it as a point mass: contacts are detected as without
-    it. Without an argument: shows the announced payload and the known names. Refused while the arm
-    is guided, and if the motors could not hold it. Forgotten when the daemon ends.
-    """
-    from daemon.protocol.requests import SetPayload
-
-    if what is None:
-        if com is not None:
-            raise click.UsageError("--com belongs to a mass")
-        _show_payload(options)
-        return
-    try:
-        mass = float(what)
-    except ValueError:
-        if com is not None:
-            raise click.UsageError(f"--com belongs to a mass in kg, {what!r} is a name") from None
-        request = SetPayload(name=what)
-    else:
-        if not math.isfinite(mass):
-            raise click.UsageError(f"{what} is not a mass")
-        if com is not None and not all(map(math.isfinite, com)):
-            raise click.UsageError(f"--com {' '.join(map(str, com))} is not a place")
-        request = SetPayload(mass=mass, com=None if com is None else list(com))
-    with options.connect() as client:
-        answer(options, client.ask(request))
-
-
-def _show_payload(options: Options) -> None:
-    with options.connect() as client:
-        found = client.ask_status()
-    if options.json:
-        print_json({"payload": found.payload, "hand": found.hand, "payloads": found.payloads})
-        return
-    from programs.clients.payload import payload_in_words
-
-    click.echo(payload_in_words(found))
-    for one in found.payloads:
-        click.echo(f"  {one}")
+for command in (go, home, gain, payload):
+    main.add_command(command)
 
 
 @main.command()
@@ -375,49 +249,8 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
     sys.exit(show_health(directory, plot, as_json=options.json))
 
 
-@main.command()
-@click.pass_obj
-def watch(options: Options) -> None:
-    """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
-    each, until the daemon ends its run.
-
-    Where nothing has come for half a second, the picture is marked as not live. After two seconds
-    without, or where the daemon is gone, it ends with what was known last of the arm.
-    """
-    if not options.json and not sys.stdout.isatty():
-        raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
-    try:
-        if options.json:
-            stream_json(options)
-        else:
-            show_live(options)
-    except KeyboardInterrupt:
-        return
-
-
-@main.command()
-@click.argument("file", type=PATH, metavar="FILE")
-@click.option(
-    "--seconds",
-    type=Range(min=0, min_open=True),
-    metavar="S",
-    help="End after so many seconds; without it, Ctrl-C ends the recording.",
-)
-@click.pass_obj
-def record(options: Options, file: Path, seconds: float | None) -> None:
-    """Record into a new file.
-
-    FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: where the
-    joints go, as a trajectory that `contactctl start` runs.
-    """
-    refuse_suffix(file, (".mcap", ".csv"))
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _: signals.append(received))
-    if ended := record_states(options, file, seconds, lambda: bool(signals)):
-        raise UnreachableError(ended)
-
-
+main.add_command(watch)
+main.add_command(record)
 main.add_command(hand)
 
 if __name__ == "__main__":

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from daemon.protocol.replies import Reply
-from daemon.protocol.requests import SetGain
-from programs.command_line.options import Options
-from programs.command_line.sentences import say
+from programs.command_line.options import Command, Options
+from programs.command_line.sentences import aligned, say
 from programs.contactctl.replies import answer, print_json
 
 if TYPE_CHECKING:
@@ -22,6 +20,37 @@ if TYPE_CHECKING:
     from daemon.motion.balance import Balance
     from daemon.protocol.replies import Status
     from daemon.protocol.state import Snapshot
+
+
+@click.command(cls=Command, context_settings={"ignore_unknown_options": True})  # -0.1 is no option
+@click.argument("joint", required=False)
+@click.argument("value", type=float, required=False)
+@click.option("--balance", is_flag=True, help="Propose gains with which all joints react alike.")
+@click.option("--apply", is_flag=True, help="With --balance: change the gains to these.")
+@click.pass_obj
+def gain(
+    options: Options, joint: str | None, value: float | None, balance: bool, apply: bool
+) -> None:
+    """Show or change how softly joints yield: K_a [rad/s per Nm].
+
+    The change takes half a second, also while the joint is guided. The configuration is not
+    changed: the daemon's next start, or `reload`, begins from it.
+
+    With --balance: gains with which each joint asks for the same force at the hand, from levers,
+    inertia and thresholds, and what it asks for now. Nothing changes without --apply.
+    """
+    if value is not None and not math.isfinite(value):
+        raise click.UsageError(f"{value:g} is not a gain")  # nor is it a number in JSON
+    if balance and joint is not None:
+        raise click.UsageError("--balance is about all joints")
+    if apply and not balance:
+        raise click.UsageError("--apply belongs to --balance")
+    if balance:
+        balance_all(options, apply=apply)
+    elif joint is None or value is None:
+        show(options, joint)
+    else:
+        change(options, joint, value)
 
 
 def show(options: Options, joint: str | None) -> None:
@@ -39,6 +68,8 @@ def show(options: Options, joint: str | None) -> None:
 
 def change(options: Options, joint: str, value: float) -> None:
     """Change the gain of a joint."""
+    from daemon.protocol.requests import SetGain
+
     with options.connect() as client:
         _gains(options, client.ask_status(), joint)
         answer(options, client.ask(SetGain(joint=joint, gain=value)))
@@ -48,12 +79,14 @@ def _gains(options: Options, found: "Status", joint: str | None) -> dict[str, fl
     """Gains by joint; a joint that is none of them is refused."""
     gains = dict(zip(found.joints, found.gain, strict=True))
     if joint is not None and joint not in gains:
+        from daemon.protocol.replies import Reply
+
         reasons = [f"no joint {joint!r}; there are: {', '.join(gains)}"]
         answer(options, Reply(ok=False, message="gain: refused", reasons=reasons))
     return gains
 
 
-def balance(options: Options, *, apply: bool) -> None:
+def balance_all(options: Options, *, apply: bool) -> None:
     """Print gains with which joints react alike, and the present ones; with `apply` change to
     them."""
     with options.connect() as client:
@@ -68,6 +101,8 @@ def balance(options: Options, *, apply: bool) -> None:
         if not options.json:
             say("nothing has changed: --apply changes the gains until the daemon ends")
         return
+    from daemon.protocol.requests import SetGain
+
     with options.connect() as client:
         for name, row in rows.items():
             reply = client.ask(SetGain(joint=name, gain=row["gain"]))
@@ -154,11 +189,6 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
         )
         for (name, row), now, then in zip(rows.items(), *ways, strict=True)
     ]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = [
-        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])])
-        for line in table
-    ]
     even = [
         max(row[f"{when}most_N"] for row in rows.values())
         / min(row[f"{when}least_N"] for row in rows.values())
@@ -166,7 +196,7 @@ def in_words(rows: dict[str, dict[str, float]]) -> str:
     ]
     return "\n".join(
         [
-            *lines,
+            *aligned(table, numbers=True),
             f"Forces at the hand [N]; led: at {LEADING_RAD_S:g} rad/s, by the pose, over 500 poses "
             "within the limits but for rare ones.",
             "Rest: from which a joint sets out, by its level and friction, which no gain changes; "

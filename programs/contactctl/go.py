@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 import click
 
 from daemon.modes.table import Mode
+from daemon.protocol.bounds import FASTEST, SLOWEST
 from programs.command_line.destination import destination
-from programs.command_line.options import Options
+from programs.command_line.options import Command, Options, Range
 from programs.command_line.questions import sure
 from programs.command_line.sentences import say
 from programs.contactctl.replies import (
@@ -40,7 +41,43 @@ NO_COLLISION_CHECK = (
 )
 
 
-def go(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> None:
+_speed = click.option(
+    "--speed",
+    type=Range(min=SLOWEST, max=FASTEST),
+    default=0.2,
+    show_default=True,
+    metavar="RAD/S",
+    help="Speed of the joint that goes furthest; others are slower, so that all arrive together.",
+)
+_yes = click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
+
+
+@click.command(cls=Command)
+@click.argument("words", nargs=-1, metavar="[POSE | JOINT=VALUE ...]")
+@_speed
+@_yes
+@click.pass_obj
+def go(options: Options, words: tuple[str, ...], speed: float, yes: bool) -> None:
+    """Move to a pose of the configuration, or joints to positions in rad: the arm moves.
+
+    Shows distance and time per joint, and asks. The way is a straight line through joint space
+    within all limits, and nothing checks it for collisions. A contact halts the arm where it is
+    not armed; armed it reacts as on any trajectory, and goes on to the pose. After a halt, ask
+    again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
+    """
+    move(options, words, speed, yes=yes)
+
+
+@click.command(cls=Command)
+@_speed
+@_yes
+@click.pass_obj
+def home(options: Options, speed: float, yes: bool) -> None:
+    """Move to the pose `home` of the configuration: `go home`."""
+    move(options, ["home"], speed, yes=yes)
+
+
+def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> None:
     """Show the way, ask unless `yes`, move, and wait for its end; exit 1 where it ended elsewhere
     or was refused. Without words: list the poses."""
     if not words:

@@ -1,7 +1,8 @@
-"""Live States of the daemon for `contactctl`: shown, streamed as JSON, recorded."""
+"""`contactctl watch` and `record`: live States, shown, streamed as JSON, recorded."""
 # ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from common.errors import HungUpError, UnreachableError
+from common.new_file import refuse_suffix
 from contactd_client.connection import ANSWER_S
-from programs.command_line.options import Options
+from programs.command_line.options import PATH, Command, Options, Range
 from programs.contactctl.replies import print_json
 
 if TYPE_CHECKING:
@@ -23,6 +25,49 @@ if TYPE_CHECKING:
     from programs.clients.client import Client
 
 FRAMES_PER_S = 10
+
+
+@click.command(cls=Command)
+@click.pass_obj
+def watch(options: Options) -> None:
+    """Show the joints live, until Ctrl-C, over a `reload`, too. With --json: every state, one line
+    each, until the daemon ends its run.
+
+    Where nothing has come for half a second, the picture is marked as not live. After two seconds
+    without, or where the daemon is gone, it ends with what was known last of the arm.
+    """
+    if not options.json and not sys.stdout.isatty():
+        raise click.UsageError("watch needs a terminal; use `contactctl watch --json` or `record`")
+    try:
+        if options.json:
+            stream_json(options)
+        else:
+            show_live(options)
+    except KeyboardInterrupt:
+        return
+
+
+@click.command(cls=Command)
+@click.argument("file", type=PATH, metavar="FILE")
+@click.option(
+    "--seconds",
+    type=Range(min=0, min_open=True),
+    metavar="S",
+    help="End after so many seconds; without it, Ctrl-C ends the recording.",
+)
+@click.pass_obj
+def record(options: Options, file: Path, seconds: float | None) -> None:
+    """Record into a new file.
+
+    FILE.mcap: every state, for Foxglove, PlotJuggler and `contactd replay`. FILE.csv: where the
+    joints go, as a trajectory that `contactctl start` runs.
+    """
+    refuse_suffix(file, (".mcap", ".csv"))
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: signals.append(received))
+    if ended := _record(options, file, seconds, lambda: bool(signals)):
+        raise UnreachableError(ended)
 
 
 def show_live(options: Options) -> NoReturn:
@@ -95,7 +140,7 @@ def stream_json(options: Options) -> None:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-def record(options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]) -> str:
+def _record(options: Options, file: Path, seconds: float | None, stop: Callable[[], bool]) -> str:
     """Record every State as MCAP, or joint positions as CSV, by the suffix of the file. Returns why
     it ended early, or an empty text."""
     from programs.clients import recorder

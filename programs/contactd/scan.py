@@ -12,7 +12,7 @@ from drivers.can.bus import open_bus
 from drivers.can.settings import BusSettings
 from drivers.canopen.boot.data_sheet import load_data_sheet, makers_numbers
 from drivers.canopen.boot.scan import FoundNode, scan
-from programs.command_line.sentences import say
+from programs.command_line.sentences import aligned, say
 
 
 class _Bus(msgspec.Struct, frozen=True):
@@ -75,12 +75,7 @@ def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str
         )
         for one in found
     ]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
-    return lines + [
+    return aligned(rows) + [
         f"two nodes answer as node {one.node}: switch one off, give it a number of its own"
         for one in found
         if one.twice

@@ -15,9 +15,9 @@ from typing import Any, Final
 import click
 import msgspec
 
-from common.errors import ContactdError, ControlError, UnreachableError
+from common.errors import ContactdError, UnreachableError
 from daemon.protocol.state import Snapshot, State
-from programs.clients.client import Client
+from programs.clients.client import Client, decoded
 from programs.command_line.options import PATH, Range
 
 RETRY_S: Final = 1.0
@@ -120,7 +120,7 @@ def _show(
     while going():
         packet = client.packet()
         if channels is None or (watched and (count % every == 0 or NO_NOTICES not in packet)):
-            state = _decoded(decoder, packet)
+            state = decoded(decoder, packet)
             channels = channels or FoxgloveChannels(context, snapshot, list(state.beside))
             channels.log(state, clock.time_ns(state))
         if came := viewers.came:
@@ -129,13 +129,6 @@ def _show(
         if came or count % TICKS_UNSEEN == 0:
             watched = channels.watched
         count += 1
-
-
-def _decoded(decoder: msgspec.json.Decoder[State], packet: bytes) -> State:
-    try:
-        return decoder.decode(packet)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise ControlError(f"the daemon speaks another version: {error}") from error
 
 
 def _viewers() -> Any:

@@ -2,7 +2,6 @@
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from daemon.protocol.text import printable
 from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from programs.identify.log_names import NamedLog, Place, Rows, beside, read_names
 from programs.identify.mcap_log import read_rows
+from programs.recordings.raster import on_raster
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
 _SIDES = COLUMNS[2:4]
@@ -240,23 +240,5 @@ def _on_a_raster(log: MotionLog, notes: tuple[str, ...]) -> tuple[MotionLog, tup
     jitter = float(np.percentile(np.abs(steps - period), 95.0))
     if jitter <= _JITTER * period:
         return log, notes
-    times = [np.arange(log.time_s[r.start], log.time_s[r.stop - 1], period) for r in stretches]
-
-    def rastered(values: Matrix) -> Matrix:
-        parts = [
-            np.stack([np.interp(t, log.time_s[rows], column) for column in values[rows].T], axis=1)
-            for t, rows in zip(times, stretches, strict=True)
-        ]
-        return np.concatenate(parts)
-
-    even = replace(
-        log,
-        time_s=np.concatenate(times),
-        current=rastered(log.current),
-        link_position=rastered(log.link_position),
-        motor_velocity=rastered(log.motor_velocity),
-        motor_position=None if log.motor_position is None else rastered(log.motor_position),
-        setpoint=None if log.setpoint is None else rastered(log.setpoint),
-    )
     about = f"times jitter by {1e3 * jitter:.2g} ms: resampled every {1e3 * period:.3g} ms"
-    return even, (*notes, about)
+    return on_raster(log, stretches, period), (*notes, about)

@@ -26,7 +26,6 @@ from programs.clients.log_reader import read_log
 from programs.identify.csv_log import COLUMNS, read_csv
 from programs.identify.log_names import is_foreign
 
-_SENSING = frozenset(mode.value for mode in SENSING)
 _DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
 _APART_S = 10.0  # between recordings, so that they are stretches
 
@@ -176,7 +175,7 @@ def from_states(
 ) -> Measured:
     """Measurements of the ticks with complete samples in which the arm was energised. Pass States
     through `raised` first if their thresholds count. Raises LogError."""
-    used = [s for s in states if all(s.fresh) and s.mode in _SENSING]
+    used = [s for s in states if all(s.fresh) and s.mode in SENSING]
     if len(used) < 2:
         raise ShortLogError("the log is too short: the arm was never energised in it")
     columns = {

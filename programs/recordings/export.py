@@ -10,7 +10,7 @@ from typing import IO, Final
 from common.errors import LogError, ModelError
 from common.new_file import whole_file
 from daemon.protocol.state import Snapshot, State
-from programs.clients.log_reader import read_log
+from programs.clients.log_reader import read_batches
 
 DRAW_EVERY: Final = 3  # ticks: 33 pictures of the arm a second at 100 Hz
 _LAST_NS: Final = (2**32 - 1) * 10**9  # that a Timestamp of Foxglove can say
@@ -47,23 +47,24 @@ def export_foxglove(
         snapshot: Snapshot | None = None
         clock = Clock()
 
-        def write(message: Snapshot | State) -> None:
+        def take(batch: Snapshot | list[State]) -> None:
             nonlocal channels, snapshot
-            if isinstance(message, Snapshot):
-                snapshot = snapshot or message
+            if isinstance(batch, Snapshot):
+                snapshot = snapshot or batch
                 return
             assert snapshot is not None
             try:
                 channels = channels or FoxgloveChannels(
-                    context, snapshot, list(message.beside), DRAW_EVERY
+                    context, snapshot, list(batch[0].beside), DRAW_EVERY
                 )
             except ModelError as error:
                 raise LogError(f"{path}: {error}") from error
-            channels.log(message, clock.time_ns(message))
+            for state in batch:
+                channels.log(state, clock.time_ns(state))
             sink.check()
 
         with open_mcap(sink, context=context):
-            broken = _every(path, write, progress)
+            broken = read_batches(path, take, progress)
         sink.check()
         return broken
 
@@ -78,22 +79,23 @@ def export_csv(
         fields: list[str] = []
         joints: list[str] = []
 
-        def write(message: Snapshot | State) -> None:
+        def take(batch: Snapshot | list[State]) -> None:
             nonlocal fields, joints
-            if isinstance(message, Snapshot):
-                joints = joints or message.joints
+            if isinstance(batch, Snapshot):
+                joints = joints or batch.joints
                 return
             if not fields:
-                fields = [name for name in CSV_COLUMNS if getattr(message, name) is not None]
+                fields = [name for name in CSV_COLUMNS if getattr(batch[0], name) is not None]
                 named = [f"{name}.{joint}" for name in fields for joint in joints]
                 rows.writerow(["time", "tick", "mode", "armed", *named])
-            values = [value for name in fields for value in getattr(message, name)]
-            rows.writerow(
-                [message.time_s, message.tick, str(message.mode), int(message.armed), *values]
-            )
+            for state in batch:
+                values = [value for name in fields for value in getattr(state, name)]
+                rows.writerow(
+                    [state.time_s, state.tick, str(state.mode), int(state.armed), *values]
+                )
 
         try:
-            return _every(path, write, progress)
+            return read_batches(path, take, progress)
         finally:
             text.flush()
             text.detach()
@@ -110,23 +112,6 @@ class Clock:
         """Time of a State [ns]."""
         wall_s, loop_s = self._begun = self._begun or (state.timing.wall_s, state.time_s)
         return min(max(round((wall_s + state.time_s - loop_s) * 1e9), 0), _LAST_NS)
-
-
-def _every(
-    path: Path, write: Callable[[Snapshot | State], None], progress: Callable[[float], None]
-) -> str:
-    states = 0
-    try:
-        for message in read_log(path, progress):
-            write(message)
-            states += isinstance(message, State)
-    except LogError as error:
-        if not states:
-            raise
-        return str(error)
-    if not states:
-        raise LogError(f"{path} is a recording without any state")
-    return ""
 
 
 class _Sink:

@@ -5,7 +5,7 @@ the residual begins at zero. Samples at another period than the configuration's 
 raster.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from estimator.estimate import Estimate
 from estimator.model import Model
 from identification.motion_log import PAUSE_S, MotionLog
 from programs.recordings.contents import ContactSeen
+from programs.recordings.raster import on_raster
 
 _ANOTHER = 0.1  # of the period: more is another one
 _SLOWEST = 10  # periods between two samples: beyond, what lies between is made up
@@ -50,7 +51,7 @@ def over_log(log: MotionLog, c: Configuration, model: Model) -> OverLog:
     if abs(log.period_s / c.period_s - 1.0) > _ANOTHER:
         notes = (f"samples every {1e3 * log.period_s:.3g} ms: taken every "
                  f"{1e3 * c.period_s:.3g} ms, the configuration's period",)  # fmt: skip
-        log = _on_raster(log, c.period_s)
+        log = on_raster(log, log.stretches(PAUSE_S), c.period_s)
     estimator = build_estimator(c, model)
     begun_s = float(log.time_s[0])
     steps = np.diff(log.time_s, prepend=begun_s - c.period_s)
@@ -103,25 +104,3 @@ def _follow(
         if estimate.thresholded[i] == 0.0:
             seen.duration_s = time_s - seen.time_s
             del lasting[name]
-
-
-def _on_raster(log: MotionLog, period_s: float) -> MotionLog:
-    """The log at even times, each stretch between pauses for itself."""
-    stretches = log.stretches(PAUSE_S)
-    times = [np.arange(log.time_s[r.start], log.time_s[r.stop - 1], period_s) for r in stretches]
-
-    def rastered(values: np.ndarray) -> np.ndarray:
-        parts = [
-            np.stack([np.interp(t, log.time_s[r], column) for column in values[r].T], axis=1)
-            for t, r in zip(times, stretches, strict=True)
-        ]
-        return np.concatenate(parts)
-
-    return replace(
-        log,
-        time_s=np.concatenate(times),
-        current=rastered(log.current),
-        link_position=rastered(log.link_position),
-        motor_velocity=rastered(log.motor_velocity),
-        motor_position=None if log.motor_position is None else rastered(log.motor_position),
-    )

@@ -15,7 +15,6 @@ from typing import Any, Final
 import can
 import msgspec
 import numpy as np
-from mcap.writer import Writer
 
 from common.errors import LogError
 from common.new_file import whole_file
@@ -34,9 +33,7 @@ from drivers.canopen.answers import Answers, Counters
 from drivers.canopen.codec import link_side, receive_pdos
 from drivers.canopen.ids import SYNC
 from estimator.estimator import Estimator
-from programs.clients.log_reader import KINDS, PROFILE
-from programs.clients.recorder import CHUNK_BYTES
-from programs.clients.viewer_schema import viewer_schema
+from programs.clients.log_writer import LogWriter
 from programs.recordings.row_cache import cache_directory, content_digest
 
 SERVICE_STATE: Final = Path("/var/lib/contactd")
@@ -235,18 +232,8 @@ class _Recomputing:
 def _write(path: Path, snapshot: Snapshot, states: list[State]) -> None:
     """A recording of these States."""
     with path.open("wb") as stream:
-        log = Writer(stream, chunk_size=CHUNK_BYTES)
-        log.start(profile=PROFILE, library=snapshot.program)
-        channels: dict[type[Snapshot] | type[State], int] = {}
-        for topic, kind in KINDS.items():
-            schema = msgspec.json.encode(viewer_schema(kind))
-            number = log.register_schema(f"contactd.{kind.__name__}", "jsonschema", schema)
-            channels[kind] = log.register_channel(topic, "json", number)
-
-        def add(kind: type[Snapshot] | type[State], data: bytes, wall_s: float) -> None:
-            log.add_message(channels[kind], round(wall_s * 1e9), data, round(wall_s * 1e9))
-
-        add(Snapshot, msgspec.json.encode(snapshot), states[0].timing.wall_s)
+        log = LogWriter(stream, snapshot.program)
+        log.write(Snapshot, msgspec.json.encode(snapshot), states[0].timing.wall_s)
         for state in states:
-            add(State, msgspec.json.encode(state), state.timing.wall_s)
-        log.finish()  # type: ignore[no-untyped-call]
+            log.write(State, msgspec.json.encode(state), state.timing.wall_s)
+        log.finish()

@@ -8,23 +8,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 from msgspec.structs import replace
 
 from common.errors import LogError, ModelError
 from daemon.assembly import build_estimator
 from daemon.config.dynamics import model_of
 from daemon.config.schema import Configuration
-from daemon.modes.table import SENSING
 from daemon.protocol.state import Snapshot, State
 from estimator.estimator import Estimator
 from programs.clients.columns import Layout
-from programs.clients.replay import SAME_ESTIMATOR, alike, batches, resets
+from programs.clients.log_reader import batches
+from programs.clients.replay import SAME_ESTIMATOR, alike, resets
 from programs.recordings.carried import Carried
-from programs.recordings.rows import Rows, RowsHeader
+from programs.recordings.rows import Rows, RowsHeader, chosen_residual, times_and_reports
 from programs.recordings.settings import Change, changed_configuration
-
-_SENSING = frozenset(mode.value for mode in SENSING)
 
 
 @dataclass(slots=True)
@@ -138,24 +135,14 @@ class ReplayedRows:
         self._tick, self._mode = states[-1].tick, str(states[-1].mode)
         c = self._configuration
         assert c is not None
-        if residual in ("", c.estimator.residual.name):
-            values = made.residual
-        elif residual in made.beside:
-            values = made.beside[residual]
-        else:
-            known = ", ".join([c.estimator.residual.name, *made.beside])
-            raise LogError(f"has no residual {residual!r}; there are: {known}")
-        n = len(self._layout.joints)
-        reports = [
-            (state.sensing or [True] * n) if state.mode in _SENSING else [False] * n
-            for state in states
-        ]
+        number = chosen_residual(residual, c.estimator.residual.name, [*made.beside])
         assert self._begun_s is not None
+        time_s, reports = times_and_reports(states, self._begun_s, len(self._layout.joints))
         return Rows(
-            time_s=np.array([state.time_s for state in states]) - self._begun_s,
+            time_s=time_s,
             follows=follows and begun,
-            reports=np.array(reports, dtype=np.bool_),
-            residual=values,
+            reports=reports,
+            residual=made.residual if number is None else made.beside[residual],
             threshold=made.threshold,
             level_share=made.level_share,
         )

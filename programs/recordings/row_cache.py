@@ -22,9 +22,16 @@ from numpy.typing import NDArray
 from common.arrays import Matrix
 from common.errors import LogError
 from common.regular_file import open_regular
-from daemon.protocol.state import Snapshot
-from programs.clients.replay import batches
-from programs.recordings.rows import MATRICES, Rows, RowsGatherer, RowsHeader, beside_column
+from daemon.protocol.state import Snapshot, State
+from programs.clients.log_reader import read_batches
+from programs.recordings.rows import (
+    MATRICES,
+    Rows,
+    RowsGatherer,
+    RowsHeader,
+    beside_column,
+    chosen_residual,
+)
 
 PART: Final = 16384  # rows at once
 LAYOUT: Final = 3  # of the files
@@ -87,13 +94,8 @@ class CachedRows:
         """All rows, with the residual of that name, by default the one that decided. Raises
         LogError if it was not recorded."""
         h = self.header
-        if residual in ("", h.residual):
-            name = "residual"
-        elif residual in h.beside:
-            name = beside_column(h.beside.index(residual))
-        else:
-            known = ", ".join([h.residual, *h.beside])
-            raise LogError(f"has no residual {residual!r}; there are: {known}")
+        number = chosen_residual(residual, h.residual, h.beside)
+        name = "residual" if number is None else beside_column(number)
         edges = sorted({0, h.rows, *h.stretches, *range(0, h.rows, PART)})
         n = len(h.joints)
         with contextlib.ExitStack() as stack:
@@ -178,23 +180,21 @@ def _write(
         files[name].write(values.tobytes())
 
     gatherer: RowsGatherer | None = None
-    broken = ""
-    try:
-        for batch in batches(path, progress):
-            if isinstance(batch, Snapshot):
-                gatherer = gatherer or RowsGatherer(batch)
-                gatherer.refuse_other_arm(path, batch)
-                continue
-            assert gatherer is not None
-            for name, values in gatherer.columns(batch).items():
-                put(name, values)
-    except LogError as error:
-        if gatherer is None or not gatherer.rows:
-            raise
-        broken = str(error).removeprefix(f"{path} ")  # it may be asked under another name
-    if gatherer is None or not gatherer.rows:
-        raise LogError(f"{path} is a recording without any state")
-    return gatherer.header(broken)
+
+    def take(batch: Snapshot | list[State]) -> None:
+        nonlocal gatherer
+        if isinstance(batch, Snapshot):
+            gatherer = gatherer or RowsGatherer(batch)
+            gatherer.refuse_other_arm(path, batch)
+            return
+        assert gatherer is not None
+        for name, values in gatherer.columns(batch).items():
+            put(name, values)
+
+    broken = read_batches(path, take, progress)
+    assert gatherer is not None
+    # It may be asked under another name.
+    return gatherer.header(broken.removeprefix(f"{path} "))
 
 
 def _forget_oldest(root: Path, keep: Path) -> None:

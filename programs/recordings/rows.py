@@ -22,8 +22,6 @@ from daemon.protocol.state import Snapshot, State
 #: Columns of Rows with one number per joint.
 MATRICES: Final = ("residual", "threshold", "level_share")
 _LEARNS_SINCE: Final = 4  # format
-_SENSING: Final = frozenset(mode.value for mode in SENSING)
-_YIELDING: Final = frozenset(mode.value for mode in YIELDING)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +57,27 @@ class RowsHeader(msgspec.Struct, frozen=True, kw_only=True):
     duration_s: float
     reaction_s: float | None  # when the arm first reacted to a contact
     broken: str = ""  # reason why the recording ends early, without its name
+
+
+def times_and_reports(
+    states: Sequence[State], begun_s: float, n: int
+) -> tuple[Vector, NDArray[np.bool_]]:
+    """Rows.time_s and Rows.reports of these States of `n` joints."""
+    always, never = [True] * n, [False] * n
+    time_s = np.array([state.time_s for state in states]) - begun_s
+    reports = [(state.sensing or always) if state.mode in SENSING else never for state in states]
+    return time_s, np.array(reports, dtype=np.bool_)
+
+
+def chosen_residual(asked: str, decided: str, beside: Sequence[str]) -> int | None:
+    """Number of the residual `asked` for among those beside; None for the one that decided, which
+    an empty name is, too. Raises LogError if there is no such residual."""
+    if asked in ("", decided):
+        return None
+    if asked not in beside:
+        known = ", ".join([decided, *beside])
+        raise LogError(f"has no residual {asked!r}; there are: {known}")
+    return beside.index(asked)
 
 
 def beside_column(number: int) -> str:
@@ -104,13 +123,10 @@ class RowsGatherer:
         if states[0].level_share is None:
             self._shares_known = False
         ones = [1.0] * self._n
-        never, always = [False] * self._n, [True] * self._n
-        reports = [
-            (state.sensing or always) if state.mode in _SENSING else never for state in states
-        ]
+        time_s, reports = times_and_reports(states, self._begun_s, self._n)
         return {
-            "time_s": np.array([state.time_s for state in states]) - self._begun_s,
-            "reports": np.array(reports, dtype=np.bool_),
+            "time_s": time_s,
+            "reports": reports,
             "residual": np.array([state.residual for state in states]),
             "threshold": np.array([state.threshold for state in states]),
             "level_share": np.array([state.level_share or ones for state in states]),
@@ -129,7 +145,7 @@ class RowsGatherer:
         if self._reaction_s is None:
             changed = any(notice.kind == "mode" for notice in state.notices)
             touched = any(notice.contact is not None for notice in state.notices)
-            if state.mode in _YIELDING or (changed and touched):
+            if state.mode in YIELDING or (changed and touched):
                 self._reaction_s = state.time_s - self._begun_s
 
     def header(self, broken: str) -> RowsHeader:

@@ -13,7 +13,7 @@ from typing import Final
 from common.errors import LogError
 from daemon.protocol.state import Snapshot, State
 from daemon.protocol.text import printable
-from programs.clients.replay import batches
+from programs.clients.log_reader import read_batches
 from programs.recordings.contents import Contents
 from programs.recordings.reading import read_contents
 from programs.recordings.signals import DRAWN, SignalGatherer, Signals
@@ -63,26 +63,23 @@ def read_view(
     contents, half_gap = Contents(), tuple[float, ...]()
     gatherer: SignalGatherer | None = None
     state: State | None = None
-    broken = ""
-    try:
-        for batch in batches(path, progress):
-            if isinstance(batch, Snapshot):
-                _refuse_other_arm(path, contents.joints, batch)
-                contents.add_snapshot(batch)
-                half_gap = tuple(batch.half_gap)
-                gatherer = gatherer or _gatherer(path, batch, joints, from_s, until_s)
-                continue
-            assert gatherer is not None
-            contents.add(batch)
-            gatherer.add(batch)
-            if at_s is not None:
-                state = _latest(batch, contents, at_s) or state
-    except LogError as error:
-        if not contents.states:
-            raise
-        broken = str(error)
-    if gatherer is None or not contents.states:
-        raise LogError(f"{path} is a recording without any state")
+
+    def take(batch: Snapshot | list[State]) -> None:
+        nonlocal half_gap, gatherer, state
+        if isinstance(batch, Snapshot):
+            _refuse_other_arm(path, contents.joints, batch)
+            contents.add_snapshot(batch)
+            half_gap = tuple(batch.half_gap)
+            gatherer = gatherer or _gatherer(path, batch, joints, from_s, until_s)
+            return
+        assert gatherer is not None
+        contents.add(batch)
+        gatherer.add(batch)
+        if at_s is not None:
+            state = _latest(batch, contents, at_s) or state
+
+    broken = read_batches(path, take, progress)
+    assert gatherer is not None
     if at_s is not None and state is None:
         raise LogError(f"{path} has nothing at {at_s:g} s: it lasts {contents.duration_s:.2f} s")
     return View(

@@ -17,6 +17,7 @@ from common.errors import ContactdError, ControlError
 from daemon.protocol.replies import Status
 from daemon.protocol.requests import GetStatus, Subscribe
 from daemon.protocol.state import Snapshot, State, format_refusal
+from programs.clients.client import decoded
 from programs.clients.link import Link, ask_once
 from programs.web import frames, words
 from programs.web.audience import Audience, Browser
@@ -130,7 +131,7 @@ class Arm:
             at_s = max(at_s + 1.0 / FRAMES_PER_S, loop.time())
             if packets:
                 heard_s = loop.time()
-                self._publish([_decode(packet) for packet in packets])
+                self._publish([decoded(_states, packet) for packet in packets])
             elif loop.time() - heard_s > SILENT_S:
                 raise ControlError("the daemon fell silent")
             await asyncio.sleep(at_s - loop.time())
@@ -191,13 +192,6 @@ def _asks_anew(before: State | None, now: State) -> bool:
 
 def _status_key(state: State) -> tuple[str, bool, list[bool]]:
     return state.mode, state.armed, [excess != 0.0 for excess in state.thresholded]
-
-
-def _decode(packet: bytes) -> State:
-    try:
-        return _states.decode(packet)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise ControlError(f"the daemon speaks another version: {error}") from error
 
 
 def _with_length(frame: bytes) -> bytes:

@@ -1,13 +1,11 @@
-"""HTTP and WebSocket server of the page (aiohttp): files, live States, commands, recordings."""
+"""HTTP and WebSocket server of the page (aiohttp): who may ask, live States, commands."""
 
 import asyncio
-import html
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-from urllib.parse import parse_qs
 
 from aiohttp import WSMsgType, web
 
@@ -27,25 +25,17 @@ from programs.web.guard import (
     TokenCheck,
     command_refusal,
 )
+from programs.web.page_routes import PageRoutes
 from programs.web.recording_routes import RecordingRoutes
 from programs.web.recordings import Recorder
 from programs.web.replies import as_json, refused
 
-BUILT: Final = Path(__file__).parent / "built"
-TYPES: Final = {
-    ".html": "text/html",
-    ".js": "text/javascript",
-    ".css": "text/css",
-    ".svg": "image/svg+xml",
-    ".txt": "text/plain",
-}
 MOST_BROWSERS: Final = 64
 MOST_BROWSERS_OF_ONE: Final = 8
 STUCK_S: Final = 10.0  # after which a browser that takes nothing is hung up on
 SUMMARY_EVERY_S: Final = 0.25
 BEAT_S: Final = 1.0  # something comes that often, and shows both ends that the other is there
 MOST_SAID_BYTES: Final = 64  # by a browser on its WebSocket, at once: it has nothing to send
-ACCESS_YEAR_S: Final = 365 * 86400
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -63,7 +53,7 @@ class Settings:
 
 
 class Site:
-    """The page's server: arms, browsers, files."""
+    """The page's server: arms and browsers."""
 
     def __init__(self, settings: Settings, others: Others | None = None) -> None:
         self.settings, self.others = settings, others
@@ -73,15 +63,12 @@ class Site:
         self.token = TokenCheck(settings.token)
         self.places = Places(MOST_BROWSERS, MOST_BROWSERS_OF_ONE)
         self.recorder = Recorder(settings.recordings) if settings.recordings else None
-        self._files = {path.name: path.read_bytes() for path in BUILT.iterdir()}
         self._open: set[Callable[[], None]] = set()  # hangs up on a browser
         self.jobs: list[asyncio.Task[None]] = []  # while it runs; they end only with an error
 
     def application(self) -> web.Application:
         """Everything that answers."""
         app = web.Application(middlewares=[self._guard], client_max_size=4096)
-        app.router.add_get("/", self._index)
-        app.router.add_post("/enter", self._enter)
         app.router.add_get("/clock", self._clock)
         app.router.add_get("/live/{arm:[0-9]{1,3}}", self._live)
         app.router.add_get("/arms/{arm:[0-9]{1,3}}/urdf", self._urdf)
@@ -90,7 +77,7 @@ class Site:
             RecordingRoutes(self.recorder, self._arm).add_to(app.router)
         if self.others:
             ElsewhereRoutes(self.others).add_to(app.router)
-        app.router.add_get("/{file}", self._file)
+        PageRoutes(self.token, self._address, tls=self.settings.doorstep.tls).add_to(app.router)
         app.cleanup_ctx.append(self._running)
         return app
 
@@ -195,55 +182,7 @@ class Site:
             return request.headers.get("X-Real-IP", "unknown")
         return request.remote or "unknown"
 
-    # --- page ---------------------------------------------------------------------------------
-
-    async def _index(self, request: web.Request) -> web.StreamResponse:
-        if token := request.query.get("token"):
-            return self._let_in(request, token)
-        admitted = self.token.admits(request.cookies.get(COOKIE, ""))
-        return self._built("index.html" if admitted else "enter.html")
-
-    async def _enter(self, request: web.Request) -> web.StreamResponse:
-        # As the form sends it; what else there is for forms, a stranger must not choose.
-        form = parse_qs((await request.read()).decode("ascii", "replace"))
-        return self._let_in(request, form.get("token", [""])[0])
-
-    def _let_in(self, request: web.Request, token: str) -> web.StreamResponse:
-        """Give the cookie to a browser with the token, and show the page without it in the URL."""
-        if self.token.token:
-            address = self._address(request)
-            if refusal := self.token.enter(token.strip(), address, time.monotonic()):
-                return self._asked_again(refusal)
-        response = web.Response(status=303, headers={"Location": "/"})
-        if self.token.token:
-            response.set_cookie(
-                COOKIE,
-                self.token.cookie,
-                max_age=ACCESS_YEAR_S,
-                httponly=True,
-                samesite="Strict",
-                secure=self.settings.doorstep.tls,
-            )
-        return response
-
-    def _asked_again(self, refusal: Refusal) -> web.StreamResponse:
-        """The form for the token, with why the last one was refused."""
-        why = f'<p role="alert">{html.escape(refusal.text.capitalize())}.</p>'.encode()
-        body = self._files["enter.html"].replace(b"<!-- refusal -->", why)
-        return web.Response(status=refusal.status, body=body, content_type="text/html")
-
-    async def _file(self, request: web.Request) -> web.StreamResponse:
-        return self._built(request.match_info["file"])
-
-    def _built(self, name: str) -> web.StreamResponse:
-        body = self._files.get(name)
-        if body is None:
-            raise web.HTTPNotFound
-        response = web.Response(body=body)
-        response.content_type = TYPES[Path(name).suffix]
-        response.charset = "utf-8"
-        response.enable_compression()
-        return response
+    # --- arms ---------------------------------------------------------------------------------
 
     def _arm(self, request: web.Request) -> Arm:
         number = int(request.match_info["arm"])

@@ -17,7 +17,8 @@ from common.errors import ControlError, LogError, UnreachableError
 from daemon.protocol.state import STATE_FORMAT, Contact, Notice, Snapshot, State
 from programs.clients.client import Client
 from programs.clients.log_reader import read_log
-from programs.clients.recorder import CHUNK_BYTES, record
+from programs.clients.log_writer import CHUNK_BYTES
+from programs.clients.recorder import record
 from programs.clients.replay import SAME_ESTIMATOR, replay
 from programs.clients.trajectory_recorder import record_trajectory
 from programs.clients.viewer_schema import viewer_schema

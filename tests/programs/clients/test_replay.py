@@ -17,7 +17,8 @@ from daemon.protocol.state import Snapshot, State
 from estimator.payload import Payload
 from programs.clients import replay as replaying
 from programs.clients.log_reader import PROFILE, read_log
-from programs.clients.recorder import CHUNK_BYTES, record
+from programs.clients.log_writer import CHUNK_BYTES
+from programs.clients.recorder import record
 from programs.clients.replay import Replay, replay
 
 Messages = list[Snapshot | State]
@@ -63,7 +64,7 @@ def changed(state: State, **values: Any) -> State:
 
 @pytest.fixture(params=[1, 7, 64, 5000])
 def _batch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replaying, "BATCH", request.param)
+    monkeypatch.setattr("programs.clients.log_reader.BATCH", request.param)
 
 
 @pytest.mark.usefixtures("_batch")

@@ -42,6 +42,7 @@ def saved(path: Path, states: list[State], without: str = "", every: int = 1) ->
         "link_position.joint": [s.link_position[0] for s in states],
         "motor_velocity.joint": [s.motor_velocity[0] for s in states],
         "motor_position.joint": [s.motor_position[0] if s.motor_position else 0 for s in states],
+        "setpoint.joint": [s.setpoint[0] for s in states],
     }
     columns.pop(without, None)
     rows = np.stack(list(columns.values()), axis=1)[::every]

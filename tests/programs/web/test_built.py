@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from programs.web.server import BUILT, TYPES
+from programs.web.page_routes import BUILT, TYPES
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "page"
