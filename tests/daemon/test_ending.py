@@ -13,7 +13,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.config.schema import Configuration
 from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
-from daemon.protocol.requests import COMMANDS, Command
+from daemon.protocol.requests import COMMANDS, Command, SetGain, bare
 from daemon.service.service import AT_THE_END
 from daemon.tick.loop import Clock, Loop
 from programs.clients.client import Client
@@ -159,7 +159,8 @@ def test_at_the_end_nobody_energises_or_moves_the_arm(
 ) -> None:
     served.service.ending = True
     with Client(served.path) as client:
-        reply = served.ask(client, command)
+        request = SetGain(joint="joint", gain=0.1) if command == "gain" else bare(command)
+        reply = served.until(lambda: client.ask(request))
     assert reply.ok == (command in AT_THE_END)
     assert reply.reasons == ([] if reply.ok else ["the daemon is ending"])
     assert served.rig.mode is Mode.OFF

@@ -116,10 +116,10 @@ def test_what_cannot_be_read_or_written_is_answered(
         ("holding", "arm", Service, "_granted", Mode.HOLDING),
         # ...and what should have made the arm stiller does so.
         ("tracking", "stop", Controller, "request", Mode.FAULTED),
-        ("tracking", "pause", Service, "_request", Mode.FAULTED),
-        ("tracking", "disarm", Service, "_request", Mode.FAULTED),
-        ("tracking", "disable", Service, "_request", Mode.FAULTED),
-        ("off", "stop", Service, "_request", Mode.OFF),
+        ("tracking", "pause", Service, "_reply", Mode.FAULTED),
+        ("tracking", "disarm", Service, "_reply", Mode.FAULTED),
+        ("tracking", "disable", Service, "_reply", Mode.FAULTED),
+        ("off", "stop", Service, "_reply", Mode.OFF),
     ],
 )
 def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
