@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from programs.clients.log_reader import PROFILE
-from programs.clients.recorder import CHUNK_BYTES
+from programs.clients.log_writer import CHUNK_BYTES
 from programs.recordings.html import page_of
 from programs.recordings.question import Answer, Question
 from programs.recordings.view import read_view
