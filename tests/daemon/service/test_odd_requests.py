@@ -102,7 +102,6 @@ def test_a_number_out_of_bounds_is_refused_with_value_and_range(
     ("packet", "problem"),
     [
         ('{"command":"arm","gain":1.0}', "unknown field `gain`; arm takes `lease_s`, `detached`,"),
-        ('{"command":"start","pose":"home"}', "unknown field `pose`; start takes `loaded`,"),
         ('{"command":"stop","rows":null}', "unknown field `rows`; stop takes `on_behalf_of`"),
         ('{"command":"gain","joint":"joint"}', "missing required field `gain`; gain takes `joint`"),
         ('{"gain":1.0}', "missing required field `command`; expected"),
