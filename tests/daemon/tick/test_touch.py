@@ -12,7 +12,7 @@ import pytest
 from bench.rigs.lockstep import Rig, lockstep_rig
 from daemon.modes.table import YIELDING, Event, Mode
 from daemon.protocol.state import STATE_FORMAT, Snapshot, State
-from programs.clients.recorder import _LogWriter, _Stamp
+from programs.clients.recorder import _Stamp, _StreamWriter
 from programs.clients.replay import replay
 
 ELBOW = 2
@@ -157,7 +157,7 @@ def test_the_same_seed_gives_the_same_states_bit_by_bit(run: Run) -> None:
 
 def write(path: Path, run: Run, states: list[State]) -> Path:
     with path.open("xb") as stream:
-        log = _LogWriter(stream, run.snapshot)
+        log = _StreamWriter(stream, run.snapshot)
         for state in states:
             packet = msgspec.json.encode(state)
             log.state(packet, msgspec.json.decode(packet, type=_Stamp))
