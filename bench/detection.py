@@ -2,7 +2,7 @@
 
     python -m bench.detection [--minutes N] [--step-minutes N] [--jobs N] [--seed N]
                               [--friction smooth|dahl|lugre|all] [--stiction-share X]
-                              [--motor-position measured|integrated] [--json]
+                              [--motor-position measured|integrated] [--gears CONDITION] [--json]
 
 Simulated minutes per kind of friction: --minutes without contact, --step-minutes with steps of
 torque on single joints in motion, half as many with steps at rest, half as many with forces on
@@ -31,7 +31,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.study.detection_report import joint_table, table
 from bench.study.detection_score import Score, score
 from bench.study.monte_carlo import Job, Kind, Result, run, spread
-from bench.study.world import LAWS, Law
+from bench.study.world import GEARS, LAWS, Gears, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from programs.command_line.options import Range
@@ -52,11 +52,15 @@ def jobs(
     frictions: Sequence[Law],
     motor_position: MotorPosition,
     stiction_share: float | None,
+    gears: Gears,
 ) -> list[Job]:
     """A new arm every minute; the same seeds for either friction."""
     free, stepped = max(1, round(minutes)), max(1, round(step_minutes))
     return [
-        Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position, stiction_share)
+        Job(
+            ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position, stiction_share,
+            gears=gears,
+        )  # fmt: skip
         for arm in range(max(free, stepped))
         for friction in frictions
         for kind, seconds in LENGTHS_S.items()
@@ -174,6 +178,7 @@ def plain(value: Any) -> Any:
 @click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
 @click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
+@click.option("--gears", default="modelled", show_default=True, type=click.Choice(GEARS))
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
@@ -183,12 +188,13 @@ def main(
     friction: Law | Literal["all"],
     motor_position: MotorPosition,
     stiction_share: float | None,
+    gears: Gears,
     as_json: bool,
 ) -> None:
     frictions = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     step_minutes = minutes if step_minutes is None else step_minutes
-    todo = jobs(minutes, step_minutes, seed, frictions, motor_position, stiction_share)
+    todo = jobs(minutes, step_minutes, seed, frictions, motor_position, stiction_share, gears)
     seeds = sorted({job.seed for job in todo if job.kind == "free"})
     stepped = len({job.seed for job in todo if job.kind == "moving"})
     results = list(spread(run, todo, processes, "arms"))
@@ -223,6 +229,7 @@ def main(
         "step_minutes": stepped,
         "seeds": [seeds[0], seeds[-1]],
         "motor_position": motor_position,
+        "gears": gears,
         "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,

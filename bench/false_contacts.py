@@ -3,13 +3,15 @@
     python -m bench.false_contacts [--arms N] [--minutes N] [--jobs N] [--seed N]
                                    [--friction smooth|dahl|lugre|all]
                                    [--motor-position measured|integrated] [--no-learning]
-                                   [--residual KIND] [--stiction-share X] [--json]
+                                   [--residual KIND] [--stiction-share X] [--gears CONDITION]
+                                   [--json]
 
 N arms for each law of friction, each at work for N minutes with nobody touching it: sinusoids,
 moves from point to point with rests, creeping at 0.02 rad/s, one joint at a time to and fro, and
 standing. Their friction is 40 % off and drifts by 20 % in ten minutes, with a rise near rest of up
 to 30 % (lugre); pre-sliding is 0.1 to 2 mrad, gears have 300 to 4000 Nm/rad, some drives step.
-What the model does not know otherwise, as `bench.detection` has it.
+What the model does not know otherwise, as `bench.detection` has it. --gears adds what gears do that
+the estimator does not model (`bench.study.world`).
 
 Simulated without a bus. A false contact begins where the residual exceeds the threshold in force;
 "gap under load" counts ticks in which a joint is called to be in its gap while its gear carries
@@ -38,7 +40,7 @@ from bench.study.detection_report import NARROW
 from bench.study.estimates import VARIANTS, Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.scores import count_alarms
-from bench.study.world import LAWS, Law
+from bench.study.world import GEARS, LAWS, Gears, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side
@@ -60,6 +62,7 @@ class Job:
     seconds: float
     changes: Mapping[str, Any]
     """of the configured EstimatorSettings"""
+    gears: Gears = "modelled"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +96,7 @@ def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
     scenario = Scenario(seconds=job.seconds, motion=course)
     begun, parts, raised = 0, [], []
     names: tuple[str, ...] = ()
-    for recording in recordings(world.subject(robot, job.law, job.seed), scenario):
+    for recording in recordings(world.subject(robot, job.law, job.seed, job.gears), scenario):
         found = estimates(estimator, recording)
         names, end = tuple(found.residuals), begun + len(recording.time_s)
         parts.append(tally(recording, found, kinds[begun:end], contact))
@@ -187,6 +190,7 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
 @click.option("--learning/--no-learning", default=True, help="Of friction and levels.")
 @click.option("--residual", default="backlash", type=click.Choice(get_args(Kind)))
 @click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
+@click.option("--gears", default="modelled", show_default=True, type=click.Choice(GEARS))
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
@@ -198,6 +202,7 @@ def main(
     learning: bool,
     residual: Kind,
     stiction_share: float | None,
+    gears: Gears,
     as_json: bool,
 ) -> None:
     changes: dict[str, Any] = {"motor_position": motor_position, "learning": learning}
@@ -210,7 +215,7 @@ def main(
     laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     todo = [
-        Job(ROMEO, law, arm, 60.0 * minutes, changes)
+        Job(ROMEO, law, arm, 60.0 * minutes, changes, gears)
         for arm in range(seed, seed + arms)
         for law in laws
     ]
@@ -228,6 +233,7 @@ def main(
         "minutes": minutes,
         "residual": residual,
         "learning": learning,
+        "gears": gears,
         "motor_position": motor_position,
         "residuals": names,
         "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,

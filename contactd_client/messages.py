@@ -92,11 +92,12 @@ class Grant(TypedDict):
 
 
 class Learned(TypedDict):
-    """Changes learned since identification, as shares of the identified values: +0.1 is a tenth
-    more."""
+    """Friction learned since identification. Coulomb and viscous are changes, as shares of the
+    identified values: +0.1 is a tenth more. Load is friction per torque that the gear transmits."""
 
     coulomb: list[float]
     viscous: list[float]
+    load: list[float]
 
 
 class Payload(TypedDict):

@@ -33,6 +33,19 @@ class Flag(IntFlag):
     go on as it did."""
 
 
+@dataclass(frozen=True, slots=True)
+class LearnedFriction:
+    """Friction of each joint as it was learned; (n,)."""
+
+    coulomb: Vector
+    viscous: Vector
+    """over the identified values"""
+    load: Vector
+    """Nm per Nm that the gear transmits"""
+    coulomb_left: Vector
+    """standard deviation of the first, over that before anything was learned"""
+
+
 class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Result of one tick; arrays of shape (n,), never changed afterwards."""
 

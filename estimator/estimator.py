@@ -20,7 +20,7 @@ from common.errors import ModelError
 from estimator import memory
 from estimator.contact import Contact
 from estimator.dynamics import Dynamics
-from estimator.estimate import Estimate, EstimateRows, Flag, SampleRows
+from estimator.estimate import Estimate, EstimateRows, Flag, LearnedFriction, SampleRows
 from estimator.kernel import Kernel
 from estimator.model import Model
 from estimator.payload import Payload
@@ -199,13 +199,12 @@ class Estimator:
         doubt = self._kernel.doubt
         return 0.5 * float(doubt.low[i] + doubt.high[i])
 
-    def learned(self) -> tuple[Matrix, Vector]:
-        """Learned friction of each joint: Coulomb and viscous (2, n) over the identified values,
-        and the remaining share of the deviation of the first (n,), 1 before anything was learned.
-        """
+    def learned(self) -> LearnedFriction:
+        """Learned friction of each joint."""
         learning = self._kernel.learning
-        viscous, coulomb = np.asarray(learning.shares)[:, 1:].T
-        return 1.0 - np.stack([coulomb, viscous]), np.array(learning.coulomb_left)
+        viscous, coulomb, load = np.asarray(learning.shares)[:, 1:].T
+        left = np.array(learning.coulomb_left)
+        return LearnedFriction(1.0 - coulomb, 1.0 - viscous, 0.0 - load, left)
 
     def memory(self) -> dict[str, Any]:
         """The complete internal state, fit for JSON; `restore` continues bit-identically."""

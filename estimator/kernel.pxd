@@ -91,6 +91,7 @@ cdef class Kernel:
     @cython.locals(doubt=double, doubted=double)
     cdef double _unknown(self, Py_ssize_t i) noexcept
     @cython.locals(learning=double)
+    cdef double _load_friction(self, Py_ssize_t i) noexcept
     cdef void _put_in_force(
         self, Py_ssize_t i, double unsure, double speed, double dt
     ) noexcept
@@ -106,5 +107,7 @@ cdef class Kernel:
     @cython.locals(doubt=double, share=double, crossing=double)
     cdef void _apply(self, Py_ssize_t i) noexcept
     @cython.locals(speed=double, usual=double, doubt=double, moving=bint)
-    cdef void _learn(self, Py_ssize_t i, double dt, double theta_dot, bint acts) noexcept
+    cdef void _learn(
+        self, Py_ssize_t i, double dt, double theta_dot, double transmitted, bint acts
+    ) noexcept
     cdef void _show(self, Py_ssize_t i) noexcept

@@ -232,13 +232,15 @@ class Kernel:
         levels, at_rest, sign = self.levels, speed / _REST_VELOCITY, speed * self._per_width
         factor = self.motor_position.friction[i]
         unknown, rest = self.stiction.unknown_at_rest(i), decay(at_rest * at_rest)
-        above = levels.friction_at(i, rest, unknown * rest, factor)
+        load = self._load_friction(i)
+        above = levels.friction_at(i, rest, unknown * rest, factor, load)
         above += levels.unsure(i, self.motor_position.side[i] == _SIDE_UNKNOWN, False, False, 0.0)
         above += levels.share[i] * (levels.usual(i, speed) - levels.usual(i, 0.0))
         if self.learns:
             viscous = (self._motor_viscous[i] + self._link_viscous[i]) * speed
-            coulomb = self._coulomb[i] * smooth_sign(sign)
-            above += levels.share[i] * self.learning.unknown_at(i, coulomb, viscous)
+            slides = smooth_sign(sign)
+            coulomb, load = self._coulomb[i] * slides, abs(self.tau_M[i]) * slides
+            above += levels.share[i] * self.learning.unknown_at(i, coulomb, viscous, load)
         return float(levels.contact_at(i, above))
 
     def _take(self) -> int:
@@ -264,7 +266,7 @@ class Kernel:
     def _still(self, i: int, q: float) -> None:
         """Joint i without a velocity yet: no residual, the highest threshold."""
         self.motor_position.start(i, q)
-        most = self.levels.friction_at(i, 1.0, 1.0, 1.0)
+        most = self.levels.friction_at(i, 1.0, 1.0, 1.0, 0.0)
         most += self.levels.unsure(i, True, True, True, 0.0)
         self._put_in_force(i, most, 0.0, self._period)
         self.q[i], self.q_dot[i], self.tau_M[i] = q, 0.0, 0.0
@@ -321,7 +323,9 @@ class Kernel:
             turned = displacement(theta_dot, q_dot, moved, self._alpha[i] > 0.0, gap)
         side = position.side[i]
         self._at_an_instant(i, q_dot, theta_dot, theta, tau_M, turned)
-        levels.rub(i, rest, self.stiction.unknown[i], position.friction[i])
+        self.tau_M[i] = tau_M
+        load = self._load_friction(i) if self.learns else 0.0
+        levels.rub(i, rest, self.stiction.unknown[i], position.friction[i], load)
         if gap > 0.0:
             self._balance(i, gap, q, q_dot, theta_dot, rest, tau_M)
         if gap > 0.0 or not self.going[i]:
@@ -330,7 +334,6 @@ class Kernel:
         in_gap, came_from = position.side[i] == _SIDE_GAP, side == _SIDE_GAP
         self._crossing[i] = in_gap or position.side[i] != side
         self._landed += came_from and not in_gap
-        self.tau_M[i] = tau_M
         everything = q + q_dot + tau_M + position.theta[i] + position.sigma[i]
         return float(everything + self.residual.sum(i))
 
@@ -395,6 +398,12 @@ class Kernel:
         doubted = learning.doubted_at(i, doubt) - self.levels.friction[i]
         return float(max(learning.unknown[i], doubted))
 
+    def _load_friction(self, i: int) -> float:
+        """Friction that is known to come with what the gear of joint i transmits [Nm], at most: near
+        rest friction holds a part of that."""
+        own = self._coulomb[i] * self.motor_position.friction[i]
+        return float(self.learning.load(i) * (abs(self.tau_M[i]) + own))
+
     def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
         """Levels of joint i, over dt [s]."""
         learning = self._unknown(i) if self.learns else 0.0
@@ -442,16 +451,18 @@ class Kernel:
         self.residual.step(i, x, dt * spring, touched, dt)
         self.levels.integrate(i, dt, self.residual.pole, self.residual.share)
         if self.learns:
-            self._learn(i, dt, theta_dot, touched or self._always_acts)
+            self._learn(i, dt, theta_dot, transmitted, touched or self._always_acts)
 
-    def _learn(self, i: int, dt: float, theta_dot: float, acts: bool) -> None:
+    def _learn(self, i: int, dt: float, theta_dot: float, transmitted: float, acts: bool) -> None:
         """Correct the residual of joint i by what was learned of friction, and learn;
         acts: they did on the link."""
         x, learning, residual = self.interval.impulse, self.learning, self.residual
         viscous = (self._motor_viscous[i] + self._link_viscous[i]) * x[_THETA_DOT]
         coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION] - viscous
         some = 1.0 if acts else 0.0
-        learning.step(i, some * coulomb, some * viscous, dt, residual.pole, residual.share)
+        slides = smooth_sign(theta_dot * self._per_width) + self.stiction.held[i]
+        load = some * dt * abs(transmitted) * slides
+        learning.step(i, some * coulomb, some * viscous, load, dt, residual.pole, residual.share)
         residual.correct(i, learning.correction[i])
         levels, speed = self.levels, abs(theta_dot)
         usual = levels.usual(i, speed)

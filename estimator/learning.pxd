@@ -5,9 +5,9 @@ cimport cython
 cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
-cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _COLUMNS
+cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _LOAD, _COLUMNS
 cdef double _STANDS_S, _RESTS_S, _RESTING
-cdef double _NOISE, _NOISE_S, _OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
+cdef double _NOISE, _NOISE_S, _OFF, _LOAD_MAY_BE, _LOAD_OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
 cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _GROWS, _LARGEST, _LEANS_S, _DOUBTED, _RELEARNS, _SETTLES_S, _PASSES_S
 
 cdef class Learning:
@@ -15,7 +15,7 @@ cdef class Learning:
     cdef double[::1] _noise, _lowest, _highest, _forgets_s, _x, _least
     cdef readonly double[:, :, ::1] covariance
     cdef readonly double[:, ::1] columns, shares
-    cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
+    cdef readonly double[::1] coulomb_left, viscous_left, load_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
     cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen, lean, settled, passing
 
     cpdef void reset(self, Py_ssize_t i) noexcept
@@ -24,8 +24,13 @@ cdef class Learning:
     @cython.locals(least=double)
     cpdef double crossing_level(self, Py_ssize_t i) noexcept
     cpdef double friction(self, Py_ssize_t i) noexcept
+    cpdef double load(self, Py_ssize_t i) noexcept
     cpdef double error(self, Py_ssize_t i) noexcept
-    cpdef double unknown_at(self, Py_ssize_t i, double coulomb, double viscous) noexcept
+    @cython.locals(left=double, of_load=double, own=double)
+    cpdef double unknown_at(
+        self, Py_ssize_t i, double coulomb, double viscous, double load
+    ) noexcept
+    @cython.locals(load=double)
     cpdef double doubted_at(self, Py_ssize_t i, double doubt) noexcept
     cpdef bint stood(self, Py_ssize_t i) noexcept
     cpdef double identified(self, Py_ssize_t i) noexcept
@@ -33,7 +38,7 @@ cdef class Learning:
     cpdef void give_up(self, Py_ssize_t i) noexcept
     @cython.locals(constant=double)
     cpdef void step(
-        self, Py_ssize_t i, double coulomb, double viscous, double dt, double pole, double share
+        self, Py_ssize_t i, double coulomb, double viscous, double load, double dt, double pole, double share
     ) noexcept
     @cython.locals(
         corrected=double, size=double, b=double, surprise=double, freezes=double, calm=bint, known=bint

@@ -4,11 +4,12 @@
 
 What a residual shows while nothing touches is in good part friction that is off:
 
-    r = w1 c + w2 v + b + noise      c, v: Coulomb and viscous friction of the model, each filtered
-                                     as r is by (13)
+    r = w1 c + w2 v + w3 l + b + noise      c, v: Coulomb and viscous friction of the model; l: torque
+                                            that the gear transmits, by the sign of its motion;
+                                            each filtered as r is by (13)
 
 A Kalman filter follows the shares w, which drift in minutes, and b, which drifts in seconds.
-w1 c + w2 v is taken off the residual; b, the torque of a hand that leans on the arm as well as of
+w1 c + w2 v + w3 l is taken off the residual; b, the torque of a hand that leans on the arm as well as of
 masses that are off, never is: friction turns with the motion, and a hand does not. While a contact
 is on, and for a moment after the residual was far from what these make of it, only b is followed;
 at rest and inside a gap, nothing, and in hours of rest what is known fades. Near rest, where
@@ -30,16 +31,19 @@ from common.arrays import Vector
 from estimator.thresholds import Thresholds
 
 # What is followed; and how long each is remembered [s], of motion but for b.
-_CONSTANT, _VISCOUS, _COULOMB, _COLUMNS = 0, 1, 2, 3
-_FORGETS_S = (10.0, 600.0, 600.0)
+_CONSTANT, _VISCOUS, _COULOMB, _LOAD, _COLUMNS = 0, 1, 2, 3, 4
+_FORGETS_S = (10.0, 600.0, 600.0, 600.0)
 # Standard deviation of each, that of b of the contact level; and of what is neither, which lasts
 # _NOISE_S.
-_SPREAD, _NOISE, _NOISE_S = (0.4, 0.4, 0.4), 0.2, 0.1
+_SPREAD, _NOISE, _NOISE_S = (0.4, 0.4, 0.4, 0.1), 0.2, 0.1
 # Largest share of each, and least: friction may be 0.3 to 2.2 times what was identified.
-_MOST, _LEAST = (1e9, 0.7, 0.7), (-1e9, -1.2, -1.2)
+_MOST, _LEAST = (1e9, 0.7, 0.7, 0.0), (-1e9, -1.2, -1.2, -0.5)
 # Share by which friction that was identified may be off before anything is learned, and that which
 # remains however much was: it depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
+# Friction per transmitted torque that may be there before anything was learned of it; and share of
+# what was learned that may be off.
+_LOAD_MAY_BE, _LOAD_OFF = 0.2, 0.3
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
 # expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
 # another, up to _THAWS of it teach.
@@ -86,7 +90,7 @@ class Learning:
         self.columns, self.shares = np.zeros((2, n, _COLUMNS))
         self.covariance = np.zeros((n, _COLUMNS, _COLUMNS))
         # Of the standard deviation of both kinds of friction before anything was learned.
-        self.coulomb_left, self.viscous_left = np.ones((2, n))
+        self.coulomb_left, self.viscous_left, self.load_left = np.ones((3, n))
         self.calm_s, self.quiet_s, self.loud_s, self.still_s = np.zeros((4, n))
         self.correction, self.unknown = np.zeros((2, n))
         # Of the corrected residual in motion, over the configured level: its square, and the time
@@ -125,19 +129,25 @@ class Learning:
         """Friction of joint i over what was identified."""
         return 1.0 - float(self.shares[i, _COULOMB])
 
+    def load(self, i: int) -> float:
+        """Friction of joint i per torque that its gear transmits."""
+        return -float(self.shares[i, _LOAD])
+
     def error(self, i: int) -> float:
         """Share by which the friction of joint i may still be off."""
         return _REMAINS + _OFF * float(self.coulomb_left[i])
 
-    def unknown_at(self, i: int, coulomb: float, viscous: float) -> float:
-        """Uncertainty of such friction of joint i [Nm]."""
-        return float(
-            _OFF * (self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb))
-        )
+    def unknown_at(self, i: int, coulomb: float, viscous: float, load: float) -> float:
+        """Uncertainty of such friction of joint i [Nm]; load: torque that its gear transmits."""
+        left = self.load_left[i] * self.load_left[i]  # gone once a little was learned
+        of_load = _LOAD_OFF * abs(self.shares[i, _LOAD]) + _LOAD_MAY_BE * left
+        own = self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb)
+        return float(_OFF * own + of_load * abs(load))
 
     def doubted_at(self, i: int, doubt: float) -> float:
         """Uncertainty of the present friction of joint i at a doubt of 0 to 1 in learning [Nm]."""
-        return float(_OFF * doubt * self.identified(i))
+        load = _LOAD_MAY_BE * abs(self.columns[i, _LOAD])
+        return float(doubt * (_OFF * self.identified(i) + load))
 
     def stood(self, i: int) -> bool:
         """True for a joint that has stood so long that its gear cooled."""
@@ -158,21 +168,28 @@ class Learning:
 
     def give_up(self, i: int) -> None:
         """Believe the friction that was identified."""
-        self.shares[i, _VISCOUS] = self.shares[i, _COULOMB] = 0.0
+        self.shares[i, _VISCOUS] = self.shares[i, _COULOMB] = self.shares[i, _LOAD] = 0.0
         self.correction[i] = 0.0
 
     def step(
-        self, i: int, coulomb: float, viscous: float, dt: float, pole: float, share: float
-    ) -> None:
+        self, i: int, coulomb: float, viscous: float, load: float, dt: float, pole: float,
+        share: float,
+    ) -> None:  # fmt: skip
         """Take the impulses [Nm s] of joint i over its interval of dt [s], filtered by `pole` and
         `share` of (13); impulses are 0 where they do not act on the link."""
         constant = pole * self.columns[i, _CONSTANT] + share * dt
         viscous = pole * self.columns[i, _VISCOUS] + share * viscous
         coulomb = pole * self.columns[i, _COULOMB] + share * coulomb
         self.columns[i, _CONSTANT] = constant
+        load = pole * self.columns[i, _LOAD] + share * load
         self.columns[i, _VISCOUS], self.columns[i, _COULOMB] = viscous, coulomb
-        self.correction[i] = self.shares[i, _VISCOUS] * viscous + self.shares[i, _COULOMB] * coulomb
-        self.unknown[i] = self.unknown_at(i, coulomb, viscous)
+        self.columns[i, _LOAD] = load
+        self.correction[i] = (
+            self.shares[i, _VISCOUS] * viscous
+            + self.shares[i, _COULOMB] * coulomb
+            + self.shares[i, _LOAD] * load
+        )
+        self.unknown[i] = self.unknown_at(i, coulomb, viscous, load)
 
     def learn(
         self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
@@ -200,6 +217,7 @@ class Learning:
             if known:
                 self._drift(i, _VISCOUS, dt)
                 self._drift(i, _COULOMB, dt)
+                self._drift(i, _LOAD, dt)
             self._follow(i, residual, friction + raised, dt, known)
             self.settled[i] += dt / _SETTLES_S * (self.shares[i, _COULOMB] - self.settled[i])
 
@@ -259,6 +277,7 @@ class Learning:
         fade = dt / _RESTS_S
         self._drift(i, _VISCOUS, dt / _RESTING)
         self._drift(i, _COULOMB, dt / _RESTING)
+        self._drift(i, _LOAD, dt / _RESTING)
         self._say_what_is_left(i)
         self.squares_s[i] += fade * (_AT_FIRST_S / _OF_RMS**2 - self.squares_s[i])
         self.moved_s[i] += fade * (_AT_FIRST_S - self.moved_s[i])
@@ -300,6 +319,7 @@ class Learning:
     def _say_what_is_left(self, i: int) -> None:
         self.coulomb_left[i] = self._left(i, _COULOMB)
         self.viscous_left[i] = self._left(i, _VISCOUS)
+        self.load_left[i] = self._left(i, _LOAD)
 
     def _left(self, i: int, column: int) -> float:
         """Standard deviation of a share, relative to the one before anything was learned."""
@@ -312,4 +332,4 @@ class Learning:
             for m in range(_COLUMNS):
                 self.covariance[i, k, m] = self._variance[k, i] if k == m else 0.0
             self.shares[i, k] = 0.0
-        self.coulomb_left[i] = self.viscous_left[i] = 1.0
+        self.coulomb_left[i] = self.viscous_left[i] = self.load_left[i] = 1.0

@@ -11,9 +11,11 @@ cdef class Levels:
     cdef double[::1] _contact, _collision, _per_speed, _coulomb, _has_gap
     cdef readonly double[::1] share, crossing, contact, collision, above, begin, friction, raised
 
-    cpdef void rub(self, Py_ssize_t i, double rest, double unknown, double factor) noexcept
+    cpdef void rub(
+        self, Py_ssize_t i, double rest, double unknown, double factor, double load
+    ) noexcept
     cpdef double friction_at(
-        self, Py_ssize_t i, double rest, double unknown, double factor
+        self, Py_ssize_t i, double rest, double unknown, double factor, double load
     ) noexcept
     cpdef void integrate(self, Py_ssize_t i, double dt, double pole, double share) noexcept
     cpdef void end(self, Py_ssize_t i) noexcept

@@ -53,17 +53,21 @@ class Levels:
         self.begin, self.friction, self.raised = np.zeros((3, n))
         self._now = 0.0
 
-    def rub(self, i: int, rest: float, unknown: float, factor: float) -> None:
+    def rub(self, i: int, rest: float, unknown: float, factor: float, load: float) -> None:
         """Set the friction of joint i that may be off now. rest: `transmission.resting`; unknown:
-        share of its Coulomb friction; factor: its friction over that which was identified."""
-        self._now = self.friction_at(i, rest, unknown, factor)
+        share of its Coulomb friction; factor: its friction over that which was identified; load:
+        friction of what its gear transmits [Nm]."""
+        self._now = self.friction_at(i, rest, unknown, factor, load)
 
-    def friction_at(self, i: int, rest: float, unknown: float, factor: float) -> float:
+    def friction_at(
+        self, i: int, rest: float, unknown: float, factor: float, load: float
+    ) -> float:
         """Friction of joint i that may be off [Nm], as `rub` takes it. `stiction_share` counts at
         half the velocity up to which a joint rests."""
         rest *= rest
         rest *= rest
-        return float(self._coulomb[i] * factor * (unknown + self._at_rest * rest))
+        coulomb = self._coulomb[i] * factor + load
+        return float(coulomb * (unknown + self._at_rest * rest))
 
     def integrate(self, i: int, dt: float, pole: float, share: float) -> None:
         """Filter it over the interval of dt [s] that ends now, by `pole` and `share` of (13)."""

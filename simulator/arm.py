@@ -12,7 +12,7 @@ from simulator.drive import Drive, Surroundings
 from simulator.events import Happening, Listener
 from simulator.hand import Hand
 from simulator.hand_script import AnyAct
-from simulator.mismatch import true_parameters
+from simulator.mismatch import true_gears, true_parameters
 from simulator.plant import Plant
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
@@ -52,6 +52,7 @@ class SimulatedArm:
             parameters,
             settings.step_s,
             settings.law,
+            true_gears(description, settings, parameters.torque_constant),
         )
         self.servo = Servo(description, parameters.usual_link)
         makes = description.drives()

@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from common.errors import ConfigurationError
 from simulator.friction_law import FrictionLaw, Kind
+from simulator.gear_settings import GearSettings
 from simulator.profile import SimulatedMake, profile_of
 
 Percent = Annotated[float, Meta(ge=0.0, le=50.0)]
@@ -133,6 +134,7 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     """Friction just off rest, over Coulomb's."""
     stribeck_velocity: Annotated[float, Meta(ge=0.005, le=0.5)] = 0.05
     """At which that rise has fallen to exp(-1) of itself [rad/s]."""
+    gears: GearSettings = GearSettings()
     contact_stiffness: Annotated[float, Meta(gt=0.0, le=1e5)] = 1000.0
     """Border of the gap and end stops [Nm/rad]; softer on light joints: `simulator.mismatch`."""
     contact_damping_ratio: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3

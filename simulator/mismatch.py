@@ -9,6 +9,7 @@ from common.arrays import Vector
 from common.errors import ModelError
 from common.regular_file import read_text
 from simulator.description import ArmDescription, SimulationSettings
+from simulator.gears import Gears
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,15 @@ def true_parameters(description: ArmDescription, settings: SimulationSettings) -
         lightest_link=lightest,
         usual_link=mean,
     )
+
+
+def true_gears(
+    description: ArmDescription, settings: SimulationSettings, torque_constant: Vector
+) -> Gears:
+    """Gears of the true arm, whose torque constant is (n,) [Nm/A]."""
+    rated = np.array([joint.rated_current_A for joint in description.joints])
+    gear = np.array([joint.gear for joint in description.joints])
+    return Gears(settings.gears, gear, rated * torque_constant, settings.step_s, settings.seed)
 
 
 def contact(

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from common.arrays import Matrix, Vector
 from common.compiled import uncompiled
 from simulator.friction_law import FrictionLaw
+from simulator.gear_settings import GearSettings
+from simulator.gears import Gears
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
 from simulator.two_masses import TwoMasses
@@ -74,10 +76,14 @@ class Plant:
         parameters: PlantParameters,
         step_s: float,
         law: FrictionLaw = SMOOTH,
+        gears: Gears | None = None,
     ) -> None:
+        """Without `gears`, they are as the estimator models them."""
         self.parameters, self.n, self.step_s = parameters, parameters.model.nv, step_s
         self._model, self._data = parameters.model, parameters.model.createData()
-        self.masses = masses = TwoMasses(links_of(parameters.model), parameters, step_s, law)
+        gears = gears or Gears(GearSettings(), np.ones(self.n), np.ones(self.n), step_s, 0)
+        links = links_of(parameters.model)
+        self.masses = masses = TwoMasses(links, parameters, step_s, law, gears)
         self.phi: Vector = np.asarray(masses.phi)
         self.q: Vector = np.asarray(masses.q)
         """q - theta and link positions (n,) [rad]; views, they change with every step."""
@@ -109,7 +115,7 @@ class Plant:
     @property
     def in_gap(self) -> NDArray[np.bool_]:
         """True where link and motor do not touch (n,)."""
-        return np.asarray(np.abs(self.phi) < self.parameters.half_gap)
+        return np.asarray(np.abs(self.phi) < np.asarray(self.masses.half_gap))
 
     def brake(self, joint: int, closed: bool) -> None:
         """Close or open a joint's brake; a closed one holds the motor where it is."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from common.elementary import decay, smooth_sign
 from simulator.friction_law import FrictionLaw
+from simulator.gears import Gears
 from simulator.links import Links
 from simulator.mismatch import PlantParameters
 
@@ -27,16 +28,18 @@ class TwoMasses:
         parameters: PlantParameters,
         step_s: float,
         law: FrictionLaw,
+        gears: Gears,
     ) -> None:
         p = parameters
         n = self.n = links.n
-        self.links = links
+        self.links, self.gears = links, gears
         self._step, self._stiction = step_s, law.kind == "dahl"
         self.phi, self.q_dot, self.theta_dot, self.external, self.motor = np.zeros((5, n))
         self.q = p.initial_position.copy()
         self.gear, self.stop, self._link = np.zeros((3, n))
         self.friction = np.zeros((2, n))
-        self._half_gap, self._rotor = p.half_gap.copy(), p.rotor_inertia.copy()
+        self.half_gap, self._mean_half_gap = p.half_gap.copy(), p.half_gap.copy()
+        self._rotor = p.rotor_inertia.copy()
         self._lower, self._upper = p.lower.copy(), p.upper.copy()
         self._stiffness, self._damping = p.stiffness.copy(), p.damping.copy()
         self.free = np.ones(n)
@@ -67,12 +70,18 @@ class TwoMasses:
     def _push(self, i: int) -> None:
         """All torques on link and motor of joint i."""
         q, q_dot, theta_dot, phi = self.q[i], self.q_dot[i], self.theta_dot[i], self.phi[i]
-        alpha = self._half_gap[i]
+        alpha, gears = self.half_gap[i], self.gears
+        if gears.active:
+            gears.update(i, q, q - phi, theta_dot)
+            alpha = self.half_gap[i] = gears.half_gap(i, self._mean_half_gap[i], q)
         gear = self._border(i, phi - min(max(phi, -alpha), alpha), q_dot - theta_dot)
         stop = self._border(i, q - min(max(q, self._lower[i]), self._upper[i]), q_dot)
         self.gear[i], self.stop[i] = gear, stop
-        self.friction[0, i] = self._rub(0, i, q_dot)
-        self.friction[1, i] = self._rub(1, i, theta_dot)
+        self.friction[0, i] = self._rub(0, i, q_dot, 0.0)
+        load = gears.coulomb(gear, theta_dot) if gears.active else 0.0
+        self.friction[1, i] = self._rub(1, i, theta_dot, load)
+        if gears.active:
+            self.friction[1, i] += gears.cog(i, q - phi)
         self._link[i] = self.external[i] - gear - stop - self.friction[0, i]
 
     def _border(self, i: int, delta: float, delta_dot: float) -> float:
@@ -80,17 +89,19 @@ class TwoMasses:
         torque = delta * self._stiffness[i] + self._damping[i] * delta_dot
         return float(torque) if torque * delta > 0.0 else 0.0
 
-    def _rub(self, side: int, i: int, velocity: float) -> float:
+    def _rub(self, side: int, i: int, velocity: float, load: float) -> float:
         """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous. Near
-        rest the Coulomb torque is larger by Stribeck's share; Dahl's with that is LuGre's."""
-        way, coulomb = self._per_slip * velocity, self.coulomb[side, i]
+        rest the Coulomb torque is larger by Stribeck's share; Dahl's with that is LuGre's. `load`
+        is Coulomb friction of the torque that the gear transmits."""
+        factor = self.gears.factor[side, i] if self.gears.active else 1.0
+        way, coulomb = self._per_slip * velocity, factor * self.coulomb[side, i] + load
         slow = velocity * self._per_stribeck
         share = 1.0 + self._breakaway * decay(slow * slow) if self._breakaway > 0.0 else 1.0
         if self._stiction:
             torque = self._slide(side, i, way, coulomb, share)
         else:
             torque = smooth_sign(way) * (share * coulomb)
-        return float(torque + self.viscous[side, i] * velocity)
+        return float(torque + factor * self.viscous[side, i] * velocity)
 
     def _slide(self, side: int, i: int, way: float, coulomb: float, share: float) -> float:
         """Dahl: z_dot = v - |v| z / (s z_max), torque = T_c z / z_max + sigma_1 z_dot, at most

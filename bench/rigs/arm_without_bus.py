@@ -21,7 +21,7 @@ from daemon.config.load import Robot
 from drivers.canopen.codec import MEASURED, SetpointEncoder, link_side
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import SimulationSettings
-from simulator.mismatch import PlantParameters, true_parameters
+from simulator.mismatch import PlantParameters, true_gears, true_parameters
 from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
@@ -196,6 +196,7 @@ class Harness:
             self.parameters,
             settings.step_s,
             settings.law,
+            true_gears(description, settings, self.parameters.torque_constant),
         )
         self.servo = Servo(description, self.parameters.usual_link)
         self.sensors = Sensors(description, settings, self.plant.q)

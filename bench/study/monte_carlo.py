@@ -24,7 +24,7 @@ from bench.study import courses, population, scores, world
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.population import STEP_MS, Step, Touch
 from bench.study.scores import Errors, Trial, count_alarms, quiet_threshold
-from bench.study.world import Law
+from bench.study.world import Gears, Law
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
@@ -54,6 +54,7 @@ class Job:
     """in place of the configured one"""
     worked_s: float = 600.0
     """at work before"""
+    gears: Gears = "modelled"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +81,7 @@ def run(job: Job) -> Result:
     robot = load_robot(job.robot)
     c = robot.configuration
     contact = np.array([joint.thresholds.contact for joint in c.joints])
-    subject = world.subject(robot, job.friction, job.seed)
+    subject = world.subject(robot, job.friction, job.seed, job.gears)
     share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
     how = {"motor_position": job.motor_position, "stiction_share": share}
     estimator = build(robot, **how)

@@ -4,9 +4,15 @@ Every quantity of MISMATCH is off by its whole percentage and only the sign is d
 a corner of what is allowed, not its middle. Friction drifts by 20 % in ten minutes, too; it is
 smooth, Dahl's, or LuGre's with a rise near rest of up to 30 %; its pre-sliding is anything from 0.1
 to 2 mrad, the gear's stiffness from 300 to 4000 Nm/rad; some drives take setpoints as steps.
+
+GEARS are the conditions beyond what the estimator models. `load`: friction grows with the torque
+that the gear transmits, by up to 15 % of it, or as in gears of 70 to 95 % efficiency, driving and
+driven apart. `ripple`: friction ripples by up to 20 % twice a turn of motor and joint, motors cog
+with up to 5 % of their rated torque. `rest`: friction rises by up to half within minutes of rest.
+`gap`: the gap varies by up to 30 % over a turn.
 """
 
-from typing import Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
@@ -14,9 +20,13 @@ from bench.rigs.arm_without_bus import Subject
 from bench.study import population
 from daemon.config.load import Robot
 from simulator.description import Mismatch, SimulationSettings
+from simulator.gear_settings import GearSettings
 
 Law = Literal["smooth", "dahl", "lugre"]
 LAWS: Final[tuple[Law, ...]] = ("smooth", "dahl", "lugre")
+
+Gears = Literal["modelled", "load", "ripple", "rest", "gap", "all"]
+GEARS: Final[tuple[Gears, ...]] = get_args(Gears)
 
 MISMATCH: Final = Mismatch(
     mass=5, center_of_mass=0, friction=40, torque_constant=3, half_gap=10, rotor_inertia=10
@@ -33,8 +43,41 @@ STEPPING: Final = 0.3
 """share of the arms whose drives do not interpolate"""
 
 
-def subject(robot: Robot, law: Law, seed: int) -> Subject:
-    """One arm; that of the same seed and another law has all else in common."""
+LOAD: Final = (0.0, 0.15)
+"""friction per transmitted torque, of half of the arms ..."""
+EFFICIENCY: Final = (0.7, 0.95)
+"""... and the efficiency of the other half's gears, driving and driven"""
+FRICTION_RIPPLE: Final = 20.0
+COGGING: Final = 5.0
+GAP_RIPPLE: Final = 30.0
+"""[percent], at most"""
+REST_RISE: Final = (1.1, 1.5)
+REST_S: Final = (30.0, 180.0)
+
+
+def gear_settings(gears: Gears, seed: int) -> GearSettings:
+    """Settings of the gears of one arm: those of a condition, or of all."""
+    rng = np.random.default_rng((seed, 40))
+    share, eta, eta_driven = rng.uniform(*LOAD), rng.uniform(*EFFICIENCY), rng.uniform(*EFFICIENCY)
+    efficient = rng.random() < 0.5
+    drawn: dict[Gears, dict[str, Any]] = {
+        "load": {
+            "load_driving": 1.0 / eta - 1.0 if efficient else share,
+            "load_driven": 1.0 - eta_driven if efficient else share,
+        },
+        "ripple": {
+            "friction_ripple": rng.uniform(0.0, FRICTION_RIPPLE),
+            "cogging": rng.uniform(0.0, COGGING),
+        },
+        "rest": {"rest_rise": rng.uniform(*REST_RISE), "rest_s": rng.uniform(*REST_S)},
+        "gap": {"gap_ripple": rng.uniform(0.0, GAP_RIPPLE)},
+    }
+    chosen = [drawn[one] for one in drawn if gears in (one, "all")]
+    return GearSettings(**{field: value for one in chosen for field, value in one.items()})
+
+
+def subject(robot: Robot, law: Law, seed: int, gears: Gears = "modelled") -> Subject:
+    """One arm; that of the same seed, another law and other gears has all else in common."""
     rng = np.random.default_rng((seed, 30))
 
     def between(limits: tuple[float, float]) -> float:
@@ -48,6 +91,7 @@ def subject(robot: Robot, law: Law, seed: int) -> Subject:
         presliding=presliding,
         stribeck=stribeck if law == "lugre" else 1.0,
         contact_stiffness=stiffness,
+        gears=gear_settings(gears, seed),
         link_latency_ms=float(rng.uniform(0.0, population.LATENCY_MS)),
         **population.velocity_errors(rng),
     )

@@ -99,11 +99,12 @@ class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Learned(msgspec.Struct, frozen=True, kw_only=True):
-    """Changes learned since identification, as shares of the identified values: +0.1 is a tenth
-    more."""
+    """Friction learned since identification. Coulomb and viscous are changes, as shares of the
+    identified values: +0.1 is a tenth more. Load is friction per torque that the gear transmits."""
 
     coulomb: PerJoint
     viscous: PerJoint
+    load: PerJoint
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):

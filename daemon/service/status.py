@@ -150,9 +150,12 @@ def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
 def _learned(tick: Tick) -> Learned | None:
     if not tick.estimator.settings.learning:
         return None
-    friction, _ = tick.estimator.learned()
-    coulomb, viscous = (friction - 1.0).tolist()
-    return Learned(coulomb=coulomb, viscous=viscous)
+    friction = tick.estimator.learned()
+    return Learned(
+        coulomb=(friction.coulomb - 1.0).tolist(),
+        viscous=(friction.viscous - 1.0).tolist(),
+        load=friction.load.tolist(),
+    )
 
 
 def _recognised(tick: Tick) -> str:

@@ -82,8 +82,8 @@ class TrendLine:
         row[:, Q] = samples.link_position
         row[:, THETA] = np.nan if samples.motor_position is None else samples.motor_position
         row[:, THETA_DOT], row[:, RESIDUAL] = samples.motor_velocity, estimate.residual
-        friction, row[:, DOUBT] = estimator.learned()
-        row[:, FRICTION] = friction[0]
+        friction = estimator.learned()
+        row[:, FRICTION], row[:, DOUBT] = friction.coulomb, friction.coulomb_left
         try:
             os.write(self._process.stdin.fileno(), self._row.tobytes())
         except BlockingIOError:

@@ -86,7 +86,8 @@ export const SIDES = {
 /** What was learned of joint i since it was identified; empty where nothing was. */
 export function learned(found, i) {
   if (!found) return "";
-  const names = [["coulomb", "friction"], ["viscous", "viscous friction"]];
+  const names = [["coulomb", "friction"], ["viscous", "viscous friction"],
+    ["load", "friction of load"]];
   const told = names
     .filter(([key]) => Math.abs(found[key][i]) >= 0.005)
     .map(([key, name]) => `${name} ${signed(100 * found[key][i], 0)} %`);

@@ -78,6 +78,7 @@ def _joints(state: State, joints: list[str], arm: str, status: Status | None) ->
         if learned is not None:
             values.append(("learned: coulomb friction", f"{learned.coulomb[i]:+.1%}"))
             values.append(("learned: viscous friction", f"{learned.viscous[i]:+.1%}"))
+            values.append(("learned: friction of load", f"{learned.load[i]:.1%}"))
         faulted = "fault" in state.drives[i]
         level = Level.ERROR if faulted else Level.OK if sensing[i] else Level.WARN
         text = state.drives[i] if faulted else "senses contact" if sensing[i] else "senses nothing"

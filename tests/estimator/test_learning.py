@@ -41,21 +41,25 @@ class Joint:
         *,
         coulomb: float = 1.0,
         viscous: float = 1.0,
+        transmitted: float = 0.0,
+        load: float = 0.0,
         push: float = 0.0,
         noise: float = 0.0,
         touched: bool = True,
         speed: float = 0.5,
         doubt: float = 0.0,
     ) -> float:
-        """What the corrected residual is at the end [Nm]; the model has 1 Nm and 0.6 Nm s/rad."""
+        """What the corrected residual is at the end [Nm]; the model has 1 Nm and 0.6 Nm s/rad.
+        `load` is the friction of a transmitted torque [Nm] that swings with the pose."""
         rng = np.random.default_rng(self.k)
         for _ in range(round(seconds / DT)):
             self.k += 1
             theta_dot = speed * np.sin(0.9 * DT * self.k)
             rubs, drags = np.tanh(theta_dot / 0.02) * DT, 0.6 * theta_dot * DT
-            e = push * DT - (coulomb - 1.0) * rubs - (viscous - 1.0) * drags
+            loaded = abs(transmitted * np.cos(0.23 * DT * self.k)) * rubs
+            e = push * DT - (coulomb - 1.0) * rubs - (viscous - 1.0) * drags - load * loaded
             self.raw = POLE * self.raw + SHARE * (e + noise * DT * rng.normal())
-            self.learning.step(0, rubs, drags, DT, POLE, SHARE)
+            self.learning.step(0, rubs, drags, loaded, DT, POLE, SHARE)
             corrected = self.raw - self.learning.correction[0]
             moving = touched and abs(theta_dot) > 0.05
             level = self.learning.level(0) * (LEVEL + self.learning.unknown[0])
@@ -73,6 +77,34 @@ def test_friction_that_is_off_is_learned(coulomb: float, viscous: float) -> None
     assert joint.learning.friction(0) == pytest.approx(coulomb, abs=0.06)
     assert joint.learning.error(0) < 0.3
 
+
+@pytest.mark.parametrize("load", [0.05, 0.15, 0.4])
+@pytest.mark.parametrize("coulomb", [1.0, 1.3])
+def test_friction_of_load_is_learned_apart(load: float, coulomb: float) -> None:
+    joint = Joint()
+    corrected = joint.swing(120.0, coulomb=coulomb, transmitted=8.0, load=load, noise=0.05)
+    assert joint.learning.load(0) == pytest.approx(load, abs=0.015)
+    assert joint.learning.friction(0) == pytest.approx(coulomb, abs=0.08)
+    assert abs(corrected) < 0.05
+
+
+def test_what_is_learned_of_load_raises_the_level_where_load_is() -> None:
+    joint = Joint()
+    joint.swing(120.0, transmitted=8.0, load=0.2, noise=0.05)
+    unknown = []
+    for transmitted in (0.0, 2.0, 8.0):
+        for _ in range(200):
+            joint.learning.step(0, DT, 0.3 * DT, transmitted * DT, DT, POLE, SHARE)
+        unknown.append(joint.learning.unknown[0])
+    more = np.diff(unknown) / [2.0, 6.0]
+    assert more == pytest.approx([0.3 * joint.learning.load(0)] * 2, rel=1e-6)
+
+
+def test_load_only_adds_friction() -> None:
+    """Less friction where load is would be none of the load."""
+    joint = Joint()
+    joint.swing(120.0, transmitted=8.0, load=-0.05, noise=0.05)
+    assert joint.learning.load(0) == 0.0
 
 def test_it_follows_a_gear_that_warms_up() -> None:
     joint = Joint()
@@ -200,7 +232,7 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
     joint = Joint()
     joint.swing(30.0, coulomb=1.2)
     learning = joint.learning
-    learning.step(0, bad, bad, DT, POLE, SHARE)
+    learning.step(0, bad, bad, bad, DT, POLE, SHARE)
     learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, DT)
     learning.reset(0)
     joint.raw = 0.0
@@ -211,7 +243,7 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
 def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
     joint = Joint()
     learning = joint.learning
-    learning.step(0, 1e200, 1e200, DT, POLE, SHARE)
+    learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
     learning.quiet_s[0] = 1.0
     learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, DT)
     learning.reset(0)
@@ -227,14 +259,14 @@ def test_what_is_known_stays_a_covariance(seed: int) -> None:
     size = 10.0 ** rng.uniform(-3.0, 2.0)
     for k in range(30_000):
         if k % 500 == 0:
-            rubs, drags, e = DT * size * rng.normal(size=3)
+            rubs, drags, load, e = DT * size * rng.normal(size=4)
             level, moving = rng.choice([0.01, 1e9]), rng.random() < 0.8
-        learning.step(0, rubs, drags, DT, POLE, SHARE)
+        learning.step(0, rubs, drags, load, DT, POLE, SHARE)
         learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, 0.0, False, moving, DT)
     P = np.array(learning.covariance[0])
     np.testing.assert_array_equal(P, P.T)
     assert (np.linalg.eigvalsh(P) > 0.0).all()
-    spread = np.array([0.4 * LEVEL, 0.4, 0.4])
+    spread = np.array([0.4 * LEVEL, 0.4, 0.4, 0.1])
     assert (np.diag(P) <= 1.01 * spread**2).all()
 
 

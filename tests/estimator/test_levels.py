@@ -60,14 +60,17 @@ def put(made: Levels, unsure: float = 0.0, speed: float = 0.0, dt: float = T) ->
         (0.5, 0.25, 0.7),
     ],
 )
-def test_friction_that_may_be_off(rest: float, unknown: float, factor: float, share: float) -> None:
+@pytest.mark.parametrize("load", [0.0, 1.5])
+def test_friction_that_may_be_off(
+    rest: float, unknown: float, factor: float, share: float, load: float
+) -> None:
     """What was learned in motion of the level says nothing about it."""
     made = levels(share)
     for i in range(2):
         # rest**4: exp(-(v / 0.05)^2) at twice the speed
-        expected = pytest.approx(COULOMB[i] * factor * (unknown + 0.25 * rest**4))
-        assert made.friction_at(i, rest, unknown, factor) == expected
-        made.rub(i, rest, unknown, factor)
+        expected = pytest.approx((COULOMB[i] * factor + load) * (unknown + 0.25 * rest**4))
+        assert made.friction_at(i, rest, unknown, factor, load) == expected
+        made.rub(i, rest, unknown, factor, load)
         made.end(i)
         assert made.begin[i] == expected
 
@@ -81,8 +84,8 @@ def test_a_residual_of_as_much_friction_shows_as_much(seed: int) -> None:
     for _ in range(200):
         rest, unknown, dt = rng.random(), rng.random(), rng.choice([0.0, T, 2 * T, 0.2])
         for i in (1, 0):
-            made.rub(i, rest, unknown, 1.2)
-            interval.now[ROW["stiction"]] = made.friction_at(i, rest, unknown, 1.2)
+            made.rub(i, rest, unknown, 1.2, 0.0)
+            interval.now[ROW["stiction"]] = made.friction_at(i, rest, unknown, 1.2, 0.0)
             if dt > 0.0:
                 interval.integrate(i, dt)
                 residual.step(i, interval.impulse, 0.0, True, dt)
@@ -95,14 +98,14 @@ def test_a_residual_of_as_much_friction_shows_as_much(seed: int) -> None:
 
 def test_it_grows_and_fades_as_the_filter_does() -> None:
     made, share = levels(), 2.0 * GAIN / (2.0 + GAIN * T)
-    made.rub(0, 1.0, 0.0, 1.0)
+    made.rub(0, 1.0, 0.0, 1.0, 0.0)
     made.end(0)
     whole = 0.25 * COULOMB[0]
     for k in range(1, 30):
         made.integrate(0, T, POLE, share)
         assert made.friction[0] == pytest.approx(whole * (1.0 - POLE**k))
     before = made.friction[0]
-    made.rub(0, 0.0, 0.0, 1.0)
+    made.rub(0, 0.0, 0.0, 1.0, 0.0)
     made.end(0)
     for k in range(1, 30):
         made.integrate(0, T, POLE, share)
@@ -198,7 +201,7 @@ def test_to_ask_for_a_level_changes_nothing() -> None:
     put(made, unsure=0.4)
     names = ("begin", "friction", "raised", "above", "contact", "collision", "share", "crossing")
     before = [np.array(getattr(made, name)) for name in names]
-    made.friction_at(0, 1.0, 1.0, 1.0)
+    made.friction_at(0, 1.0, 1.0, 1.0, 0.0)
     made.contact_at(0, 0.7)
     made.unsure(0, True, True, True, 4.0)
     for name, values in zip(names, before, strict=True):
@@ -219,7 +222,7 @@ def test_reset_forgets_what_one_joint_had_above() -> None:
     """The interval goes on: what rubs at its beginning is known still."""
     made = levels()
     for i in range(2):
-        made.rub(i, 1.0, 1.0, 1.0)
+        made.rub(i, 1.0, 1.0, 1.0, 0.0)
         made.end(i)
         made.integrate(i, T, POLE, 20.0)
     raised = put(made, unsure=0.4)

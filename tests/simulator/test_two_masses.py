@@ -8,6 +8,7 @@ import pytest
 
 from common.compiled import uncompiled
 from simulator.description import ArmDescription, EncoderError, SimulationSettings
+from simulator.gear_settings import GearSettings
 from simulator.mismatch import true_parameters
 from simulator.plant import Plant
 from simulator.sensors import Sensors
@@ -97,10 +98,15 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
     joints = tuple(replace(joint, encoder_errors=errors) for joint in romeo.joints)
     romeo = replace(romeo, joints=joints)
     p = true_parameters(romeo, s)
+    worn = GearSettings(
+        load_driving=0.2, load_driven=0.1, friction_ripple=20, cogging=5, rest_rise=1.5,
+        rest_s=0.5, gap_ripple=30,
+    )  # fmt: skip
     ends = []
     for modules in (built("simulator"), plain("simulator")):
         masses = modules["two_masses"].TwoMasses(
-            modules["links"].Links(p.model), p, s.step_s, s.law
+            modules["links"].Links(p.model), p, s.step_s, s.law,
+            modules["gears"].Gears(worn, np.full(N, 100.0), np.ones(N), s.step_s, 4),
         )  # fmt: skip
         servo = modules["servo"].Servo(romeo, p.usual_link)
         sensors = modules["sensors"].Sensors(romeo, s, p.initial_position)

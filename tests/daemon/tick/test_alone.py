@@ -100,7 +100,7 @@ def test_learned_friction_that_is_gone_moves_nothing(value: float, coulomb: floa
     assert watched.longest_s <= MOST_S
     assert watched.contacts <= 1
     assert watched.modes[-1] is Mode.TRACKING
-    assert abs(watched.on.tick.estimator.learned()[0][0, ELBOW] - 1.0) < 0.3
+    assert abs(watched.on.tick.estimator.learned().coulomb[ELBOW] - 1.0) < 0.3
     if coulomb < 0.0:
         assert any("LElbowRoll: the learned friction is discarded" in text
                    for text in watched.notices)  # fmt: skip
