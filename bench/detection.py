@@ -58,9 +58,15 @@ def jobs(
     free, stepped = max(1, round(minutes)), max(1, round(step_minutes))
     return [
         Job(
-            ROMEO, kind, friction, 1000 * seed + arm, seconds, motor_position, stiction_share,
+            robot=ROMEO,
+            kind=kind,
+            friction=friction,
+            seed=1000 * seed + arm,
+            seconds=seconds,
+            motor_position=motor_position,
+            stiction_share=stiction_share,
             gears=gears,
-        )  # fmt: skip
+        )
         for arm in range(max(free, stepped))
         for friction in frictions
         for kind, seconds in LENGTHS_S.items()

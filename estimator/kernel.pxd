@@ -41,7 +41,7 @@ cdef class Kernel:
     cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _K_phi_p, _K_phi_d
     cdef readonly long long[::1] came, going
     cdef readonly unsigned char[::1] sensing
-    cdef readonly double[::1] since, q, q_dot, tau_M, threshold
+    cdef readonly double[::1] since, q, q_dot, tau_M, transmitted, threshold
     cdef double[::1] _gaps, _theta, _phi, _sigma, _thresholded, _share, _uncorrected
     cdef readonly long long begun, touched_link
     cdef long long _pressed, _landed

@@ -94,6 +94,7 @@ class Kernel:
         self._pressed = 0  # joints whose thresholded residual is not zero
         # Joints that cross their gap in this tick, and how many left theirs.
         self._crossing, self._landed = np.zeros(n, dtype=np.int64), 0
+        self.transmitted = np.zeros(n)  # by the gears, mean over the last interval [Nm]
         self.elapsed_s = 0.0
         # What the last link carries: mass [kg], and where in its joint's frame [m].
         self.payload = np.zeros(4)
@@ -239,7 +240,7 @@ class Kernel:
         if self.learns:
             viscous = (self._motor_viscous[i] + self._link_viscous[i]) * speed
             slides = smooth_sign(sign)
-            coulomb, load = self._coulomb[i] * slides, abs(self.tau_M[i]) * slides
+            coulomb, load = self._coulomb[i] * slides, abs(self.transmitted[i]) * slides
             above += levels.share[i] * self.learning.unknown_at(i, coulomb, viscous, load)
         return float(levels.contact_at(i, above))
 
@@ -399,8 +400,8 @@ class Kernel:
         return float(max(learning.unknown[i], doubted))
 
     def _load_friction(self, i: int) -> float:
-        """Friction that is known to come with what the gear of joint i transmits [Nm], at most: near
-        rest friction holds a part of that."""
+        """Friction that is known to come with what the gear of joint i transmits [Nm], at most:
+        near rest its own friction may hold a part of the motor's torque."""
         own = self._coulomb[i] * self.motor_position.friction[i]
         return float(self.learning.load(i) * (abs(self.tau_M[i]) + own))
 
@@ -440,7 +441,7 @@ class Kernel:
         x, position = self.interval.impulse, self.motor_position
         advance = x[_THETA] if self._measured else x[_THETA_DOT]
         rubs = position.friction[i] * x[_MOTOR_FRICTION]
-        transmitted = (x[_TAU_M] - x[_ROTOR] - rubs) / dt
+        transmitted = self.transmitted[i] = (x[_TAU_M] - x[_ROTOR] - rubs) / dt
         touched = self.motor_position.step(
             i, dt, q, q_dot, theta_dot, rest, tau_M, advance, x[_ROTOR] / dt, transmitted
         )

@@ -59,9 +59,7 @@ class Levels:
         friction of what its gear transmits [Nm]."""
         self._now = self.friction_at(i, rest, unknown, factor, load)
 
-    def friction_at(
-        self, i: int, rest: float, unknown: float, factor: float, load: float
-    ) -> float:
+    def friction_at(self, i: int, rest: float, unknown: float, factor: float, load: float) -> float:
         """Friction of joint i that may be off [Nm], as `rub` takes it. `stiction_share` counts at
         half the velocity up to which a joint rests."""
         rest *= rest

@@ -13,7 +13,7 @@ from estimator.kernel import Kernel
 from estimator.link_velocity import SAMPLES
 
 _STATE: dict[str, tuple[str, ...]] = {
-    "kernel": ("elapsed_s", "since", "going", "q", "q_dot", "tau_M", "threshold"),
+    "kernel": ("elapsed_s", "since", "going", "q", "q_dot", "tau_M", "transmitted", "threshold"),
     "alignment": ("count", "interval", "interval_before", "history", "aligned"),
     "interval": ("begin",),
     "motor_position": (

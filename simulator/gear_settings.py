@@ -22,7 +22,7 @@ class GearSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     cogging: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
     """Amplitude of the torque twelve times a turn of the motor [percent of the rated torque]."""
     rest_rise: Annotated[float, Meta(ge=1.0, le=3.0)] = 1.0
-    """Friction after a long rest, over that in motion; 20 s of motion take 63 % of the rise away."""
+    """Friction after a long rest, over that in motion; 20 s of motion take 63 % of it away."""
     rest_s: Annotated[float, Meta(gt=0.0, le=36000.0)] = 120.0
     """Time constant of that rise [s]."""
     gap_ripple: Ripple = 0.0

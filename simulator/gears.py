@@ -67,8 +67,8 @@ class Gears:
         self.factor[1, i] = risen * (1.0 + self._ripple * sine(motor_angle))
 
     def coulomb(self, gear_torque: float, theta_dot: float) -> float:
-        """Coulomb friction that a transmitted torque causes at the motor [Nm]: one share of it where
-        the motor drives the link, another where the link drives the motor."""
+        """Coulomb friction that a transmitted torque causes at the motor [Nm]: one share of it
+        where the motor drives the link, another where the link drives the motor."""
         against = smooth_sign(theta_dot * _PER_REVERSAL) * gear_torque
         return float(self._mean_share * abs(gear_torque) - self._half_difference * against)
 
