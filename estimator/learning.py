@@ -9,10 +9,10 @@ What a residual shows while nothing touches is in good part friction that is off
 c, v: Coulomb and viscous friction of the model; l: torque that the gear transmits, by the sign of
 its motion; each filtered as r is by (13).
 
-A Kalman filter follows the shares w, which drift in minutes, and b, which drifts in seconds.
-w1 c + w2 v + w3 l is taken off the residual; b, the torque of a hand that leans on the arm as well
-as of masses that are off, never is: friction turns with the motion, and a hand does not. While a
-contact is on, and for a moment after the residual was far from what these make of it, only b is followed;
+A Kalman filter follows the shares w, which drift in minutes, and b, which drifts in seconds. w1 c +
+w2 v + w3 l is taken off the residual; b, the torque of a hand that leans on the arm as well as of
+masses that are off, never is: friction turns with the motion, and a hand does not. While a contact
+is on, and for a moment after the residual was far from what these make of it, only b is followed;
 at rest and inside a gap, nothing, and in hours of rest what is known fades. Near rest, where
 friction may be anything, what shows is believed less. No share goes beyond its bound.
 
