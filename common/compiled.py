@@ -64,11 +64,12 @@ def stale(root: Path = ROOT) -> list[str]:
 
 
 def refuse_stale(root: Path = ROOT) -> None:
-    """Raise ProgramError if an extension would run in place of a source that is another."""
+    """Raise ProgramError if a compiled extension does not match its source."""
     if wrong := stale(root):
         raise ProgramError(
             f"{', '.join(wrong)}: the extension was not built from the source beside it; build it "
-            "anew by `make compiled` (a service: `make install`)"
+            "anew by `make compiled` (a service: `make install`), or run plain after "
+            "`hatch_build.py --clean`"
         )
 
 

@@ -113,8 +113,8 @@ TABLE: Final[dict[Condition, Row]] = {
     _C.DEAF: Row(
         _R.HOLD,
         "estimator",
-        "for 5 ticks, less half of those in which all joints sense, some joint does not: no "
-        "samples for more than 2.5 periods, or its residual restarts",
+        "a joint does not sense for 5 ticks; each tick in which all sense takes half a tick off "
+        "that. It has had no samples for more than 2.5 periods, or its residual restarts",
         "contacts there would not be detected",
         "`contactctl status` names the joint: check the cable of its drive, and the load of bus "
         "and computer; then `contactctl arm`",

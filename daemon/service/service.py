@@ -33,7 +33,7 @@ from daemon.tick.loop import Loop
 from daemon.tick.telemetry import state_of
 from drivers.api import BootableDrives
 
-# Keyed so that mypy reports a new command that `handle` omits.
+# Keyed so that mypy reports a new command that `_carry_out` omits.
 EVENT_OF: dict[type[requests.ModeRequest], Event] = {
     requests.Enable: Event.ENABLE,
     requests.Pause: Event.PAUSE,

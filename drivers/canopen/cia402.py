@@ -124,7 +124,7 @@ def state_name(state: DriveState) -> str:
 
 
 def in_words(statusword: int) -> str:
-    """Statusword as text: `switch on disabled (statusword 0x0250)`; negative is none yet."""
+    """Statusword as text: `switch on disabled (statusword 0x0250)`; negative: none received yet."""
     if statusword < 0:
         return "no reported state"
     return f"{state_name(drive_state(statusword))} (statusword 0x{statusword:04X})"
@@ -132,7 +132,7 @@ def in_words(statusword: int) -> str:
 
 @lru_cache(_STATUSES_KEPT)
 def drive_status(statusword: int) -> DriveStatus:
-    """Report of a drive in the words of the daemon; negative is none yet."""
+    """Report of a drive in the words of the daemon; negative: none received yet."""
     state = drive_state(statusword)
     none = statusword < 0
     return DriveStatus(

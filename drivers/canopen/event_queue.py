@@ -20,7 +20,7 @@ class EventQueue:
         self._events: list[BusEvent] = []
 
     def report(self, *events: BusEvent | None) -> None:
-        """Keep events for the next samples; None is none."""
+        """Keep events for the next samples; None is ignored."""
         for event in events:
             if event is None or event in self._events:
                 continue

@@ -223,8 +223,8 @@ class StopWatch:
     # --- how far it goes ---------------------------------------------------------------------
 
     def _follow(self, seen: Seen | None, dt: float) -> None:
-        """Keep how far it has gone: as measured, by the sensor that shows the most; else at its
-        last known speed, which sinks along the ramp where it was seen to obey."""
+        """Track the distance travelled: by the sensor that shows the most motion; without one, by
+        the last known speed, reduced along the ramp if the drive was seen to obey it."""
         if seen is None or math.isnan(seen.velocity):
             if self._lately_obeyed(self._now_s):
                 slowed = self.speed - RAMP_SHARE * self._bounds.deceleration * dt

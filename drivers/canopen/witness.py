@@ -38,7 +38,7 @@ class Position:
         self.here_s = self.changed_s = math.nan
 
     def take(self, now: float, value: float) -> bool:
-        """Take a sample [rad]; NaN is none. True if it is another than the one before."""
+        """Take a sample [rad]; NaN means none came. True if the value changed."""
         if math.isnan(value) or value == self.value:
             return False
         self.changed_s, self.value = now, value

@@ -26,8 +26,8 @@ def say(text: str, *, err: bool = False, dim: bool = False) -> None:
 
 
 def could_not_say(error: OSError) -> str:
-    """The reason why an answer could not be written, where it is the disk (`> /dev/full`); empty if
-    the error is another, or of a file with a name."""
+    """Reason why an answer could not be written if the disk is full (`> /dev/full`); empty for
+    other errors, and for those of named files."""
     if error.filename is not None or error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return ""
     return f"the answer cannot be written: {error.strerror}"

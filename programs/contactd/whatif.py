@@ -137,7 +137,7 @@ def parse_levels(text: str, option: str) -> tuple[str, tuple[float, ...]]:
 
 
 def _levels(text: str) -> list[float]:
-    """Ascending levels; none where the range is none. Raises ValueError for what is no number."""
+    """Ascending levels; empty for an empty range. Raises ValueError for what is no number."""
     if ":" not in text:
         return sorted({float(part) for part in text.split(",")})
     low, high, step = (float(part) for part in text.split(":"))

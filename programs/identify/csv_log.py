@@ -210,7 +210,7 @@ def _unheld(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...
 
 
 def _changed(table: dict[str, Vector]) -> NDArray[np.bool_]:
-    """Rows (N,) in which anything but the time is another than in the row before."""
+    """Rows (N,) in which anything but the time changed from the row before."""
     changed = np.zeros(len(table["time"]), dtype=np.bool_)
     changed[:1] = True
     for name, values in table.items():

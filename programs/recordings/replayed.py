@@ -108,8 +108,8 @@ class ReplayedRows:
             )
         if snapshot.format < SAME_ESTIMATOR:
             raise LogError(
-                f"is of format {snapshot.format}: its estimator's memory is another's; --fresh "
-                "begins without"
+                f"is of format {snapshot.format}: its estimator's memory is that of another "
+                "version; --fresh begins without it"
             )
         try:
             estimator.restore(snapshot.memory)

@@ -78,7 +78,7 @@ class Other(msgspec.Struct, frozen=True):
 
 
 class Elsewhere(msgspec.Struct, frozen=True, tag="elsewhere", tag_field="kind"):
-    """Arms of other machines; `why` there are none to show, or not all."""
+    """Arms of other machines; `why`: reason that some or all are not shown."""
 
     why: str
     arms: list[Other]

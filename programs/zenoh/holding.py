@@ -91,8 +91,8 @@ class Hold:
         return Verdict(Step.ARM, HOLD_S)
 
     def _lives(self, wish: Wish, now_s: float) -> bool:
-        """Whether a call comes as much later than one before as it was sent: what a router that
-        hung kept, of a caller that may be gone, comes at once."""
+        """True if calls arrive as far apart as they were sent. A router that hung delivers its
+        backlog all at once, perhaps for a caller that has left."""
         sent_s, came_s = self._knocks.get(wish.caller, (wish.sent_s, now_s - 2.0 * HOLD_S))
         apart_s = now_s - came_s
         if apart_s > HOLD_S or abs(apart_s - (wish.sent_s - sent_s)) > WOBBLE_S:

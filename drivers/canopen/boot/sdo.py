@@ -164,7 +164,7 @@ class ObjectAccess:
             self._network.send_message(NMT, [command, self._setup.drive.node])
 
     def settle(self) -> None:
-        """Wait until an answer that is late would have come: it is none to the next request."""
+        """Wait out a late answer, so that it is not taken for the answer to the next request."""
         end = time.monotonic() + self._timeout_s
         while time.monotonic() < end:
             self._meanwhile()
