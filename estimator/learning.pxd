@@ -15,7 +15,7 @@ cdef class Learning:
     cdef double[::1] _noise, _lowest, _highest, _forgets_s, _x, _least
     cdef readonly double[:, :, ::1] covariance
     cdef readonly double[:, ::1] columns, shares
-    cdef readonly double[::1] coulomb_left, viscous_left, load_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
+    cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
     cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen, lean, settled, passing
 
     cpdef void reset(self, Py_ssize_t i) noexcept
@@ -26,7 +26,7 @@ cdef class Learning:
     cpdef double friction(self, Py_ssize_t i) noexcept
     cpdef double load(self, Py_ssize_t i) noexcept
     cpdef double error(self, Py_ssize_t i) noexcept
-    @cython.locals(left=double, of_load=double, own=double)
+    @cython.locals(of_load=double, own=double)
     cpdef double unknown_at(
         self, Py_ssize_t i, double coulomb, double viscous, double load
     ) noexcept

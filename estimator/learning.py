@@ -42,8 +42,8 @@ _MOST, _LEAST = (1e9, 0.7, 0.7, 0.0), (-1e9, -1.2, -1.2, -0.5)
 # Share by which friction that was identified may be off before anything is learned, and that which
 # remains however much was: it depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
-# Friction per transmitted torque that may be there before anything was learned of it; and share of
-# what was learned that may be off.
+# Friction per transmitted torque that may be there where learning is in doubt; and share of what was
+# learned of it that may be off.
 _LOAD_MAY_BE, _LOAD_OFF = 0.2, 0.3
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
 # expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
@@ -91,7 +91,7 @@ class Learning:
         self.columns, self.shares = np.zeros((2, n, _COLUMNS))
         self.covariance = np.zeros((n, _COLUMNS, _COLUMNS))
         # Of the standard deviation of both kinds of friction before anything was learned.
-        self.coulomb_left, self.viscous_left, self.load_left = np.ones((3, n))
+        self.coulomb_left, self.viscous_left = np.ones((2, n))
         self.calm_s, self.quiet_s, self.loud_s, self.still_s = np.zeros((4, n))
         self.correction, self.unknown = np.zeros((2, n))
         # Of the corrected residual in motion, over the configured level: its square, and the time
@@ -140,8 +140,7 @@ class Learning:
 
     def unknown_at(self, i: int, coulomb: float, viscous: float, load: float) -> float:
         """Uncertainty of such friction of joint i [Nm]; load: torque that its gear transmits."""
-        left = self.load_left[i] * self.load_left[i]  # gone once a little was learned
-        of_load = _LOAD_OFF * abs(self.shares[i, _LOAD]) + _LOAD_MAY_BE * left
+        of_load = _LOAD_OFF * abs(self.shares[i, _LOAD])
         own = self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb)
         return float(_OFF * own + of_load * abs(load))
 
@@ -320,7 +319,6 @@ class Learning:
     def _say_what_is_left(self, i: int) -> None:
         self.coulomb_left[i] = self._left(i, _COULOMB)
         self.viscous_left[i] = self._left(i, _VISCOUS)
-        self.load_left[i] = self._left(i, _LOAD)
 
     def _left(self, i: int, column: int) -> float:
         """Standard deviation of a share, relative to the one before anything was learned."""
@@ -333,4 +331,4 @@ class Learning:
             for m in range(_COLUMNS):
                 self.covariance[i, k, m] = self._variance[k, i] if k == m else 0.0
             self.shares[i, k] = 0.0
-        self.coulomb_left[i] = self.viscous_left[i] = self.load_left[i] = 1.0
+        self.coulomb_left[i] = self.viscous_left[i] = 1.0

@@ -26,7 +26,7 @@ _STATE: dict[str, tuple[str, ...]] = {
     "detector": ("streak", "waited"),
     # Where it learns:
     "learning": (
-        *("covariance", "columns", "shares", "coulomb_left", "viscous_left", "load_left"),
+        *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
         *("calm_s", "quiet_s", "loud_s", "still_s", "correction", "unknown"),
         *("squares_s", "moved_s"),
         *("peak", "crossing_peak", "peak_seen", "crossing_seen", "lean", "settled", "passing"),

@@ -249,9 +249,7 @@ def test_the_level_at_a_speed_is_that_which_a_steady_motion_has(
 ) -> None:
     parameters = {**sticking(0.2, 0.8), "motor_viscous": 0.5, "link_viscous": 0.25}
     # Half of what is unknown of friction, with nothing learned yet.
-    slides = np.tanh(abs(speed) / WIDTH)
-    unknown = 0.5 * (slides + 0.75 * abs(speed)) * learning
-    unknown += 0.2 * 9.0 * slides * learning  # of the torque that the gear transmits
+    unknown = 0.5 * (np.tanh(abs(speed) / WIDTH) + 0.75 * abs(speed)) * learning
     estimator = built(parameters, 0.2, motor_position="measured", learning=learning)
     rubs = np.tanh(speed / WIDTH) + 0.5 * speed
     for k in range(300):

@@ -63,7 +63,6 @@ class Watched:
         learned = memory["learning"]
         learned["shares"][ELBOW][2] = coulomb
         learned["covariance"][ELBOW] = (1e-4 * np.eye(4)).tolist()
-        learned["load_left"][ELBOW] = 0.1
         learned["coulomb_left"][ELBOW] = 0.1
         learned["moved_s"][ELBOW] = 300.0
         learned["squares_s"][ELBOW] = 300.0 * (share / 2.9) ** 2
