@@ -42,8 +42,8 @@ _MOST, _LEAST = (1e9, 0.7, 0.7, 0.0), (-1e9, -1.2, -1.2, -0.5)
 # Share by which friction that was identified may be off before anything is learned, and that which
 # remains however much was: it depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
-# Friction per transmitted torque that may be there where learning is in doubt; and share of what was
-# learned of it that may be off.
+# Friction per transmitted torque that may be there where learning is in doubt; and share of the
+# learned one that may be off.
 _LOAD_MAY_BE, _LOAD_OFF = 0.2, 0.3
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
 # expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
