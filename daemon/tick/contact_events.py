@@ -93,4 +93,4 @@ class ContactEvents:
         if self.stage in (ReleaseStage.RELEASED, ReleaseStage.LET_GO) or not observed.sure:
             return False
         sound = all(f.response is Response.CONTINUE for f in observed.findings)
-        return sound and self._motion.can_release(observed.q, observed.thresholded)
+        return sound and self._motion.can_release(observed.q, observed.avoided)

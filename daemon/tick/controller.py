@@ -218,13 +218,13 @@ class Controller:
         if mode is Mode.RETRACTING:
             motion.retract(observed.q, observed.avoided)
         elif mode is Mode.RELEASING:
-            motion.release(observed.q, observed.thresholded, observed.residual)
+            motion.release(observed.q, observed.avoided, observed.residual)
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, self._way_back(observed.q, home))
         elif mode is Mode.TRACKING:
             motion.follow(motion.reference if event is Event.ARRIVED else observed.q)
         elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.LET_GO:
-            push = observed.thresholded
+            push = observed.avoided
             motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))
         else:
             # At its end the arm stands where it was going.

@@ -52,8 +52,8 @@ class ControlInput:
 
     @property
     def avoided(self) -> Vector:
-        """Thresholded residual (n,) [Nm] that the arm backs away from, none of it due to learning
-        alone."""
+        """Thresholded residual (n,) [Nm] that the arm backs away from or lets go of, none of it due
+        to learning alone."""
         return self.thresholded if self.independent is None else beyond_stated(self.independent)
 
 

@@ -12,6 +12,7 @@ import pytest
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.rigs.arm_without_bus import Subject
 from bench.rigs.lockstep import ROMEO
+from bench.study import alone, world
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid
 from daemon.modes.contact_reactions import ContactReaction
@@ -187,3 +188,28 @@ def test_work_goes_on_in_a_light_lean() -> None:
     assert math.isclose(watched.on.estimate.level_share[ELBOW], 1.0)
     assert watched.modes[-1] is Mode.TRACKING
     watched.on.tick.controller.request(Event.PAUSE, "the test", watched.on.time_s)
+
+
+def test_a_release_moves_no_joint_by_learned_friction_that_is_gone() -> None:
+    """What rubbed the shoulder is gone; a short bump lets go at the elbow, and at nothing else."""
+    seed, shoulder = 3, 0
+    robot, law, _ = alone.arm_of(seed)
+    subject = replace(world.subject(robot, law, seed), drift=0.0)
+    on = ArmInTheLoop(subject, robot, alone.START)
+    plant, level = on.harness.plant, robot.configuration.joints[shoulder].thresholds.contact
+    on.start()
+    on.run(60.0)
+    for _ in range(round(150.0 / on.period_s)):
+        on.drives.external[shoulder] = -0.9 * level * np.tanh(plant.q_dot[shoulder] / MOVES)
+        on.step()
+    on.drives.external[shoulder] = 0.0
+    on.run(0.1)
+    assert on.tick.estimator.learned().coulomb[shoulder] > 1.2
+    on.drives.external[ELBOW] = -8.0 * np.sign(plant.q_dot[ELBOW])
+    on.run(0.15)
+    assert on.mode is Mode.RELEASING
+    on.drives.external[ELBOW] = 0.0
+    begin = float(plant.theta[shoulder])
+    on.run(2.0)
+    assert on.tick.controller.machine.cause.startswith("let go of contact at LElbowRoll (")
+    assert abs(float(plant.theta[shoulder]) - begin) < 0.02
