@@ -160,13 +160,14 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
 
 
 def one_reset(on: BreakableArm) -> bool:
-    """Whether one reset brings the arm off, and it can be enabled after it."""
+    """Whether one reset, asked again while the arm is not seen to stand as a client does, brings
+    the arm off, and it can be enabled after it."""
     drives = on.rig.drives
+    on.run(0.1)
     for _ in range(PATIENCE_TICKS):
-        if drives.left_alone or not drives.silenced:
+        if drives.left_alone or not (drives.silenced or drives.unproved()):
             break
         on.tick()
-    on.run(0.1)
     try:
         on.rig.reset()
         on.until(Mode.HOLDING, Event.ENABLE)

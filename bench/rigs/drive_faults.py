@@ -1,6 +1,7 @@
 """Faults of one drive: what it says, does and hears."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -173,10 +174,20 @@ def runaway(on: BreakableArm) -> Iterator[None]:
 
 def quick_stop_not_kept(on: BreakableArm) -> Iterator[None]:
     """A drive that says that it is in quick stop, and runs on; without power it cannot."""
-    servo, axis = on.rig.arm.servo, on.simulated.axis
+    yield from _in_quick_stop(on, lambda _: 0.6)
+
+
+def quick_stop_hunts(on: BreakableArm) -> Iterator[None]:
+    """A drive that says that it is in quick stop, and swings to and fro three times a second."""
+    yield from _in_quick_stop(on, lambda t: 0.6 * math.copysign(1.0, math.sin(6.0 * math.pi * t)))
+
+
+def _in_quick_stop(on: BreakableArm, velocity: Callable[[float], float]) -> Iterator[None]:
+    servo, axis, ticks = on.rig.arm.servo, on.simulated.axis, 0
     yield from emergency(OVER_TEMPERATURE)(on)
     while servo.energised(on.joint) or axis.state.name == "QUICK_STOP_ACTIVE":
-        servo.ramp(on.joint, 0.6, 60.0)
+        servo.ramp(on.joint, velocity(ticks * on.period_s), 60.0)
+        ticks += 1
         yield
     yield from for_ever()
 

@@ -3,7 +3,7 @@
 Our driver and our simulated drives have the same authors, who may have misread the same line of a
 standard twice. This drive's SDO server, PDOs, NMT, heartbeat, emergencies and EDS are durand's, and
 its power states those of the table in canopen's `State402`. Ours are only the objects that it has
-and a motor that follows its setpoint at once.
+and a motor that follows its setpoint down and up one ramp.
 """
 
 import math
@@ -35,6 +35,8 @@ MOTOR_COUNT: Final = 2.0 * math.pi / 4096
 VELOCITY_UNIT: Final = 0.2 * math.pi / 60.0
 RATED_CURRENT_A: Final = 2.0
 TORQUE_CONSTANT: Final = 3.0
+RAMP: Final = 12.0
+"""Highest acceleration at the link [rad/s2]."""
 
 # Index: type, access, value, name. What a drive with two encoders has, as its maker would set it.
 _OBJECTS: Final = {
@@ -181,7 +183,8 @@ class DurandDrive:
             self.fail(0x8130)
         moving = self.state == "OPERATION ENABLED"
         counts = self.objects.read(0x60FF, 0) if moving else 0
-        self.velocity = counts * VELOCITY_UNIT / GEAR
+        missing, step = counts * VELOCITY_UNIT / GEAR - self.velocity, RAMP * seconds
+        self.velocity += max(-step, min(missing, step))
         self.q += self.velocity * seconds
         readings = self.sense()
         self._show(0x6078, readings.current[0])

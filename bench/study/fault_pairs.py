@@ -168,7 +168,7 @@ class Judge:
                 del self._at[i]
             # What stands may be pushed by a hand, and is limp without power.
             moves = self._speed(i) >= MOVES and self._drives_itself(i)
-            self._moving[i] = self._moving[i] + 1 if moves else 0
+            self._moving[i] = self._moving[i] + 1 if moves else max(self._moving[i] - 1, 0)
             if goes_on or self._moving[i] == VOID_TICKS:
                 said = f"{drive.name} at {self._speed(i):.2f} rad/s, tick {rig.ticks}"
                 self.verdict.proved.append(said)

@@ -241,5 +241,5 @@ class Configuration(Settings, frozen=True):
 
 def drive_of(joint: Joint, profile: DriveProfile) -> Drive:
     """Drive of a joint, of this kind."""
-    limits = joint.limits
-    return Drive(joint.name, joint.wiring, profile, limits.velocity, limits.quick_stop)
+    limits, play = joint.limits, 2.0 * joint.half_gap
+    return Drive(joint.name, joint.wiring, profile, limits.velocity, limits.quick_stop, play)

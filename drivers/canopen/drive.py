@@ -14,6 +14,7 @@ class Drive:
     profile: DriveProfile
     velocity: float  # highest commanded speed [rad/s at the link]
     quick_stop: float  # deceleration of its quick stop [rad/s2 at the link]
+    play: float = 0.0  # of its link about its motor: width of the gap [rad]
 
     @property
     def node(self) -> int:

@@ -35,12 +35,17 @@ ROUNDING: Final = 0.01
 #: A drive that was seen to obey needs to be seen again so many ticks later: slow ones take three to
 #: answer one SDO, and samples are lost in bursts.
 READING_TICKS: Final = 10
-#: A motor that was knocked off its ramp slows down by this share from one reading to the next.
+#: A motor that was knocked off its ramp gets slower than it ever was by this share.
 FALLING_SHARE: Final = 0.03
 #: A motor that gives this share of its current limit against its motion resists as it can.
 RESISTING_SHARE: Final = 0.5
-#: After so many contrary readings in a row it counts as running on, and its proof is void.
+#: After so many contrary readings, less the others, it counts as running on, and its proof is void.
 VOID_READINGS: Final = 20
+#: A link is no longer where it stood from so far beyond its gap on [rad], identified to so much.
+LEFT_RAD: Final = 0.02
+LEEWAY: Final = 1.5
+#: No ramp and no friction stops a motor with more than so many times the deceleration of its ramp.
+SUDDEN_SHARE: Final = 3.0
 #: States of a drive that obeys a stop: without power, or stopping and holding by itself.
 OBEYING: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
 
@@ -74,6 +79,7 @@ class StopBounds:
     deceleration: float  # of its quick stop [rad/s2]
     current: float  # its limit [A]
     travel: float  # of its joint, from the first command on [rad]
+    play: float  # of its link about its motor [rad]
     patience_s: float  # until it stops by itself when it misses our heartbeat
     ticks: int  # of each stage
     period_s: float
@@ -98,18 +104,21 @@ class StopWatch:
     _from: tuple[float, float]  # positions of link and motor at the command to stop [rad]
     _turned: float  # integral of its velocity since, as far as it is more than bias [rad]
     _gone: float  # travel since [rad]
+    _driven: float  # path since by its own power, less that against it [rad]
     _speed: float  # velocity that was last known [rad/s]
     _obeyed_s: float  # when it was last seen to
     _left_s: float  # when it was seen to have left operation
     _left_speed: float  # its speed then [rad/s]
+    _least: float  # lowest speed since [rad/s]
+    _stood: float  # position of the link when it was seen to stand [rad]
     _still: int  # readings in a row that show a standstill
-    _moving: int  # readings in a row that show it running on
-    _beyond: int  # those of them that were taken beyond its travel
+    _moving: int  # readings that show it running on, less those that do not
+    _beyond: int  # likewise, of those that were taken beyond its travel
     _asked: Witness  # of the readings by SDO since the command to stop
 
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
-        self.witness = Witness()
+        self.witness = Witness(SUDDEN_SHARE * bounds.deceleration)
         """Witness of its samples, while it runs, too."""
         self.begin(math.nan, Stage.NONE, math.nan)
 
@@ -134,9 +143,10 @@ class StopWatch:
         self.stage, self.proved, self.cut = stage, False, False
         self._wrong, self._now_s = 0.0, now
         self._from = self.witness.link.value, self.witness.motor.value
-        self._turned = self._gone = 0.0
+        self._turned = self._gone = self._driven = 0.0
         self._speed = 0.0 if math.isnan(speed) else speed
-        self._left_s, self._obeyed_s = math.nan, -math.inf
+        self._left_s, self._obeyed_s, self._least = math.nan, -math.inf, math.inf
+        self._stood = math.nan
         self._still = self._moving = self._beyond = 0
         # The history of readings by SDO goes on from that of the samples.
         self._asked = self.witness.copy()
@@ -200,11 +210,17 @@ class StopWatch:
         self._still = self._still + 1 if still else 0
         # Without power it moves as the load or a hand will.
         calm = still or seen.state in UNPOWERED or self._stops(now, seen)
-        self._moving = 0 if calm else self._moving + 1
-        if self._still >= STILL_READINGS:
-            self.proved, self._wrong = True, 0.0
-        elif self.runs_on:
-            self.proved = False
+        self._moving = _counted(self._moving, against=not calm)
+        if self.proved:
+            self.proved = not (self.runs_on or self._has_left(now, seen))
+        elif self._still >= STILL_READINGS and not self.runs_on:
+            self.proved, self._wrong, self._stood = True, 0.0, seen.position
+
+    def _has_left(self, now: float, seen: Seen) -> bool:
+        """True if a position is not that of a drive that stood: its link may fall to and fro in its
+        gap, its motor does not move."""
+        gone = abs(seen.position - self._stood) > LEEWAY * self._bounds.play + LEFT_RAD
+        return gone or self._witness(seen).motor_moves(now)
 
     def _stops(self, now: float, seen: Seen) -> bool:
         """True if it slows down along the ramp, or resists as it can: a person may push harder than
@@ -214,9 +230,11 @@ class StopWatch:
         bound = self._left_speed - deceleration * max(ramp_s, 0.0)
         swings = ramp_s < self._left_speed / deceleration + SWINGS_S
         speed, resists = abs(seen.velocity), -math.copysign(1.0, seen.velocity) * seen.current
+        falls = speed <= (1.0 - FALLING_SHARE) * self._least
+        self._least = min(self._least, speed)
         return (
             speed <= max(bound, SWINGS if swings else STANDS)
-            or speed <= (1.0 - FALLING_SHARE) * self.speed
+            or falls
             or resists >= RESISTING_SHARE * self._bounds.current
         )
 
@@ -234,6 +252,9 @@ class StopWatch:
             return
         self._speed = seen.velocity
         self._turned += seen.velocity * dt if abs(seen.velocity) >= MOVES else 0.0
+        power = seen.current * seen.velocity
+        if abs(power) > 0.0 and abs(seen.velocity) >= MOVES:  # nor NaN
+            self._driven = max(self._driven + math.copysign(self.speed * dt, power), 0.0)
         # A sensor that stands still proves nothing: the one that shows the most counts.
         gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
         self._gone = max(abs(each) for each in gone if not math.isnan(each))
@@ -241,8 +262,9 @@ class StopWatch:
     def _goes_further(self, seen: Seen | None) -> bool:
         """True if it runs on beyond its travel, for as many readings as a stage has ticks."""
         if seen is not None:
-            beyond = self.runs_on and self._gone > self._bounds.travel
-            self._beyond = self._beyond + 1 if beyond else 0
+            # To and fro by its own power is travel, too.
+            beyond = self.runs_on and max(self._gone, self._driven) > self._bounds.travel
+            self._beyond = _counted(self._beyond, against=beyond)
         return self._beyond >= self._bounds.ticks
 
     def _runs_out(self) -> bool:
@@ -255,3 +277,8 @@ class StopWatch:
             left_s += bounds.ticks * bounds.period_s
         gone = self._gone + v * left_s + v * v / (2.0 * bounds.deceleration)
         return gone > bounds.travel * (1.0 - ROUNDING)
+
+
+def _counted(count: int, *, against: bool) -> int:
+    """Count of contrary readings after another reading; one that is not takes one away."""
+    return min(count + 1, 2 * VOID_READINGS) if against else max(count - 1, 0)

@@ -47,6 +47,7 @@ class Stops:
                     deceleration=drive.quick_stop,
                     current=drive.wiring.max_current_A,
                     travel=travel.total,
+                    play=drive.play,
                     patience_s=drive.profile.master_timeout_ms / 1000.0,
                     ticks=ticks,
                     period_s=period_s,

@@ -3,7 +3,9 @@
 One sensor may repeat a value, be wrong, or be zero for ever. So a standstill needs two that agree:
 a velocity that was seen to move and then to come down, or positions that were seen to change while
 the motor moved and then to rest. A sample that repeats to the last bit although the motor moves, or
-was commanded to, was not measured. Time is an argument.
+was commanded to, was not measured. Nor is a velocity that comes down more suddenly than a ramp and
+friction stop a motor, unless a sensor of motion changes afterwards: what one failure takes away at
+once is one witness. Time is an argument.
 """
 
 import math
@@ -31,11 +33,11 @@ ROUNDING_S: Final = 1e-6
 class Position:
     """Position sensor of one drive: where it has rested, and when it changed."""
 
-    __slots__ = ("changed_s", "here", "here_s", "value")
+    __slots__ = ("before_s", "changed_s", "here", "here_s", "value")
 
     def __init__(self) -> None:
         self.value = self.here = math.nan
-        self.here_s = self.changed_s = math.nan
+        self.before_s = self.here_s = self.changed_s = math.nan
 
     def take(self, now: float, value: float) -> bool:
         """Take a sample [rad]; NaN means none came. True if the value changed."""
@@ -43,7 +45,7 @@ class Position:
             return False
         self.changed_s, self.value = now, value
         if not abs(value - self.here) <= STILL_RAD:
-            self.here, self.here_s = value, now
+            self.here, self.here_s, self.before_s = value, now, self.here_s
         return True
 
     @property
@@ -55,6 +57,11 @@ class Position:
         """True if it has rested for so long; one that there is not does."""
         return math.isnan(self.value) or now - self.here_s >= seconds - ROUNDING_S
 
+    @property
+    def creeps(self) -> bool:
+        """True if it last went STILL_RAD no faster than a motor that stands; or never did."""
+        return not self.here_s - self.before_s < STILL_S
+
 
 class Witness:
     """History of one drive's motion sensors and of its last setpoint that was a motion."""
@@ -63,16 +70,22 @@ class Witness:
         "_changed_s",
         "_commanded_s",
         "_current",
+        "_died",
         "_moved_s",
         "_same",
+        "_sudden",
         "_velocity",
+        "_velocity_s",
         "link",
         "motor",
     )
 
-    def __init__(self) -> None:
+    def __init__(self, sudden: float = math.inf) -> None:
+        """sudden: deceleration that neither ramp nor friction explain [rad/s2 at the link]."""
+        self._sudden = sudden
         self.link, self.motor = Position(), Position()
-        self._velocity = self._current = math.nan
+        self._velocity = self._velocity_s = self._current = math.nan
+        self._died = False  # its velocity came down suddenly, and nothing has changed since
         self._changed_s = -math.inf  # when any of it was last another than before
         self._same = 0  # readings since, of a motor that was to move or reported motion
         self._moved_s = -math.inf  # when its velocity last was a motion
@@ -97,7 +110,12 @@ class Witness:
         changed = self.link.take(now, link)
         changed = self.motor.take(now, motor) or changed
         if velocity != self._velocity and not math.isnan(velocity):
+            self._died = not self.repeats and self._comes_down_suddenly(now, velocity)
             self._velocity, changed = velocity, True
+        elif changed:
+            self._died = False
+        if not math.isnan(velocity):
+            self._velocity_s = now
         if current != self._current and not math.isnan(current):
             self._current, changed = current, True
         if abs(velocity) >= MOVES:
@@ -116,9 +134,21 @@ class Witness:
     def stands(self, now: float, velocity: float) -> bool:
         """True if all sensors agree that the motor stands, at this velocity [rad/s]."""
         speed = abs(velocity)
+        if self._died:
+            return False
         if speed < STANDS and self._came_down:
             return self._rest(now, PAUSE_S)
         return speed < MOVES and self._follow and self._rest(now, STILL_S)
+
+    def motor_moves(self, now: float) -> bool:
+        """True if the motor's position goes on faster than that of one that stands."""
+        return not (self.motor.creeps or self.motor.rests(now, PAUSE_S))
+
+    def _comes_down_suddenly(self, now: float, velocity: float) -> bool:
+        """True if the velocity becomes a standstill with a deceleration that nothing explains."""
+        lost = abs(self._velocity) - abs(velocity)
+        suddenly = lost > self._sudden * (now - self._velocity_s)
+        return abs(self._velocity) >= MOVES and abs(velocity) < STANDS and suddenly
 
     @property
     def _came_down(self) -> bool:

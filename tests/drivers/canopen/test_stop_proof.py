@@ -14,6 +14,7 @@ from tests.drivers.canopen.one_watch import BOUNDS, LIMP, ON, RUNS, STOPS, Cours
 from tests.examples import scaled
 
 STANDS = Seen(STOPS, 0.0, 0.0, 0.0)
+CREEPS_ON = Seen(ON, 0.1, 0.0, 0.0)
 
 
 def hardly_brakes(t: float) -> float:
@@ -59,7 +60,7 @@ def test_what_proves_that_it_stands(seen: Seen | None, proved: bool) -> None:
 def test_two_readings_in_a_row_are_a_proof_and_one_in_operation_between_them_is_not() -> None:
     watch = told()
     for k, (seen, proved) in enumerate(
-        [(STANDS, False), (RUNS, False), (STANDS, False), (STANDS, True)], 1
+        [(STANDS, False), (CREEPS_ON, False), (STANDS, False), (STANDS, True)], 1
     ):
         watch.step(k * T, seen)
         assert watch.proved is proved, k
@@ -144,8 +145,8 @@ def test_a_drive_that_says_so_keeps_its_power_within_its_travel(
 def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() -> None:
     watch = Course(lambda t: 1.0).watch
     assert watch.cut
-    for k in range(100, 110):
-        assert watch.step(k * T, Seen(LIMP, 0.0, 0.0, 1.0)) is None
+    for k in range(100, 130):
+        assert watch.step(k * T, Seen(LIMP, 0.0, 0.0, 1.0 + 1e-6 * (k == 101))) is None
     assert watch.proved
     assert watch.cut, "until it may run"
     watch.allow()
@@ -188,6 +189,57 @@ def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> No
     assert watch.proved is False
 
 
+@pytest.mark.parametrize(
+    ("velocity_at", "seen_at", "about"),
+    [
+        (lambda t: 0.6, lambda t: 0.0, "its velocity has died"),
+        (lambda t: 0.6 * math.sin(6.0 * math.pi * t), None, "it hunts"),
+        (lambda t: 0.05, lambda t: 0.0, "slowly, by its position alone"),
+    ],
+)
+def test_no_proof_outlives_a_motion_that_any_sensor_shows(
+    velocity_at: Callable[[float], float], seen_at: Callable[[float], float] | None, about: str
+) -> None:
+    watch, position, held = told(), 0.0, 0
+    for k in (1, 2):
+        watch.step(k * T, STANDS)
+    for k in range(3, 303):
+        velocity = velocity_at(k * T)
+        position += velocity * T
+        shown = (seen_at or velocity_at)(k * T)
+        watch.step(k * T, Seen(STOPS, shown, 0.0, position))
+        held += watch.proved
+    assert held <= 45, about
+
+
+def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
+    """A hand that works at a joint as fast does not: see above."""
+    watch, position = told(0.6), 0.0
+    for k in range(1, 100):
+        velocity = 0.6 * math.sin(6.0 * math.pi * k * T)
+        position += velocity * T
+        drives = 0.3 if k % 5 else -0.3  # it brakes at times
+        watch.step(k * T, Seen(STOPS, velocity, math.copysign(drives, velocity), position))
+    assert watch.cut
+
+
+def test_a_ripple_hides_nothing() -> None:
+    found = Course(lambda t: 0.6 * (1.0 + 0.1 * math.sin(16.0 * math.pi * t)))
+    assert found.runs_on
+    assert found.cut[0] * T * 0.6 < 0.24 + 0.05
+
+
+@pytest.mark.parametrize(("alive", "proved"), [(False, False), (True, True)])
+def test_a_sudden_stop_is_one_only_if_a_sensor_changes_after_it(alive: bool, proved: bool) -> None:
+    """From 0.4 rad/s to nothing within 10 ms, four times its ramp; its current is noise."""
+    watch = told(0.4)
+    for k in range(1, 100):
+        runs = k < 5
+        position = 0.004 * min(k, 4) + (1e-6 if alive and k > 6 else 0.0)
+        watch.step(k * T, Seen(STOPS, 0.4 if runs else 0.0, 1e-3 * (k % 7), position))
+    assert watch.proved is proved
+
+
 def test_what_was_proved_is_void_when_it_runs_again() -> None:
     watch = told()
     for k in (1, 2):
@@ -203,7 +255,7 @@ def test_what_was_proved_is_void_when_it_runs_again() -> None:
 def test_what_was_proved_begins_with_nothing_against_it() -> None:
     watch = told()
     for k in (1, 2):
-        watch.step(k * T, RUNS)
+        watch.step(k * T, CREEPS_ON)
     for k in (3, 4):
         watch.step(k * T, STANDS)
     assert watch.proved
