@@ -12,8 +12,8 @@ PROGRAM_S = 0.5
 PERSON_S = 600.0
 SHORTEST_S = 0.05
 LONGEST_S = 86_400.0
-#: Time for which every joint must have sensed contact before [s], as sensing that comes and goes
-#: might be armed in a good moment.
+#: Time for which every joint must have sensed contact and no touch before [s], as what comes and
+#: goes might be armed in a good moment.
 SENSES_S = 0.25
 
 

@@ -65,7 +65,8 @@ class ArmingResult:
 
 
 class ArmingChecks:
-    """All checks of one arm, with memory of what a single tick does not show: late ticks."""
+    """All checks of one arm, with memory of what a single tick does not show: late ticks, and
+    touches that come and go."""
 
     def __init__(
         self,
@@ -82,13 +83,16 @@ class ArmingChecks:
         self._period_s = period_s
         self._settled, self._contact = tuple(settled), contact
         self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
+        self._touched_s: Vector = np.full(len(contact), -np.inf)  # when each joint last was
 
     def unsettled(self) -> list[str]:
         """Reasons why the identified values cannot be trusted in this run; empty if they can."""
         return [check.text for check in self._settled if not check.passed]
 
-    def watch(self, findings: Sequence[Finding], time_s: float) -> None:
-        """Note the lateness of one tick."""
+    def watch(self, findings: Sequence[Finding], estimate: Estimate | None, time_s: float) -> None:
+        """Note the lateness of one tick, and the joints that are touched in it."""
+        if estimate is not None and any(estimate.thresholded.tolist()):
+            self._touched_s[estimate.thresholded != 0.0] = time_s
         if any(finding.check == "loop" for finding in findings):
             self._late_s.append(time_s)
 
@@ -113,7 +117,7 @@ class ArmingChecks:
             *self._of_findings(record.findings),
             *(_failed(objection.check, objection.text) for objection in objections),
             *(check for check in self._settled if not check.passed),
-            *self._of_estimate(record.estimate, record.samples),
+            *self._of_estimate(record.estimate, record.samples, record.time_s),
             *self._of_sensing(record),
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
@@ -142,7 +146,7 @@ class ArmingChecks:
             if finding.condition is not Condition.LATE:  # late ticks are counted instead
                 yield _failed(finding.check, str(finding))
 
-    def _of_estimate(self, estimate: Estimate, samples: Samples) -> Iterator[Check]:
+    def _of_estimate(self, estimate: Estimate, samples: Samples, time_s: float) -> Iterator[Check]:
         if doubts := estimate.flags & ~HARMLESS:
             words = ", ".join(FLAG_NAMES[flag] for flag in doubts)
             yield _failed("estimator", f"the estimator is not ready: {words}")
@@ -156,6 +160,12 @@ class ArmingChecks:
                 "`thresholds.contact` to at least "
                 f"{estimate.threshold[i] / RAISED:.2f} Nm)",
             )
+        for i in np.flatnonzero(estimate.thresholded == 0.0).tolist():
+            if (for_s := time_s - self._touched_s[i]) < SENSES_S:
+                text = (
+                    f"residual of {self._joints[i]} is below its threshold for only {for_s:.2f} s"
+                )
+                yield _failed("residual", f"{text}, at least {SENSES_S:g} s required: ask again")
         for i in np.flatnonzero(estimate.thresholded).tolist():
             on = samples.drives[i].condition is DriveCondition.OPERATING
             cause = "a touch, or a payload?" if on else "a brake that carries it, or a touch?"

@@ -102,7 +102,7 @@ class Tick:
             sensing=self._sensing.joints,
             settled=self._sensing.settled,
         )
-        self.arming_checks.watch(findings, time_s)
+        self.arming_checks.watch(findings, estimate, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
