@@ -2,13 +2,13 @@
 numbers for both command lines."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
-import difflib
 import itertools
 import math
 import os
 import re
 import sys
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -87,7 +87,7 @@ class Signed(click.Command):
             if re.match("-[-a-zA-Z]", name) and name not in known:
                 if any(name in param.opts for param in group):
                     raise click.UsageError(f"{name} goes before `{ctx.info_name}`", ctx)
-                near = difflib.get_close_matches(name, known)
+                near = get_close_matches(name, known)
                 raise click.NoSuchOption(name, possibilities=near, ctx=ctx)
         return super().parse_args(ctx, args)
 

@@ -93,8 +93,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
             return
         if not yes and (options.json or not sys.stdin.isatty()):
             raise click.UsageError(
-                "no confirmation with --json, or while stdin is not a terminal; pass --yes to skip "
-                "it"
+                "no confirmation with --json, or without a terminal; pass --yes to skip it"
             )
         if not options.json:
             say(in_words(reply.way))

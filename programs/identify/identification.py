@@ -28,8 +28,6 @@ from programs.identify.session import stop_once
 from programs.identify.show import print_outcome, print_overview
 from programs.identify.step import Outcome, now
 
-KEEP_CLEAR = "Keep people out of its reach, and the emergency stop within yours."
-
 
 class Identification:
     """Robot whose parameters are identified, by its `arm` or by `logs`, and what was found."""
@@ -161,21 +159,18 @@ def may_move(robot: Robot, *, off: bool) -> bool:
     """Ask at the terminal whether the arm may move, and the drives be enabled for that if they are
     `off`. Raises ControlError without a terminal."""
     if not sys.stdin.isatty():
-        state, wish = ("off", "have them enabled") if off else ("on", "let the arm move")
-        raise ControlError(
-            f"the drives are {state}, and stdin is not a terminal: pass --yes to {wish}"
-        )
-    if not off:
-        say(f"The arm is enabled, and moves for this. {KEEP_CLEAR}")
-        return sure("Move the arm?")
+        state = "off, and are enabled" if off else "on, and the arm moves"
+        raise ControlError(f"the drives are {state} for this: without a terminal pass --yes")
     c = robot.configuration
     ends = {end: [j.name for j in c.joints if j.end == end] for end in ("hold", "brake", "limp")}
     later = "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items() if names)
-    say(
+    text = (
         "The drives are off. They are enabled for this, the arm moves, and at the end it goes back "
-        f"to where it stands and its joints end as configured ({later}). {KEEP_CLEAR}"
+        f"to where it stands and its joints end as configured ({later})."
     )
-    return sure("Enable the drives?")
+    text = text if off else "The arm is enabled, and moves for this."
+    say(f"{text} Keep people out of its reach, and the emergency stop within yours.")
+    return sure("Enable the drives?" if off else "Move the arm?")
 
 
 def may_reset(cause: str) -> bool:

@@ -91,7 +91,7 @@ def test_a_fault_stays_where_nobody_can_be_asked(
 def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
     result = served.contactd("identify", "wiring")
     assert result.exit_code == 1
-    assert "pass --yes to have them enabled" in result.output
+    assert "the drives are off, and are enabled for this: without a" in result.output
     assert served.rig.mode is Mode.OFF
 
 
@@ -135,7 +135,7 @@ def test_drives_that_somebody_enabled_move_after_a_yes_and_stay_on(
     stands = float(served.rig.samples.link_position[0])
     refused = served.contactd("identify", "wiring")
     assert refused.exit_code == 1
-    assert "the drives are on, and stdin is not a terminal: pass --yes to let" in refused.output
+    assert "the drives are on, and the arm moves for this: without a" in refused.output
     assert float(served.rig.samples.link_position[0]) == pytest.approx(stands, abs=1e-3)
     result = served.contactd("identify", "wiring", "--yes")
     assert result.exit_code == 0, result.output
