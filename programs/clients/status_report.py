@@ -21,7 +21,7 @@ from programs.clients.shown import (
 )
 from programs.clients.user_names import user_name
 
-SHARE = "share: of the configured level, lowered by learning to the floor; 100% again in doubt"
+SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
 
 
 def status_report(status: Status, socket: Path | None = None) -> RenderableType:
