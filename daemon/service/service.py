@@ -318,12 +318,11 @@ class Service:
 
     def _status(self) -> Status:
         self._newer()
-        permit = self.permission.permit(self.loop.time_s)
         status = status_of(
             self.process,
             self.loop,
             self.drives.identities,
-            permit,
+            self.permission.permit(self.loop.time_s),
             len(self.control.readers),
             attended=self.attendance.attended,
         )
