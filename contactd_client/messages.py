@@ -118,6 +118,8 @@ class Status(TypedDict):
     mode: Mode
     armed: bool
     permit: Permit | None  # while armed
+    disarmed: NotRequired[str]  # cause of the last end of arming; empty before one
+    disarmed_s: NotRequired[float]  # when that was, as `uptime_s` counts
     cause: str
     since_s: NotRequired[float | None]  # when that led to this mode, as `uptime_s` counts
     advice: NotRequired[str]  # what to do about the cause, if that is a fault
@@ -135,6 +137,9 @@ class Status(TypedDict):
     link_position: list[float]
     residual: list[float]
     threshold: list[float]
+    contact: NotRequired[list[float]]  # configured contact levels [Nm]
+    least: NotRequired[list[float]]  # that learning leaves of them at least [Nm]
+    level_share: NotRequired[list[float]]  # k: share of them that learning leaves now
     side: list[Literal["gap", "left", "right", "unknown"]]
     gain: list[float]  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
@@ -148,8 +153,7 @@ class Status(TypedDict):
     lost: NotRequired[list[float] | None]  # share of recent samples that went missing
     learned: NotRequired[Learned | None]  # None where nothing is learned
     hand: NotRequired[str]  # the URDF's last link, in whose frame payloads are
-    # that was announced since the start, and is forgotten at its end
-    payload: NotRequired[Payload | None]
+    payload: NotRequired[Payload | None]  # announced since the start, and forgotten at its end
     payloads: NotRequired[list[Payload]]  # that can be announced by name
     # that `go` can be asked for: joints by name [rad]
     poses: NotRequired[dict[str, dict[str, float]]]
@@ -157,8 +161,7 @@ class Status(TypedDict):
     gears: NotRequired[list[str]]
     # description of an unannounced payload, with advice; empty without one
     recognised: NotRequired[str]
-    # Files that differ from those in use; checked while the drives are off.
-    changed: NotRequired[list[str]]
+    changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
     not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
 
 

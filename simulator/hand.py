@@ -54,7 +54,7 @@ class Hand:
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
         for act in self._script:
-            self._refuse_unknown(act)
+            self._refuse_unknown(act, "hand script: ")
         n = len(names)
         self._damping_limit = damping_limit
         self._next = 0
@@ -75,11 +75,11 @@ class Hand:
         self._holding = self._guiding = False
         self._give, self._weight, self._now = give, weight, 0.0
 
-    def _refuse_unknown(self, act: AnyAct) -> None:
+    def _refuse_unknown(self, act: AnyAct, place: str = "") -> None:
         for joint in joints_of(act):
             if joint not in self._index:
                 known = ", ".join(self._index)
-                raise ConfigurationError(f"hand script: joint {joint!r} is none of {known}")
+                raise ConfigurationError(f"{place}no joint {joint!r}; there are: {known}")
 
     def take(self, act: AnyAct) -> str:
         """Begin an act that is requested now, whatever its `at_s`; returns it in words. Raises

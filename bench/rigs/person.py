@@ -138,7 +138,7 @@ class CommissionedArm:
                 one = OneHand(served, self.joints.index(hand))
                 served.rig.arm.hand = cast(Hand, one)  # all of it that is used
             served.idle_s = IDLE_S
-            result = served.contactd("identify", *words)
+            result = served.contactd("identify", *words, "--yes")
             self.lasted_s = served.rig.time_s
         self.output = result.output
         return result.exit_code == 0

@@ -72,6 +72,6 @@ def _at_the_arm(words: str, joint: str, folder: Path, *, warned: bool) -> Met:
         served.contactctl("start")
         ran = served.rig.mode is Mode.TRACKING
         served.contactctl("stop")
-        wiring = served.contactd("identify", "wiring", joint)
+        wiring = served.contactd("identify", "wiring", joint, "--yes")
         ended = wiring.output if wiring.exit_code else ""
         return Met(words, warned, False, ended, armed, ran, wiring.exit_code == 0)

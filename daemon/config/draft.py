@@ -155,8 +155,8 @@ def _joint(
       rated_current_A: {f(rated)}   {MARK}: of the motor
       max_current_A: {f(most)}   {MARK}
     torque_constant: {f(constant)}   {MARK}: Nm at the link per A: the motor's times the gear
-    rotor_inertia: {f(rotor)}   # found by `contactd identify friction`
-    half_gap: {f(gap)}   # found by `contactd identify gap {named}`
+    rotor_inertia: {f(rotor)}   # a guess until `contactd identify friction`
+    half_gap: {f(gap)}   # a guess until `contactd identify gap {named}`
     friction: {{motor_coulomb: {f(0.03 * motor)}, motor_viscous: {f(0.02 * motor)}}}
     thresholds: {{contact: {f(0.2 * motor)}, collision: {f(1.2 * motor)}}}
     limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \

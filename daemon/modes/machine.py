@@ -41,6 +41,7 @@ class ModeMachine:
         self.changes: list[Change] = []
         self.mode = Mode.OFF
         self.armed = False
+        self.disarmed = ("", 0.0)  # cause and time of the last end of arming
         self.moving = False  # a trajectory runs, or goes on after this contact
         self.paused = False  # one was halted, and goes on with the next `start`
         self.cause = "started"
@@ -74,7 +75,7 @@ class ModeMachine:
         if after is None:
             return False
         if event in DISARMING and self.armed:
-            self.armed = False
+            self.armed, self.disarmed = False, (cause, time_s)
             self.changes.append(Change("disarmed", cause))
         forgets = event is Event.ABANDON and (self.paused or self.moving)
         if event in HALTING:

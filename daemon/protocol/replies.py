@@ -117,6 +117,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     mode: Mode
     armed: bool
     permit: Permit | None  # while armed
+    disarmed: str = ""  # cause of the last end of arming; empty before one
+    disarmed_s: float = 0.0  # when that was, as `uptime_s` counts
     cause: str
     since_s: float | None = None  # when that led to this mode, as `uptime_s` counts
     advice: str = ""  # what to do about the cause, if that is a fault
@@ -134,6 +136,9 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     link_position: PerJoint
     residual: PerJoint
     threshold: PerJoint
+    contact: PerJoint = []  # configured contact levels [Nm]
+    least: PerJoint = []  # that learning leaves of them at least [Nm]
+    level_share: PerJoint = []  # k: share of them that learning leaves now
     side: list[SideName]
     gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
     age_ticks: list[int]
@@ -146,13 +151,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     lost: PerJoint | None = None  # share of recent samples that went missing
     learned: Learned | None = None  # None where nothing is learned
     hand: str = ""  # the URDF's last link, in whose frame payloads are
-    payload: Payload | None = (
-        None  # that was announced since the start, and is forgotten at its end
-    )
+    payload: Payload | None = None  # announced since the start, and forgotten at its end
     payloads: list[Payload] = []  # that can be announced by name
     poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
     gears: list[str] = []  # findings of their trends, a line for each joint (`contactctl health`)
     recognised: str = ""  # description of an unannounced payload, with advice; empty without one
-    # Files that differ from those in use; checked while the drives are off.
-    changed: list[str] = []
+    changed: list[str] = []  # files that differ from those in use; checked while off
     not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field

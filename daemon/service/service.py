@@ -109,6 +109,7 @@ class Service:
             self.control.publish(state_of(record, self.permission.permit(record.time_s)))
         if self.trends is not None:
             self.trends.put(record, self.loop.tick.estimator)
+        machine = self.loop.tick.controller.machine
         for notice in record.notices:
             if notice.kind == "fault" or self._limit.admit(notice.text, self.loop.time_s):
                 self._report(notice.kind, notice.text)
@@ -120,21 +121,17 @@ class Service:
             self._report("mode", left_out)
         # A new process may delay a tick: only while the arm is at rest and need not yield.
         due = self.loop.tick.number % LOOKS_EVERY == 0
-        if self.black_box is not None and due and self._at_rest:
+        at_rest = machine.mode in AT_REST and not machine.armed
+        if self.black_box is not None and due and at_rest:
             self.black_box.look_after(self.loop.time_s)
         # After the State, which reports decisions of its own tick: this is in the next one.
         self.permission.expire(self.loop.time_s)
         period_s = self.process.robot.configuration.period_s
         self.control.poll(self.handle, TURNS_SHARE * period_s, ENTRANCE_SHARE * period_s)
         self._abandon_unattended()
-        if self.loop.tick.controller.machine.mode is Mode.OFF:
+        if machine.mode is Mode.OFF:
             self.process.files.look_on()
         self.notifier.ticked(record.wakeup.monotonic_s)
-
-    @property
-    def _at_rest(self) -> bool:
-        machine = self.loop.tick.controller.machine
-        return machine.mode in AT_REST and not machine.armed
 
     def _report(self, kind: str, text: str) -> None:
         place = {"kind": kind, "tick": self.loop.tick.number}
@@ -321,12 +318,11 @@ class Service:
 
     def _status(self) -> Status:
         self._newer()
-        permit = self.permission.permit(self.loop.time_s)
         status = status_of(
             self.process,
             self.loop,
             self.drives.identities,
-            permit,
+            self.permission.permit(self.loop.time_s),
             len(self.control.readers),
             attended=self.attendance.attended,
         )

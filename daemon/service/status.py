@@ -13,7 +13,7 @@ from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.drives import load_of
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
+from daemon.faults.table import Condition, Response
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.path import stands
 from daemon.motion.seen import SeenMotion
@@ -78,7 +78,7 @@ def status_of(
     c, tick, last = process.robot.configuration, loop.tick, loop.tick.last
     samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
-    machine, unproved = tick.controller.machine, tick.unproved()
+    machine, unproved, loads = tick.controller.machine, tick.unproved(), tick.loads
     return Status(
         name=c.name,
         configuration=process.place,
@@ -87,6 +87,8 @@ def status_of(
         mode=machine.mode,
         armed=machine.armed,
         permit=permit,
+        disarmed=machine.disarmed[0],
+        disarmed_s=machine.disarmed[1],
         cause=machine.cause,
         since_s=machine.entered_s,
         advice=_advice(tick, unproved, attended=attended),
@@ -104,6 +106,9 @@ def status_of(
         link_position=finite_list(samples.link_position) if samples else zeros,
         residual=estimate.residual.tolist() if estimate else zeros,
         threshold=estimate.threshold.tolist() if estimate else zeros,
+        contact=[joint.thresholds.contact for joint in c.joints],
+        least=[joint.least_share * joint.thresholds.contact for joint in c.joints],
+        level_share=estimate.level_share.tolist() if estimate else [],
         side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
         gain=tick.controller.motion.gains.goal.tolist(),
         age_ticks=[round(age / c.period_s) for age in samples.age_s.tolist()] if samples else [],
@@ -119,7 +124,7 @@ def status_of(
         payload=tick.payload,
         payloads=list(process.payloads.named.values()),
         poses=process.poses.named,
-        recognised=_recognised(tick),
+        recognised=f"{loads.words}: {loads.advice}" if loads.found else "",
         changed=process.changed,
         not_taken_up=process.not_taken_up if process.changed else "",
     )
@@ -127,16 +132,16 @@ def status_of(
 
 def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
     """Advice, a line for each: first for a joint not confirmed at standstill, then for the cause, a
-    contact that is still present, the trajectory that waits, and a possible load."""
+    contact that is still present, the trajectory that waits, a possible load, and conditions at
+    which the arm goes on."""
     machine, finding = tick.controller.machine, tick.controller.finding
-    pressed = tick.controller.pressed
     advice = []
     if unproved and tick.controller.faulted:
         not_stopped = Condition.UNPROVED if tick.drives.silenced else Condition.NOT_SEEN_TO_STOP
         advice.append(advice_of(not_stopped))
     if finding and not machine.armed:
         advice.append(finding.advice)
-    if pressed:
+    if pressed := tick.controller.pressed:
         advice.append(f"free the arm ({pressed}), or `contactctl disable`")
     elif machine.paused and machine.mode is Mode.HOLDING:
         if load := tick.loads.advice:
@@ -144,6 +149,8 @@ def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
         advice.append(ASK_AGAIN if attended else "`contactctl start` goes on with the trajectory")
     if tick.loads.hint:
         advice.append(tick.loads.hint)
+    found = tick.last.findings if tick.last else ()
+    advice += [one.advice for one in found if one.response is Response.CONTINUE]
     return "\n".join(dict.fromkeys(advice))
 
 
@@ -156,11 +163,6 @@ def _learned(tick: Tick) -> Learned | None:
         viscous=(friction.viscous - 1.0).tolist(),
         load=friction.load.tolist(),
     )
-
-
-def _recognised(tick: Tick) -> str:
-    loads = tick.loads
-    return f"{loads.words}: {loads.advice}" if loads.found else ""
 
 
 def _trajectory(controller: Controller, *, attended: bool) -> Trajectory:

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from daemon.protocol.lease import in_words
-from daemon.protocol.replies import Check, Grant, Status, Trajectory
+from daemon.protocol.replies import Grant, Status, Trajectory
 from programs.clients.payload import payload_in_words
 from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
 from programs.clients.sensitivity import sensitivity_lines
@@ -20,6 +20,8 @@ from programs.clients.shown import (
     strain_style,
 )
 from programs.clients.user_names import user_name
+
+SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
 
 
 def status_report(status: Status, socket: Path | None = None) -> RenderableType:
@@ -37,7 +39,7 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
     table.add_row("cause", Text(_cause(status)))  # Text: brackets in it are no rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))
-    table.add_row("arming needs", _checks(status.checks))
+    table.add_row(*_arming(status))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     if status.changed:
         table.add_row("", Text(_changed(status), "yellow"))
@@ -66,7 +68,9 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
     frame.add_row(_joints(status))
     if status.sensitivity is not None:
         frame.add_row("")
-        frame.add_row(Text("\n".join(sensitivity_lines(status.sensitivity))))
+        lines, levels = sensitivity_lines(status.sensitivity), _levels(status)
+        both = [f"{left}  {right}" for left, right in zip(lines, levels, strict=False)]
+        frame.add_row(Text("\n".join([*both, *lines[len(both) :], SHARE])))
     return frame
 
 
@@ -81,7 +85,8 @@ def _changed(status: Status) -> str:
 def _permission(status: Status) -> Text:
     """Permission: armed or not, by whom and for how long."""
     if not status.armed:
-        return Text("not armed")
+        ended = f": {status.disarmed}{_ago(status, status.disarmed_s)}" if status.disarmed else ""
+        return Text(f"not armed{ended}")
     text = Text("armed", "bold bright_cyan")
     if permit := status.permit:
         user = user_name(permit.uid)
@@ -92,24 +97,38 @@ def _permission(status: Status) -> Text:
     return text
 
 
-def _checks(checks: list[Check]) -> Text:
-    return Text("\n").join(Text(str(c), "" if c.passed else "yellow") for c in checks)
+def _arming(status: Status) -> tuple[str, Text]:
+    """Checks before arming; of an armed arm only those against arming it anew."""
+    if status.armed:
+        against = [f"{check.name}: {check.text}" for check in status.checks if not check.passed]
+        return "to arm anew", Text("\n".join(against) or "every check passes")
+    lines = [Text(str(c), "" if c.passed else "yellow") for c in status.checks]
+    return "arming needs", Text("\n").join(lines)
 
 
 def _grants(grants: list[Grant]) -> Text:
     """One line per grant; those not achieved stand out."""
-    lines = [Text(grant.text, "" if grant.achieved else "yellow") for grant in grants]
-    return Text("\n").join(lines)
+    return Text("\n").join(Text(g.text, "" if g.achieved else "yellow") for g in grants)
 
 
 def _cause(status: Status) -> str:
     """Cause of the mode, and how long ago it was: it may be over since."""
-    if status.since_s is None:
-        return status.cause
-    ago_s = max(status.uptime_s - status.since_s, 0.0)
+    return status.cause if status.since_s is None else status.cause + _ago(status, status.since_s)
+
+
+def _ago(status: Status, then_s: float) -> str:
+    """Age of a moment, in brackets."""
+    ago_s = max(status.uptime_s - then_s, 0.0)
     units = ((7200.0, 3600.0, "h"), (120.0, 60.0, "min"))
     size, unit = next(((size, unit) for least, size, unit in units if ago_s >= least), (1.0, "s"))
-    return f"{status.cause} ({ago_s // size:.0f} {unit} ago)"
+    return f" ({ago_s // size:.0f} {unit} ago)"
+
+
+def _levels(status: Status) -> list[str]:
+    """Configured contact levels, their floors and the shares in force, below a header."""
+    rows = zip(status.contact, status.least, status.level_share, strict=False)
+    lines = [f"{level:7.2f} Nm {least:5.2f} Nm {share:6.0%}" for level, least, share in rows]
+    return ["configured    floor  share", *lines] if lines else []
 
 
 def _trajectory(trajectory: Trajectory) -> str:

@@ -2,10 +2,13 @@
 numbers for both command lines."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
+import itertools
 import math
 import os
+import re
 import sys
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -71,7 +74,25 @@ def _take_socket(ctx: click.Context, _: click.Parameter, given: Path | None) -> 
         ctx.obj = replace(ctx.obj, socket=given)
 
 
-class Command(click.Command):
+class Signed(click.Command):
+    """Command that may take a number below 0 as an argument (`ignore_unknown_options`), and names
+    an unknown option all the same."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the words. Raises NoSuchOption, or UsageError for an option of the group."""
+        known = {name for param in self.get_params(ctx) for name in param.opts}
+        group = ctx.parent.command.params if ctx.parent else []
+        for word in itertools.takewhile(lambda word: word != "--", args):
+            name = word.partition("=")[0]
+            if re.match("-[-a-zA-Z]", name) and name not in known:
+                if any(name in param.opts for param in group):
+                    raise click.UsageError(f"{name} goes before `{ctx.info_name}`", ctx)
+                near = get_close_matches(name, known)
+                raise click.NoSuchOption(name, possibilities=near, ctx=ctx)
+        return super().parse_args(ctx, args)
+
+
+class Command(Signed):
     """Command that takes the common options, too, so that they may stand before or after it."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:

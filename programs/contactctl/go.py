@@ -86,15 +86,15 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
         _list_poses(options)
         return
     pose, targets = destination(words)
-    if not yes and (options.json or not sys.stdin.isatty()):
-        raise click.UsageError(
-            "no confirmation with --json, or while stdin is not a terminal; pass --yes to skip it"
-        )
     with options.connect() as client:
         reply = client.go(pose, targets, speed=speed, plan=True)
         if reply.way is None:
             answer(options, reply)
             return
+        if not yes and (options.json or not sys.stdin.isatty()):
+            raise click.UsageError(
+                "no confirmation with --json, or without a terminal; pass --yes to skip it"
+            )
         if not options.json:
             say(in_words(reply.way))
             for warning in reply.warnings:

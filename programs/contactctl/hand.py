@@ -1,5 +1,4 @@
 """`contactctl hand`: a person's hand at a simulated arm, live, by the simulator's own socket."""
-# ruff: noqa: PLC0415 - imported by the command that needs it, so that `--help` starts at once
 
 import json
 import re
@@ -10,7 +9,8 @@ from typing import Any
 import click
 
 from common.errors import ControlError, UnreachableError
-from programs.command_line.options import PATH, Range
+from daemon.protocol.socket_path import default_hand_path
+from programs.command_line.options import PATH, Range, Signed
 
 PATIENCE_S = 5.0
 
@@ -42,8 +42,10 @@ def ask_hand(door: Path, act: dict[str, Any]) -> str:
             with connection.makefile() as answers:
                 answer = json.loads(answers.readline())
         except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or error
             raise UnreachableError(
-                f"no hand at {door}: {error}; is `contactd simulate` running? A real arm has no "
+                f"no simulated hand answers at {door}: {why}; is `contactd simulate` running, with "
+                f"that --hand-socket? Without it both use {default_hand_path()}; a real arm has no "
                 "simulated hand"
             ) from error
     if not answer["ok"]:
@@ -52,6 +54,8 @@ def ask_hand(door: Path, act: dict[str, Any]) -> str:
 
 
 class _InOrder(click.Group):
+    command_class = Signed
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(self.commands)
 
@@ -65,8 +69,6 @@ def hand(context: click.Context, door: Path | None) -> None:
 
     The daemon is not informed of it and has to detect it.
     """
-    from daemon.protocol.socket_path import default_hand_path
-
     context.obj = door or default_hand_path()
 
 

@@ -31,10 +31,10 @@ def identify(context: click.Context, config: Path | None, socket: Path | None) -
     command; nothing moves. The options here belong to that; each step has its own.
 
     Without --log a running daemon moves the arm, and the person beside it has read
-    docs/commissioning.md. Drives that are off are enabled for the step, which asks before, and are
-    off again after it; the daemon then takes up what was found. After a fault it asks whether to
-    reset that, too. Every step can be stopped by Ctrl-C
-    at any time: the arm holds, and the same command goes on from there. Results go to
+    docs/commissioning.md. Each step asks before the arm moves. Drives that are off are enabled for
+    it, and are off again after it; the daemon then takes up what was found. After a fault it asks
+    whether to reset that, too. Every step can be stopped by Ctrl-C at any time: the arm holds, and
+    the same command goes on from there. Results go to
     identified.yaml beside the configuration.
     """
     if context.invoked_subcommand is None:

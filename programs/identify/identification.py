@@ -128,8 +128,8 @@ class Identification:
 def open_identification(
     config: Path | None, logs: tuple[Path, ...], socket: Path | None, *, dry: bool, yes: bool
 ) -> Identification:
-    """Identification on logs, or on the arm of the running daemon, whose fault is reset and whose
-    drives are enabled for it if the person, unless `yes`, agrees. Raises ContactdError."""
+    """Identification on logs, or on the arm of the running daemon, whose fault is reset, and which
+    is enabled and moves for it, if the person, unless `yes`, agrees. Raises ContactdError."""
     console = on_stdout()
     if logs:
         if config is None:
@@ -138,7 +138,7 @@ def open_identification(
         return Identification(robot, console, logs=logs, dry=dry)
     if threading.current_thread() is threading.main_thread():
         stop_once()
-    session = open_session(socket, console, lambda: yes or may_enable(robot))
+    session = open_session(socket, console, lambda off: yes or may_move(robot, off=off))
     with ExitStack() as refused:
         refused.callback(session.close)
         status = session.client.ask_status()
@@ -155,21 +155,22 @@ def open_identification(
     return Identification(robot, console, arm=arm, dry=dry)
 
 
-def may_enable(robot: Robot) -> bool:
-    """Ask at the terminal whether to enable the drives. Raises ControlError without a terminal."""
+def may_move(robot: Robot, *, off: bool) -> bool:
+    """Ask at the terminal whether the arm may move, and the drives be enabled for that if they are
+    `off`. Raises ControlError without a terminal."""
     if not sys.stdin.isatty():
-        raise ControlError(
-            "the drives are off, and stdin is not a terminal: pass --yes to have them enabled"
-        )
+        state = "off, and are enabled" if off else "on, and the arm moves"
+        raise ControlError(f"the drives are {state} for this: without a terminal pass --yes")
     c = robot.configuration
     ends = {end: [j.name for j in c.joints if j.end == end] for end in ("hold", "brake", "limp")}
     later = "; ".join(f"{end}: {', '.join(names)}" for end, names in ends.items() if names)
-    say(
+    text = (
         "The drives are off. They are enabled for this, the arm moves, and at the end it goes back "
-        f"to where it stands and its joints end as configured ({later}). Keep people out of its "
-        "reach, and the emergency stop within yours."
+        f"to where it stands and its joints end as configured ({later})."
     )
-    return sure("Enable the drives?")
+    text = text if off else "The arm is enabled, and moves for this."
+    say(f"{text} Keep people out of its reach, and the emergency stop within yours.")
+    return sure("Enable the drives?" if off else "Move the arm?")
 
 
 def may_reset(cause: str) -> bool:

@@ -203,10 +203,10 @@ class LiveArm:
         self.session.conclude(step, stamp)
 
 
-def open_session(socket: Path | None, console: Console, may_enable: Callable[[], bool]) -> Session:
+def open_session(socket: Path | None, console: Console, ask: Callable[[bool], bool]) -> Session:
     """Session that prints its warnings in yellow. Raises UnreachableError."""
 
     def say(text: str) -> None:
         console.print(text, style="yellow", markup=False, highlight=False)
 
-    return Session(socket, Path(), say, may_enable)
+    return Session(socket, Path(), say, ask)

@@ -88,8 +88,8 @@ class Session:
     socket: Path | None
     folder: Path
     say: Callable[[str], None]
-    may_enable: Callable[[], bool] = lambda: False
-    """asks the person"""
+    may_move: Callable[[bool], bool] = lambda off: False
+    """asks the person; off: the drives are, and are enabled for it"""
     client: Client = field(init=False)
     here: Vector | None = None
     """where the arm stood when this session enabled it (n,) [rad]; None: it was enabled
@@ -124,13 +124,13 @@ class Session:
             return configuration_of(reader.subscribe()[0])
 
     def hold(self) -> Status:
-        """Wait until the arm holds, disarmed; the first time it is enabled if the person agrees.
+        """Wait until the arm holds, disarmed; the first time if the person agrees that it moves.
         Raises ControlError where it does not hold, and while it runs a motion started elsewhere."""
         status = self.client.ask_status()
         if status.mode == Mode.OFF:
             if self._held:
                 raise ControlError(f"the drives were switched off: {status.cause}")
-            if not self.may_enable():
+            if not self.may_move(True):
                 raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
             self.here = np.array(status.link_position)
             self._enable()
@@ -141,6 +141,8 @@ class Session:
                 what = status.trajectory.name
                 raise ControlError(f"the arm runs {what}, started elsewhere: `contactctl pause`")
             self.client.demand("pause")
+        if not (self._held or self.here is not None or self.may_move(False)):
+            raise ControlError("the arm stays as it is: you did not let it move")
         if status.armed:
             self.client.demand("disarm")
         status = asked_until(self.client.ask_status, lambda s: s.mode == Mode.HOLDING, _SETTLE_S)

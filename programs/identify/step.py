@@ -28,8 +28,8 @@ SHARED_OPTIONS: Final[tuple[Option, ...]] = (
                  "program (docs/logs.md), instead of moving the arm."),
     click.option("--dry-run", is_flag=True, help="Write no results and no pictures."),
     click.option("--yes", is_flag=True,
-                 help="Reset a fault, and enable drives that are off, without a question, "
-                 "for scripts."),
+                 help="Reset a fault, enable drives that are off, and move the arm, without a "
+                 "question, for scripts."),
     SOCKET,
 )  # fmt: skip
 """Options of a step that moves the arm, or takes logs instead."""

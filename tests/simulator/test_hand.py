@@ -142,7 +142,9 @@ def test_nothing_happens_before_begin() -> None:
 
 
 def test_unknown_joint_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="'elbow' is none of a, b"):
+    with pytest.raises(
+        ConfigurationError, match=r"^hand script: no joint 'elbow'; there are: a, b$"
+    ):
         hand(Push(at_s=0.0, joint="elbow", torque=1.0, duration_s=1.0))
 
 

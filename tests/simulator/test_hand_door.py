@@ -40,7 +40,7 @@ def test_what_is_asked_for_begins_at_once_and_without_a_script():
     assert torque(hand) == [0.0, 2.0]
     assert hand.update(3.6, Q) == ["end push elbow 2 Nm"]
     assert not hand.busy
-    with pytest.raises(ConfigurationError, match="'thumb' is none of shoulder, elbow"):
+    with pytest.raises(ConfigurationError, match=r"^no joint 'thumb'; there are: shoulder, elbow$"):
         hand.take(Lean(at_s=0.0, joint="thumb", torque=1.0))
 
 
@@ -155,7 +155,9 @@ def test_there_is_no_hand_without_a_simulator(tmp_path: Path):
     words = ["hand", "--hand-socket", str(tmp_path / "none"), "release"]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 69
-    assert "is `contactd simulate` running?" in result.output
+    said = f"no simulated hand answers at {tmp_path}/none: No such file or directory; is `contactd"
+    assert said in result.output
+    assert "with that --hand-socket? Without it both use " in result.output
 
 
 def test_a_second_simulator_is_refused_and_a_socket_left_over_is_not(tmp_path: Path):

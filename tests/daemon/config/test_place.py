@@ -53,7 +53,7 @@ def test_identify_writes_to_the_daemons_folder_from_wherever_it_is_typed(
     with served_daemon(tmp_path, Path("my_arm"), truth=arm.truth) as served:
         served.rig.enable()
         monkeypatch.chdir(elsewhere)
-        result = served.contactd("identify", "wiring")
+        result = served.contactd("identify", "wiring", "--yes")
     assert result.exit_code == 0, result.output
     written = arm.folder.resolve() / "identified.yaml"
     assert f"written to {written}: joint" in result.output

@@ -3,12 +3,14 @@
 import json
 import os
 import socket
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from common.errors import ControlError
+from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
 from daemon.faults.table import Condition
 from daemon.modes.table import Mode
@@ -132,6 +134,8 @@ def test_a_persons_lease_outlives_the_connection_and_runs_out(served: ServedDaem
     assert took == pytest.approx(1.5, abs=0.1)
     assert cause == f"disarmed: the lease of uid {os.getuid()} (pid {os.getpid()}) ran out"
     assert served.rig.mode is Mode.HOLDING
+    ended = f"HOLDING   not armed: {cause.removeprefix('disarmed: ')} (0 s ago)"
+    assert ended in served.contactctl("status").stdout
 
 
 def test_arming_again_renews(served: ServedDaemon) -> None:
@@ -276,6 +280,12 @@ def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
     assert advice() == advice_of(Condition.EMERGENCY)
     served.ask(client, "reset")
     assert advice() == ""
+    assert served.rig.tick.last is not None
+    noted = (Finding(Condition.BUS_LOADED),)  # the arm goes on with it
+    served.rig.tick.last = replace(served.rig.tick.last, findings=noted)
+    status = served.service.handle(bare("status"), Peer(0, 1, 1)).status
+    assert status is not None
+    assert status.advice == advice_of(Condition.BUS_LOADED)
 
 
 def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(

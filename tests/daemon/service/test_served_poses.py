@@ -106,6 +106,7 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "--yes"], 2, "to which POSE, or JOINT=VALUE?"),
         (["go", "", "--yes"], 2, "'': either one POSE, or JOINT=VALUE for each joint"),
         (["go", "home"], 2, "pass --yes to skip it"),
+        (["go", "elbow=1"], 1, "no joint 'elbow'; there are: joint"),
         (["go", "home", "--json"], 2, "pass --yes to skip it"),
         (["go", "home", "--yes", "--speed", "0"], 2, "not in the range 0.001<=x<=2"),
         (["go", "home", "--yes", "--speed", "2.1"], 2, "not in the range"),

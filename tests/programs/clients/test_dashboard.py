@@ -21,6 +21,7 @@ from programs.clients.dashboard import (
 )
 from programs.clients.shown import MODE_STYLES, not_seen_to_stand
 from programs.clients.status_report import status_report
+from tests.programs.clients.test_sensitivity import smallest
 
 MakeState = Callable[..., State]
 
@@ -177,9 +178,15 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
         permit=permit if armed else None,
         cause="[bold]not markup[/bold]",
         mode="holding",
+        disarmed="the lease of uid 0 (pid 7) ran out",
+        disarmed_s=3717.5,
+        contact=[0.8, 0.8],
+        least=[0.16, 0.16],
+        level_share=[1.0, 0.205],
+        sensitivity=smallest(),
     )
-    lines = text_of(status_report(status), 100, 40)
-    report = "\n".join(lines)
+    lines = text_of(status_report(status), 100, 60)
+    report = "\n".join(line.rstrip() for line in lines)
     for word in (
         "HOLDING",
         "[bold]not markup[/bold]",
@@ -188,9 +195,12 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
         "memory not locked",
     ):
         assert word in report
-    assert "failed  residual        LWristYaw feels +0.30 Nm" in report
-    assert "passed  samples         all fresh in this tick" in report
-    assert ("not armed" in report) is not armed
+    assert ("failed  residual        LWristYaw feels +0.30 Nm" in report) is not armed
+    assert ("passed  samples         all fresh in this tick" in report) is not armed
+    assert ("to arm anew  mode: the drives are off" in report) is armed
+    assert ("not armed: the lease of uid 0 (pid 7) ran out (7 s ago)" in report) is not armed
+    assert "smallest touch  in motion    at rest  configured    floor  share\n" in report
+    assert "shoulder          1.00 Nm   12.00 Nm     0.80 Nm  0.16 Nm    20%\nin motion:" in report
     assert ("armed by root (pid 7) on behalf of anna for another 9 min 12 s" in report) is armed
     (joint,) = [line for line in lines if line.startswith(" LWristPitch")]
     assert "0.20" in joint

@@ -46,5 +46,16 @@ def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str
     assert typed("push", "elbow", "-3Nm", "--seconds", "2").exit_code == 0
     assert typed("push", "--seconds", "2", "elbow", "-3Nm").exit_code == 0
     assert [(act["torque"], act["duration_s"]) for act in acts] == [(-3.0, 2.0)] * 2
-    assert typed("push", "elbow", "-3Nm", "--long").exit_code == 2
+    wrong = typed("push", "elbow", "-3Nm", "--secnds", "2")
+    assert wrong.exit_code == 2
+    assert "No such option '--secnds'. Did you mean '--seconds'?" in wrong.output
+    late = typed("push", "elbow", "-3Nm", "--hand-socket", "/none")
+    assert "--hand-socket goes before `push`" in late.output
     assert typed("push", "-h").exit_code == 0
+
+
+def test_a_misspelt_option_of_payload_is_no_name() -> None:
+    for words in (["--cmo"], ["0.3", "--cmo", "1", "2", "3"]):
+        result = CliRunner().invoke(contactctl.main, ["payload", *words])
+        assert result.exit_code == 2
+        assert "No such option '--cmo'. Did you mean '--com'?" in result.output

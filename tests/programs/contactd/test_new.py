@@ -82,6 +82,14 @@ def test_an_object_that_no_pdo_takes_is_passed_over(tmp_path):
     assert "motor_position" not in drive
 
 
+def test_a_guess_that_a_step_identifies_says_so_and_names_the_step(given):
+    lines = (given(0) / "config.yaml").read_text().splitlines()
+    for field, step in (("rotor_inertia", "friction"), ("half_gap", "gap ")):
+        of = [line for line in lines if line.strip().startswith(f"{field}: ")]
+        assert len(of) == 7
+        assert all(f"# a guess until `contactd identify {step}" in line for line in of), field
+
+
 def test_every_guess_of_a_data_sheet_is_marked(given):
     text = (given(0) / "config.yaml").read_text()
     lines = text.splitlines()

@@ -17,7 +17,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ControlError
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from programs.identify.identification import may_enable, may_reset
+from programs.identify.identification import may_move, may_reset
 from programs.identify.session import Session
 from programs.identify.steps.wiring import how_to_go_on
 from programs.simulate.simulated_robot import true_arm
@@ -91,7 +91,7 @@ def test_a_fault_stays_where_nobody_can_be_asked(
 def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
     result = served.contactd("identify", "wiring")
     assert result.exit_code == 1
-    assert "pass --yes to have them enabled" in result.output
+    assert "the drives are off, and are enabled for this: without a" in result.output
     assert served.rig.mode is Mode.OFF
 
 
@@ -107,7 +107,7 @@ def test_a_person_is_asked(
     typed: str, may: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.stdin", Terminal(typed))
-    assert may_enable(load_robot(ROMEO)) is may
+    assert may_move(load_robot(ROMEO), off=True) is may
     said = " ".join(capsys.readouterr().out.split())
     assert "its joints end as configured (hold: LShoulderPitch" in said
     assert "the emergency stop within yours" in said
@@ -122,9 +122,22 @@ def test_a_person_is_asked_before_a_reset(
     assert "The arm is faulted: drive does not follow: elbow." in capsys.readouterr().out
 
 
-def test_drives_that_somebody_enabled_stay_on(arm: CommissionedArm, served: ServedDaemon) -> None:
+def test_a_person_is_asked_before_an_enabled_arm_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    for typed, may in (("y\n", True), ("\n", False)):
+        monkeypatch.setattr("sys.stdin", Terminal(typed))
+        assert may_move(load_robot(ROMEO), off=False) is may
+
+
+def test_drives_that_somebody_enabled_move_after_a_yes_and_stay_on(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     served.rig.enable()
-    result = served.contactd("identify", "wiring")
+    stands = float(served.rig.samples.link_position[0])
+    refused = served.contactd("identify", "wiring")
+    assert refused.exit_code == 1
+    assert "the drives are on, and the arm moves for this: without a" in refused.output
+    assert float(served.rig.samples.link_position[0]) == pytest.approx(stands, abs=1e-3)
+    result = served.contactd("identify", "wiring", "--yes")
     assert result.exit_code == 0, result.output
     assert served.rig.mode is Mode.HOLDING
     assert "taken up before the drives are enabled the next time" in result.output
@@ -171,7 +184,7 @@ def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> Non
 
 def test_a_step_enables_only_once(served: ServedDaemon, tmp_path: Path) -> None:
     """Between two motions of it somebody may have disabled the arm, and reached in."""
-    session = Session(served.path, tmp_path, print, may_enable=lambda: True)
+    session = Session(served.path, tmp_path, print, may_move=lambda off: off)
     with closing(session):
         served.until(session.hold)
         assert served.rig.mode is Mode.HOLDING

@@ -24,7 +24,7 @@ def test_a_wrong_sign_is_named_where_link_and_motor_come_too_far_apart(tmp_path:
     path.write_text(in_yaml(written))
     with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
         served.rig.enable()
-        result = served.contactd("identify", "wiring", "shoulder")
+        result = served.contactd("identify", "wiring", "shoulder", "--yes")
     said = " ".join(result.output.split())
     assert result.exit_code == 1
     assert "motor and link apart: shoulder" in said
@@ -69,7 +69,7 @@ def said_of_a_free_link(folder: Path, seed: int, gear: float) -> str:
         (arm / name).write_text(in_yaml(written))
     with served_daemon(folder, arm, described=lambda robot, _: true_arm(robot)[0]) as served:
         served.rig.enable()
-        return " ".join(served.contactd("identify", "wiring", "base").output.split())
+        return " ".join(served.contactd("identify", "wiring", "base", "--yes").output.split())
 
 
 def _without_friction(joint: dict[str, Any]) -> None:

@@ -82,7 +82,7 @@ def test_a_signal_to_the_process_leaves_the_arm_holding_and_the_next_is_ignored(
 ) -> None:
     command = [sys.executable, "-m", "programs.contactd.contactd", "identify", "friction"]
     with subprocess.Popen(
-        [*command, "--seconds", "20", "--socket", str(served.path)],
+        [*command, "--seconds", "20", "--yes", "--socket", str(served.path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

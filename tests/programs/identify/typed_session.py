@@ -49,7 +49,7 @@ class TypedCommand:
     def __init__(self, served: ServedDaemon, *words: str) -> None:
         self.served = served
         self._results: list[Result] = []
-        command = ["identify", *words, "--socket", str(served.path)]
+        command = ["identify", *words, "--yes", "--socket", str(served.path)]
 
         def work() -> None:
             self._results.append(CliRunner().invoke(contactd.main, command))
