@@ -55,11 +55,6 @@ class Levels(Settings, frozen=True):
     # default all of one that a person states (`known: {thresholds: ...}`), a fifth of any other.
     least: Positive | None = None
 
-    @property
-    def least_share(self) -> float:
-        """Share of `contact` that learning leaves at least."""
-        return LEAST_SHARE if self.least is None else self.least / self.contact
-
 
 class JointLimits(Settings, frozen=True):
     """Limits of all commands, at the link: rad, rad/s, rad/s2."""
@@ -103,8 +98,9 @@ class Joint(Settings, frozen=True):
     def least_share(self) -> float:
         """Share of the contact level that learning leaves at least: a level stated by a person is
         lowered by a person only."""
-        stated = "thresholds" in self.known and self.thresholds.least is None
-        return 1.0 if stated else self.thresholds.least_share
+        if self.thresholds.least is None:
+            return 1.0 if "thresholds" in self.known else LEAST_SHARE
+        return min(max(self.thresholds.least / self.thresholds.contact, LEAST_SHARE), 1.0)
 
 
 class PositionLoop(Settings, frozen=True):

@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from common.errors import ConfigurationError
-from daemon.assembly import check_parameters
+from daemon.assembly import check_parameters, seen_motion
 from daemon.config.evidence import objections
 from daemon.config.identified import (
     Entry,
@@ -17,6 +18,7 @@ from daemon.config.identified import (
     GapEntry,
     Identified,
     IdentifiedJoint,
+    SeenEntry,
     ThresholdsEntry,
     WiringEntry,
     identified_keys,
@@ -24,6 +26,7 @@ from daemon.config.identified import (
 )
 from daemon.config.load import Robot, load_robot
 from daemon.config.marks import fingerprint
+from daemon.config.problem import Problem
 from daemon.config.schema import Configuration, Friction, Levels
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
@@ -36,7 +39,11 @@ ENTRIES: dict[str, Entry] = {
         **DAY, friction=Friction(motor_coulomb=0.3), errors={}, r2=1.0, condition=1.0
     ),
     "thresholds": ThresholdsEntry(
-        **DAY, thresholds=Levels(contact=0.4, collision=3.0), per_hour=1.0, largest=0.3
+        **DAY,
+        thresholds=Levels(contact=0.4, collision=3.0),
+        per_hour=1.0,
+        largest=0.3,
+        seen=SeenEntry(speed=1.0, lower=-1.0, upper=1.0),
     ),
 }
 COMMANDS = {
@@ -112,7 +119,10 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
     ("known", "words"),
     [
         ("{gap: ''}", "joints[0] (joint).known"),
-        ("{speed: measured}", "(allowed: friction, gap, masses, thresholds, wiring)"),
+        (
+            "{speed: measured}",
+            "known: unknown key `speed` (allowed: friction, gap, masses, thresholds, wiring)",
+        ),
         ("[gap]", "joints[0] (joint).known: must be a group of fields, not a list"),
         ("{gap: true}", "must be text, not true"),
     ],
@@ -196,7 +206,9 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
         ("{thresholds: by hand}", "", (), 1.0),
         ("{thresholds: by hand}", ", least: 0.25", (), 0.5),
         ("{gap: by hand}", "", (), 0.2),
-        ("{thresholds: by hand}", "", ("thresholds",), 0.2),
+        ("{thresholds: by hand}", "", ("thresholds",), 1.0),
+        ("{gap: by hand}", "", ("thresholds",), 0.2),
+        ("{gap: by hand}", ", least: 0.1", ("thresholds",), 0.25),
     ],
 )
 def test_only_a_person_lowers_a_level_that_he_states(
@@ -209,3 +221,40 @@ def test_only_a_person_lowers_a_level_that_he_states(
     config.write_text(text.replace(", least: 0.1}", f"{least}}}"))
     (joint,) = load_robot(folder).configuration.joints
     assert joint.least_share == pytest.approx(share)
+
+
+def test_a_stated_level_stays_in_force_beside_an_identified_one(tmp_path: Path) -> None:
+    robot = arm(tmp_path, "{thresholds: by hand}", *ENTRIES)
+    (joint,) = robot.configuration.joints
+    assert joint.thresholds.contact == 0.5
+    assert joint.half_gap == 0.02  # all else is as identified
+    assert check_parameters(robot).text == "known otherwise: thresholds of all: by hand"
+    level = Problem(["joints", 0, "thresholds", "contact"], "level", "low")
+    assert robot.in_words(level).startswith(f"{robot.path}:")
+    assert np.isinf(seen_motion(robot).speed).all()
+    assert seen_motion(arm(tmp_path, "", *ENTRIES)).speed == 1.0
+
+
+@pytest.mark.parametrize(
+    ("known", "least", "allowed"),
+    [
+        ("", "0.09", ""),  # a fifth of the identified 0.4, not of the 0.5 beside it
+        ("", "0.45", "0.08 to 0.4 Nm: 0.2 to 1 times contact of identified.yaml"),
+        ("{thresholds: by hand}", "0.45", ""),
+        ("{thresholds: by hand}", "0.09", "0.1 to 0.5 Nm: 0.2 to 1 times contact"),
+    ],
+)
+def test_a_floor_is_held_against_the_level_in_force(
+    tmp_path: Path, known: str, least: str, allowed: str
+) -> None:
+    config = arm(tmp_path, known, "thresholds").folder / "config.yaml"
+    config.write_text(config.read_text().replace("least: 0.1}", f"least: {least}}}"))
+    if not allowed:
+        (joint,) = load_robot(config).configuration.joints
+        assert joint.thresholds.least == float(least)
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(config)
+    refusal = f"joints[0] (joint).thresholds.least: {least} must be {allowed}"
+    line = 1 + config.read_text()[: config.read_text().index("least:")].count("\n")
+    assert str(caught.value) == f"{config}:{line}: {refusal}"
