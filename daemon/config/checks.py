@@ -141,16 +141,15 @@ def _joints(c: Configuration) -> Iterator[Problem]:
 
 
 def floors(c: Configuration, found: Identified | None = None) -> Iterator[Problem]:
-    """Floors below a fifth of the contact level in force, or above it."""
+    """Floors above the contact level in force, or below a fifth of one of `config.yaml`."""
     for i, joint in enumerate(c.joints):
         least, most = joint.thresholds.least, joint.thresholds.contact
-        if least is not None and not LEAST_SHARE - _ROUNDING <= least / most <= 1.0:
-            of = f" of {c.identified}" if "thresholds" in used_entries(joint, found) else ""
-            yield Problem(
-                *at(i, joint, "thresholds", "least"),
-                f"{least:g} must be {LEAST_SHARE * most:g} to {most:g} Nm: {LEAST_SHARE:g} to 1 "
-                f"times contact{of}",
-            )
+        words = f"{LEAST_SHARE * most:g} to {most:g} Nm: {LEAST_SHARE:g} to 1 times contact"
+        lowest = LEAST_SHARE - _ROUNDING
+        if "thresholds" in used_entries(joint, found):
+            words, lowest = f"at most {most:g} Nm, contact of {c.identified}", 0.0
+        if least is not None and not lowest <= least / most <= 1.0:
+            yield Problem(*at(i, joint, "thresholds", "least"), f"{least:g} must be {words}")
 
 
 def _estimator(c: Configuration) -> Iterator[Problem]:

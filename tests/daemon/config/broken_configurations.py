@@ -248,13 +248,6 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "joints[0] (LShoulderPitch).thresholds.least",
         ("must be a number or left out, not 'none'",),
     ),
-    "a least level beyond contact": (
-        "collision: 6.0, least: 0.16",
-        "collision: 6.0, least: 0.9",
-        "least: 0.9",
-        "joints[0] (LShoulderPitch).thresholds.least",
-        ("0.9 must be 0.16 to 0.8 Nm",),
-    ),
     "limits upside down": (
         "lower: -1.40, upper: 2.18",
         "lower: 2.18, upper: -1.40",
