@@ -172,9 +172,10 @@ EXPLANATIONS: dict[str, Explanation] = {
                         "in place of the URDF's",
                         "`contactd identify masses`; otherwise correct the URDF", "none"),
         "joints.known": ("steps of `contactd identify` that the joint does not need, each with the "
-                         "other source of its values; levels so stated win", "in words", "none"),
-        "estimator.learning": ("false: nothing wrong is learned; a touch takes up to five times as "
-                               "much, and friction that changes is reported as contacts",
+                         "other source of its values; stated levels win", "data sheets", "none"),
+        "estimator.learning": ("friction and levels are learned at work; false: none is learned "
+                               "wrongly, but a touch takes up to five times as much, and friction "
+                               "that changes is reported as contacts",
                                "`thresholds.least` bounds it for one joint", "true"),
         "joints.end": ("state of the joint when the daemon ends", "brake, where there is one",
                        "hold"),

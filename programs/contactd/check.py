@@ -204,7 +204,7 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 
 def _levels(c: Configuration, found: Identified | None) -> Table:
     """Table of contact levels in force, the least that learning leaves, and their source."""
-    table = _table("\ncontact levels", "joint", "in force Nm", "least Nm", "source")
+    table = _table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
     for joint in c.joints:
         level = joint.thresholds.contact
         least = level * (joint.least_share if c.estimator.learning else 1.0)
