@@ -110,13 +110,14 @@ def parameters_known(found: Identified | None, c: Configuration) -> str:
     """Evidence for the parameters: identified, or the other source that is stated for them."""
     stated: dict[tuple[str, str], list[str]] = {}
     for joint in c.joints:
+        entries = found.joints.get(joint.name) if found is not None else None
         for step, how in joint.known.items():
             if step not in used_entries(joint, found):
-                stated.setdefault((step, how), []).append(joint.name)
+                more = " (the identified ones are not used)" if getattr(entries, step, None) else ""
+                stated.setdefault((step, how + more), []).append(joint.name)
     if not stated:
         return "gap, friction and thresholds of every joint are identified"
-    everywhere = [joint.name for joint in c.joints]
     return "known otherwise: " + "; ".join(
-        f"{step} of {'all' if names == everywhere else ', '.join(names)}: {printable(how)}"
+        f"{step} of {'all' if names == c.joint_names else ', '.join(names)}: {printable(how)}"
         for (step, how), names in stated.items()
     )

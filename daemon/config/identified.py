@@ -178,8 +178,7 @@ ENTRIES: Final[dict[str, type[Entry]]] = {
 
 def entries_of(joint: IdentifiedJoint | None) -> dict[str, Entry]:
     """Entries that a joint has, by step."""
-    found = {step: getattr(joint, step, None) for step in ENTRIES}
-    return {step: entry for step, entry in found.items() if entry is not None}
+    return {s: entry for s in ENTRIES if (entry := getattr(joint, s, None)) is not None}
 
 
 class IdentifiedPayload(Entry, frozen=True):

@@ -220,7 +220,8 @@ def test_a_stated_level_stays_in_force_beside_an_identified_one(tmp_path: Path) 
     robot = arm(tmp_path, "{thresholds: by hand}", *ENTRIES)
     c = robot.configuration
     assert (c.joints[0].thresholds.contact, c.joints[0].half_gap) == (0.5, 0.02)
-    assert check_parameters(robot).text == "known otherwise: thresholds of all: by hand"
+    text = "known otherwise: thresholds of all: by hand (the identified ones are not used)"
+    assert check_parameters(robot).text == text
     assert identified_keys(["joints", 0, "thresholds", "contact"], c, robot.identified) == []
     assert seen_motion(robot).speed > 1.0
     assert seen_motion(arm(tmp_path, "", *ENTRIES)).speed == 1.0
