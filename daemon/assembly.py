@@ -9,6 +9,7 @@ import numpy as np
 
 from common.arrays import Vector
 from daemon.config.evidence import objections, parameters_known, parameters_missing
+from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
 from daemon.config.motion import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.config.schema import Configuration
@@ -31,7 +32,7 @@ from daemon.tick.tick import Tick
 from drivers.api import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
-from estimator.thresholds import LEAST_SHARE, Thresholds
+from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, stiction_range
 
 # Share of the permitted deviation of drives from their setpoints that a release uses.
@@ -60,12 +61,11 @@ def build_tick(robot: Robot, drives: Drives, identification: Check) -> Tick:
 
 def seen_motion(robot: Robot) -> SeenMotion:
     """Motion covered by the identified thresholds; unbounded where they do not record it."""
-    c, found = robot.configuration, robot.identified
+    c = robot.configuration
     speed, lower, upper = (np.full(len(c.joints), end) for end in (np.inf, -np.inf, np.inf))
-    for i, name in enumerate(c.joint_names):
-        entry = found.joints.get(name) if found is not None else None
-        if entry is not None and entry.thresholds is not None and entry.thresholds.seen is not None:
-            seen = entry.thresholds.seen
+    for i, joint in enumerate(c.joints):
+        entry = used_entries(joint, robot.identified).get("thresholds")
+        if isinstance(entry, ThresholdsEntry) and (seen := entry.seen) is not None:
             speed[i], lower[i], upper[i] = seen.speed, seen.lower, seen.upper
     return SeenMotion(speed, lower, upper)
 
@@ -101,7 +101,7 @@ def build_estimator(c: Configuration, model: Model) -> Estimator:
             contact=row(c, lambda j: j.thresholds.contact),
             collision=row(c, lambda j: j.thresholds.collision),
             per_speed=row(c, lambda j: j.thresholds.per_speed),
-            least_share=np.maximum(row(c, lambda j: j.least_share), LEAST_SHARE),
+            least_share=row(c, lambda j: j.least_share),
         ),
         c.period_s,
     )
@@ -146,9 +146,7 @@ def build_fault_detector(c: Configuration) -> FaultDetector:
         motor_scale_error=c.estimator.gap.velocity_scale_error,
     )
     following = FollowingSettings(
-        deviation=following_margin(c),
-        current=bounds.current,
-        lag_s=c.control.drive_lag_ms / 1000.0,
+        deviation=following_margin(c), current=bounds.current, lag_s=c.control.drive_lag_ms / 1000.0
     )
     return FaultDetector(
         c.joint_names,
@@ -199,8 +197,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         ),
     )
     law = AdmittanceLaw(
-        virtual_mass_s=virtual_mass_of(c),
-        velocity=np.full(len(c.joints), c.admittance.velocity),
+        virtual_mass_s=virtual_mass_of(c), velocity=np.full(len(c.joints), c.admittance.velocity)
     )
     path = robot.recorded or sinusoids_of(c)
     return Motion(

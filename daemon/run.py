@@ -15,11 +15,7 @@ import numpy as np
 from common import compiled
 from common.errors import BusError, ContactdError, DriveError
 from contactd_client.paths import default_socket_path
-from daemon.assembly import (
-    build_estimator,
-    build_tick,
-    check_identification,
-)
+from daemon.assembly import build_estimator, build_tick, check_identification
 from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.drives import (

@@ -10,6 +10,7 @@ import msgspec
 from common.errors import ConfigurationError, ModelError
 from daemon.config.bounds import beyond
 from daemon.config.drive_checks import bus_load, counts, profiles
+from daemon.config.identified import Identified, used_entries
 from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
@@ -51,11 +52,11 @@ def cross_checks(
 
 
 def identified_checks(
-    c: Configuration, urdf: str, model: Model | ModelError, folder: Path
+    c: Configuration, found: Identified, urdf: str, model: Model | ModelError, folder: Path
 ) -> list[Problem]:
     """All problems that identified values may make in a configuration that has none without them:
     `cross_checks` less those of fields that no step identifies."""
-    findings = [*_joints(c), *counts(c), *_urdf(c, urdf, model)]
+    findings = [*_joints(c), *floors(c, found), *counts(c), *_urdf(c, urdf, model)]
     if isinstance(model, ModelError):
         return findings
     findings = findings or [*beyond(c, model), *_payloads(c, model)]
@@ -126,13 +127,6 @@ def _joints(c: Configuration) -> Iterator[Problem]:
                 f"{joint.thresholds.contact:g} must be less than collision "
                 f"({joint.thresholds.collision:g})",
             )
-        levels = joint.thresholds
-        if levels.least is not None and not LEAST_SHARE - _ROUNDING <= levels.least_share <= 1.0:
-            yield Problem(
-                *at(i, joint, "thresholds", "least"),
-                f"{levels.least:g} must be {LEAST_SHARE * levels.contact:g} to {levels.contact:g} "
-                f"Nm: {LEAST_SHARE:g} to 1 times contact",
-            )
         if joint.body is not None:
             try:
                 refuse_impossible(joint.name, joint.body)
@@ -144,6 +138,18 @@ def _joints(c: Configuration) -> Iterator[Problem]:
                 *at(i, joint, "gap_spring"),
                 "must be zero where half_gap is 0: without a gap there are no borders",
             )
+
+
+def floors(c: Configuration, found: Identified | None = None) -> Iterator[Problem]:
+    """Floors above the contact level in force, or below a fifth of one of `config.yaml`."""
+    for i, joint in enumerate(c.joints):
+        least, most = joint.thresholds.least, joint.thresholds.contact
+        words = f"{LEAST_SHARE * most:g} to {most:g} Nm: {LEAST_SHARE:g} to 1 times contact"
+        lowest = LEAST_SHARE - _ROUNDING
+        if "thresholds" in used_entries(joint, found):
+            words, lowest = f"at most {most:g} Nm, contact of {c.identified}", 0.0
+        if least is not None and not lowest <= least / most <= 1.0:
+            yield Problem(*at(i, joint, "thresholds", "least"), f"{least:g} must be {words}")
 
 
 def _estimator(c: Configuration) -> Iterator[Problem]:

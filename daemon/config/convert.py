@@ -20,6 +20,7 @@ _KINDS = {
 }  # fmt: skip
 _UNSHOWN = ("array", "object", "null")
 _NO_CHOICE = "invalid enum value "
+_UNKNOWN = {False: r"unknown field `(.+)`", True: r"Invalid enum value '(.+)'"}  # by `of_a_key`
 _SIGNS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
 _SOME = "…"
 LONGEST = 60  # characters of a wrong value that are shown
@@ -40,13 +41,11 @@ def convert(source: Source, kind: type[T]) -> T:
         keys = _keys(where.removeprefix(_OF_A_KEY).rstrip("`"))
         keys = _named(keys, source.data, kind, str(error))
         place = _spell(keys, source.data) or "the file"
-        unknown = re.search(r"unknown field `(.+)`", message)
+        unknown = re.search(_UNKNOWN[of_a_key], message)
         if unknown:
             line = source.line([*keys, unknown.group(1)])
-            known = ", ".join(_fields_at(kind, keys))
-            message = f"unknown key `{unknown.group(1)}`" + (
-                f" (allowed: {known})" if known else ""
-            )
+            known = _choices_at(kind, keys, of_a_key) if of_a_key else _fields_at(kind, keys)
+            message = f"unknown key `{unknown.group(1)}` (allowed: {', '.join(known)})"
         else:
             line = source.line(keys)
             message = _plain(message)
@@ -54,7 +53,7 @@ def convert(source: Source, kind: type[T]) -> T:
                 message += " as a key"
             if choices := _choices_at(kind, keys, of_a_key):
                 allowed = ", ".join(choices)
-                if message.startswith(_NO_CHOICE) and not of_a_key:
+                if message.startswith(_NO_CHOICE):
                     message = f"must be one of {allowed}, not {message.removeprefix(_NO_CHOICE)}"
                 else:
                     message += f" (allowed: {allowed})"
@@ -70,6 +69,7 @@ def _plain(message: str) -> str:
         return message[:1].lower() + message[1:]
     kinds, length, sign, bound, got = found.groups()
     words = " or ".join(_KINDS.get(kind, kind) for kind in kinds.split(" | "))
+    words = words.replace(_KINDS["null"], "left out")
     if bound is not None:
         words += f"{' of length' if length else ''} {_SIGNS[sign]} {bound.removesuffix('.0')}"
     # What has a short value is shown by that.

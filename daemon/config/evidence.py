@@ -6,7 +6,7 @@ configuration of them, and without the parameters that must be known.
 
 from typing import get_args
 
-from daemon.config.identified import ENTRIES, Identified
+from daemon.config.identified import ENTRIES, Identified, used_entries
 from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import ArmingStep, Configuration
 from daemon.protocol.text import printable
@@ -108,17 +108,16 @@ def parameters_missing(found: Identified | None, c: Configuration, urdf: str) ->
 
 def parameters_known(found: Identified | None, c: Configuration) -> str:
     """Evidence for the parameters: identified, or the other source that is stated for them."""
-    entries = found.joints if found is not None else {}
     stated: dict[tuple[str, str], list[str]] = {}
     for joint in c.joints:
+        entries = found.joints.get(joint.name) if found is not None else None
         for step, how in joint.known.items():
-            if getattr(entries.get(joint.name), step, None) is not None:
-                continue
-            stated.setdefault((step, how), []).append(joint.name)
+            if step not in used_entries(joint, found):
+                more = " (the identified ones are not used)" if getattr(entries, step, None) else ""
+                stated.setdefault((step, how + more), []).append(joint.name)
     if not stated:
         return "gap, friction and thresholds of every joint are identified"
-    everywhere = [joint.name for joint in c.joints]
     return "known otherwise: " + "; ".join(
-        f"{step} of {'all' if names == everywhere else ', '.join(names)}: {printable(how)}"
+        f"{step} of {'all' if names == c.joint_names else ', '.join(names)}: {printable(how)}"
         for (step, how), names in stated.items()
     )

@@ -73,8 +73,7 @@ EXPLANATIONS: dict[str, Explanation] = {
         "drives.eds": ("the drive's electronic data sheet, relative to config.yaml",
                        "from the drive's maker, for its very product and firmware", "drive.eds"),
         "drives.object": ("index of the object that holds the quantity",
-                          "EDS and manual; with 0x in front", "0x6000 to 0x60FF, 0x2000 on for a "
-                          "maker's own"),
+                          "EDS and manual", "0x6000 to 0x60FF, 0x2000 on for a maker's own"),
         "drives.subindex": ("subindex of the object", "EDS", "0"),
         "drives.type": ("data type of the object", "EDS (DataType)", "INTEGER16, INTEGER32"),
         "drives.scale": ("unit of the quantity per count", _SCALE_FIND, "see there"),
@@ -101,16 +100,15 @@ EXPLANATIONS: dict[str, Explanation] = {
         "joints.name": ("name of the joint, as in the URDF", "<joint name=...> of the URDF",
                         "elbow"),
         "joints.wiring.node": ("node id of the joint's drive", "switches of the drive; `contactd "
-                               "scan` lists the nodes that answer",
-                               "1 to 126, each once"),
+                               "scan` lists the nodes that answer", "1 to 126, each once"),
         "joints.wiring.profile": ("kind of the joint's drive: a key of `drives`", "above",
                                   "servo_drive"),
         "joints.wiring.gear": ("turns of the motor per turn of the joint, all stages together",
                                "data sheets of gear and belt; mark the motor and count",
                                "30 to 200; above 1 in nearly every arm"),
         "joints.wiring.rated_current_A": ("rated (continuous) current of the motor [A]",
-                                          "data sheet of the motor; must be what the drive has in "
-                                          "0x6075 [mA]", "0.3 to 10"),
+                                          "data sheet of the motor, and 0x6075 [mA] of the drive",
+                                          "0.3 to 10"),
         "joints.wiring.max_current_A": ("largest current that the drive may give [A]",
                                         "data sheets of motor, gear and drive, the lowest of them",
                                         "1.5 to 3 times rated_current_A"),
@@ -151,7 +149,6 @@ EXPLANATIONS: dict[str, Explanation] = {
                                         "`contactd identify thresholds`", "0"),
         "joints.thresholds.least": ("contact level that learning leaves at least [Nm]; left out, "
                                     "all of one that you state (`known`), a fifth of any other",
-                                    "`contactd identify thresholds` leaves a fifth of `contact`; "
                                     "raise it where contacts are reported without a touch",
                                     "0.2 to 1 times contact"),
         "joints.limits.lower": ("least position that is commanded [rad]",
@@ -175,7 +172,11 @@ EXPLANATIONS: dict[str, Explanation] = {
                         "in place of the URDF's",
                         "`contactd identify masses`; otherwise correct the URDF", "none"),
         "joints.known": ("steps of `contactd identify` that the joint does not need, each with the "
-                         "other source of its values", "data sheets, in words", "none"),
+                         "other source of its values; stated levels win", "data sheets", "none"),
+        "estimator.learning": ("friction and levels are learned at work; false: none is learned "
+                               "wrongly, but a touch takes up to five times as much, and friction "
+                               "that changes is reported as contacts",
+                               "`thresholds.least` bounds it for one joint", "true"),
         "joints.end": ("state of the joint when the daemon ends", "brake, where there is one",
                        "hold"),
     }.items()

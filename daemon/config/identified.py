@@ -1,11 +1,12 @@
 """`identified.yaml`: the parameters that `contactd identify` found, beside the configuration.
 
 Each joint has an entry per step, written when the step passed. A value here replaces that of the
-same name in `config.yaml`; `evidence` decides whether it may be relied on.
+same name in `config.yaml`, except a stated level; `evidence` decides whether it is relied on.
 """
 
 import os
 import tempfile
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, get_args, get_type_hints
 
@@ -21,7 +22,6 @@ from drivers.canopen.settings import Harmonic, JointWiring
 from drivers.settings import Name, Settings, Sign
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Mass, Place
-from estimator.thresholds import LEAST_SHARE
 
 NotNegative = Annotated[float, Meta(ge=0)]
 
@@ -148,12 +148,11 @@ class ThresholdsEntry(Entry, frozen=True):
     discarded: tuple[DiscardedEntry, ...] = ()
 
     def applied(self, joint: Joint) -> Joint:
-        """Joint with these levels: measured, they may be lowered like any that no person stated."""
-        levels = self.thresholds
-        least = LEAST_SHARE * levels.contact if levels.least is None else levels.least
-        return msgspec.structs.replace(
-            joint, thresholds=msgspec.structs.replace(levels, least=least)
-        )
+        """Joint with these levels, above the floor that `config.yaml` states."""
+        levels, least = self.thresholds, joint.thresholds.least
+        if least is not None:
+            levels = msgspec.structs.replace(levels, least=least)
+        return msgspec.structs.replace(joint, thresholds=levels)
 
 
 class IdentifiedJoint(Settings, frozen=True):
@@ -179,8 +178,7 @@ ENTRIES: Final[dict[str, type[Entry]]] = {
 
 def entries_of(joint: IdentifiedJoint | None) -> dict[str, Entry]:
     """Entries that a joint has, by step."""
-    found = {step: getattr(joint, step, None) for step in ENTRIES}
-    return {step: entry for step, entry in found.items() if entry is not None}
+    return {s: entry for s in ENTRIES if (entry := getattr(joint, s, None)) is not None}
 
 
 class IdentifiedPayload(Entry, frozen=True):
@@ -230,17 +228,17 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
     weighed = {name: PayloadEntry(mass=p.mass, com=p.com) for name, p in found.payloads.items()}
-    return msgspec.structs.replace(
-        c,
-        joints=[_applied(joint, found.joints.get(joint.name)) for joint in c.joints],
-        payloads=c.payloads | weighed,
-    )
+    joints = [
+        reduce(lambda joint, entry: entry.applied(joint), used_entries(one, found).values(), one)
+        for one in c.joints
+    ]
+    return msgspec.structs.replace(c, joints=joints, payloads=c.payloads | weighed)
 
 
-def _applied(joint: Joint, found: IdentifiedJoint | None) -> Joint:
-    for entry in entries_of(found).values():
-        joint = entry.applied(joint)
-    return joint
+def used_entries(joint: Joint, found: Identified | None) -> dict[str, Entry]:
+    """Entries in force, by step: levels that a person states (`known`) win over identified ones."""
+    entries = entries_of(found.joints.get(joint.name) if found is not None else None)
+    return {s: e for s, e in entries.items() if s != "thresholds" or s not in joint.known}
 
 
 def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
@@ -248,21 +246,26 @@ def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> K
     of config.yaml is in force."""
     match keys:
         case ["joints", int(index), "wiring", *path] | ["joints", int(index), *path] if found:
-            name = c.joint_names[index]
-            for step, entry in entries_of(found.joints.get(name)).items():
+            joint = c.joints[index]
+            for step, entry in used_entries(joint, found).items():
                 # The entry has no value for a rotor that is not observable in the current.
-                if path and getattr(entry, str(path[0]), None) is not None:
-                    return ["joints", name, step, *path]
+                own = _value(entry, path)
+                if path and own is not None and own == _value(joint, keys[2:]):
+                    return ["joints", joint.name, step, *path]
         case ["payloads", str(name), *_] if found and name in found.payloads:
             return keys
     return []
 
 
+def _value(settings: object, path: Keys) -> object:
+    return reduce(lambda one, name: getattr(one, str(name), None), path, settings)
+
+
 def identified_text(found: Identified) -> str:
     """The file's text."""
     text = (
-        "# Written by `contactd identify`; values here replace those of config.yaml.\n"
-        "# Delete a step of a joint to go back to the value of config.yaml.\n"
+        "# Written by `contactd identify`; values here replace those of config.yaml, unless\n"
+        "# `known` states thresholds there. Delete a step of a joint to go back to config.yaml.\n"
     )
     plain = msgspec.to_builtins(found)
     return text + yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)

@@ -11,7 +11,7 @@ import msgspec
 
 from common.errors import ConfigurationError, ModelError, TrajectoryError
 from common.regular_file import read_text
-from daemon.config.checks import cross_checks, identified_checks
+from daemon.config.checks import cross_checks, floors, identified_checks
 from daemon.config.convert import convert
 from daemon.config.dynamics import model_of
 from daemon.config.identified import Identified, applied, identified_keys, identified_text
@@ -81,7 +81,11 @@ def load_robot(path: Path) -> Robot:
             f"{path}:{source.line(['urdf'])}: urdf: {urdf_path} cannot be read: {error}"
         ) from error
     model = _model_or_error(configuration, urdf)
+    identified = path.parent / configuration.identified
+    alone = not os.path.lexists(identified)  # a link to nowhere is no reason to go on without
     findings = cross_checks(configuration, urdf, model, path.parent)
+    # Beside identified levels the floors are held against those.
+    findings += floors(configuration) if alone else ()
     if findings or isinstance(model, ModelError):
         raise ConfigurationError("\n".join(_in_words(one, source, one.keys) for one in findings))
     try:
@@ -90,10 +94,7 @@ def load_robot(path: Path) -> Robot:
         where = f"{path}:{source.line(['trajectory', 'file'])}: trajectory.file"
         raise ConfigurationError(f"{where}: {error}") from error
     robot = Robot(path, configuration, source.text, urdf, model, recorded)
-    identified = path.parent / configuration.identified
-    if not os.path.lexists(identified):  # a link to nowhere is no reason to go on without
-        return robot
-    return _with(robot, read_yaml(identified))
+    return robot if alone else _with(robot, read_yaml(identified))
 
 
 def _in_words(problem: Problem, source: Source, keys: Keys) -> str:
@@ -130,7 +131,7 @@ def _with(robot: Robot, source: Source) -> Robot:
     same = c.bodies == robot.configuration.bodies
     model = robot.model if same else _model_or_error(c, robot.urdf)
     now = replace(robot, configuration=c, identified=found, identified_text=text, by_hand=robot)
-    findings = identified_checks(c, robot.urdf, model, robot.folder)
+    findings = identified_checks(c, found, robot.urdf, model, robot.folder)
     if findings or isinstance(model, ModelError):
         raise ConfigurationError("\n".join(now.in_words(finding) for finding in findings))
     return replace(now, model=model)

@@ -33,7 +33,7 @@ class Friction(Settings, frozen=True):
     gap_coulomb: NotNegative = 0.0
     gap_viscous: NotNegative = 0.0
     # share of the Coulomb friction that near rest keeps the sign of the last motion (1: it sticks);
-    # left out, any share from 0 to 1 is assumed possible
+    # left out: any from 0 to 1
     stiction: Annotated[float, Meta(ge=0, le=1)] | None = None
 
 
@@ -51,14 +51,10 @@ class Levels(Settings, frozen=True):
     contact: Positive
     collision: Positive
     per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
-    # Contact level that learning leaves at least, from a fifth of `contact` to all of it [Nm]. By
-    # default all of one that a person states (`known: {thresholds: ...}`), a fifth of any other.
+    # Contact level that learning leaves at least, a fifth of `contact` to all [Nm]; by default all
+    # where `known` states it, else a fifth. `estimator.learning: false` leaves all: nothing wrong
+    # is learned, but a touch takes more, and changed friction is reported as contacts.
     least: Positive | None = None
-
-    @property
-    def least_share(self) -> float:
-        """Share of `contact` that learning leaves at least."""
-        return LEAST_SHARE if self.least is None else self.least / self.contact
 
 
 class JointLimits(Settings, frozen=True):
@@ -92,8 +88,8 @@ class Joint(Settings, frozen=True):
     # Body that the joint moves, up to the next joints, in place of the URDF's.
     body: BodyInertia | None = None
     # Steps of `contactd identify` that this joint does not need, each with the other source of its
-    # values: `{gap: "data sheet: none"}`. Without either, `arm` is refused. In a copy of another
-    # arm's configuration this does not hold: leave it out.
+    # values: `{gap: "data sheet: none"}`. Without either, `arm` is refused. `thresholds` so stated
+    # win over identified ones. Leave it out of a copy for another arm.
     known: dict[ArmingStep, Name] = msgspec.field(default_factory=dict)
     # State of the joint when the daemon ends: `hold` leaves the drive in quick stop,
     # where it holds by itself; `brake` and `limp` switch its torque off.
@@ -103,8 +99,9 @@ class Joint(Settings, frozen=True):
     def least_share(self) -> float:
         """Share of the contact level that learning leaves at least: a level stated by a person is
         lowered by a person only."""
-        stated = "thresholds" in self.known and self.thresholds.least is None
-        return 1.0 if stated else self.thresholds.least_share
+        if self.thresholds.least is None:
+            return 1.0 if "thresholds" in self.known else LEAST_SHARE
+        return min(max(self.thresholds.least / self.thresholds.contact, LEAST_SHARE), 1.0)
 
 
 class PositionLoop(Settings, frozen=True):
@@ -214,8 +211,8 @@ class Configuration(Settings, frozen=True):
     trajectory: Trajectory = Trajectory()
     supervisor: FaultSettings = FaultSettings()
     payloads: dict[Name, PayloadEntry] = msgspec.field(default_factory=dict)  # by name
-    # By name, for `contactctl go NAME`: positions of the links by joint [rad]; joints that are not
-    # named stay where they are. `contactctl home` goes to `home`.
+    # By name, for `contactctl go NAME`: positions of the links by joint [rad]; others stay where
+    # they are. `contactctl home` goes to `home`.
     poses: dict[Name, Pose] = msgspec.field(default_factory=dict)
 
     @property

@@ -12,6 +12,7 @@ from daemon.config.checks import suspects
 from daemon.config.draft import guesses
 from daemon.config.evidence import unarmable
 from daemon.config.explanations import explain
+from daemon.config.identified import Identified
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.config.travels import travels
@@ -25,6 +26,7 @@ from drivers.canopen.settings import DriveProfile, Quantity
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
+from programs.identify.stated_levels import source, unused
 
 QUANTITY_UNITS = {
     "current": "of rated",
@@ -59,8 +61,9 @@ def print_check(config: Path) -> None:
     console = on_stdout()
     loads = worst_loads(c, robot.model)
     wiring, joints, travelled = _wiring(c), _joints(c, loads), _travels(c)
+    levels = _levels(c, robot.identified)
     quantities = {name: _quantities(name, profile) for name, profile in c.drives.items()}
-    tables = [wiring, joints, travelled, *quantities.values()]
+    tables = [wiring, joints, levels, travelled, *quantities.values()]
     # On a narrow terminal a line that goes on in the next can still be read, a cut figure cannot.
     endless = console.options.update(width=1000)
     console.width = max(
@@ -77,7 +80,7 @@ def print_check(config: Path) -> None:
         console.print(_pdos(setups[name].drive))
         for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
             _remark(console, lack)
-    console.print(wiring, joints, travelled)
+    console.print(wiring, joints, levels, travelled)
     say(TRAVEL_WORDS, dim=True)
     console.print()
     for line in sensitivity_over_poses(c, robot.model):
@@ -97,7 +100,8 @@ def print_check(config: Path) -> None:
                 f"{joint.name}: gravity is more than the motor can hold ({asked.gravity:.4g} Nm of "
                 f"{asked.motor:.4g} Nm): are masses in kg and lengths in m?"
             )
-    for problem in (*near(c, robot.model), *suspects(c, robot.urdf, robot.folder)):
+    remarks = [*near(c, robot.model), *suspects(c, robot.urdf, robot.folder)]
+    for problem in (*remarks, *unused(c, robot.identified)):
         say(robot.in_words(problem))
     for reason in unarmable(robot.identified, c, robot.urdf):
         say(f"`contactctl arm` will be refused: {reason}")
@@ -186,19 +190,25 @@ def _wiring(c: Configuration) -> Table:
 
 def _joints(c: Configuration, loads: list[Load]) -> Table:
     """Table of joints; `gravity Nm` is the worst case, of the motor's torque at largest current."""
-    table = _table(
-        "\njoints",
-        *("joint", "half-gap mrad", "level Nm", "limits rad", "gravity Nm", "end"),
-    )
+    table = _table("\njoints", "joint", "half-gap mrad", "limits rad", "gravity Nm", "end")
     for joint, load in zip(c.joints, loads, strict=True):
         table.add_row(
             joint.name,
             f"{joint.half_gap * 1000:g}",
-            f"{joint.thresholds.contact:g}",
             f"{joint.limits.lower:+.2f} {joint.limits.upper:+.2f}",
             f"{load.gravity:.2f} of {load.motor:.2f}",
             joint.end,
         )
+    return table
+
+
+def _levels(c: Configuration, found: Identified | None) -> Table:
+    """Table of contact levels in force, the least that learning leaves, and their source."""
+    table = _table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
+    for joint in c.joints:
+        level = joint.thresholds.contact
+        least = level * (joint.least_share if c.estimator.learning else 1.0)
+        table.add_row(joint.name, f"{level:g}", f"{least:.4g}", source(joint, found))
     return table
 
 

@@ -8,7 +8,7 @@ from datetime import datetime
 from typing import Final, get_args
 
 from daemon.config.evidence import outdated, unidentified
-from daemon.config.identified import ENTRIES, IdentifiedPayload
+from daemon.config.identified import ENTRIES, IdentifiedPayload, used_entries
 from daemon.config.load import Robot
 from daemon.config.marks import marks
 from daemon.config.schema import ArmingStep
@@ -50,8 +50,9 @@ def overview(robot: Robot, now: datetime) -> Overview:
             if joint.name in missing[step]:
                 optional = ENTRIES[step].optional
                 row[step] = Cell("as the URDF" if optional else "missing", good=optional)
-            elif entry is None:
-                row[step] = Cell(f"known: {printable(joint.known[step])}", good=True)
+            elif entry is None or step not in used_entries(joint, found):
+                unused = f" ({STEPS[step].quality(entry)} is not used)" if entry else ""
+                row[step] = Cell(f"known: {printable(joint.known[step])}{unused}", good=True)
             else:
                 text = f"{STEPS[step].quality(entry)}, {_age(entry.date, now)}"
                 if step == "gap" and entries is not None and entries.encoders is not None:

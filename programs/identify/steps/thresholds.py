@@ -70,10 +70,12 @@ def thresholds_outcome(
 ) -> Outcome:
     """Identify two levels per joint from contact-free motion; it_was_me: a person confirms
     every stretch that looks like a touch. Raises LogError without residuals."""
+    from daemon.config.identified import Identified, IdentifiedJoint
     from daemon.config.motion import row
     from daemon.tick.arming_checks import RAISED
     from identification.limit_cycle import limit_cycles
     from identification.thresholds import LevelVerdict, identify_levels
+    from programs.identify.stated_levels import misfits, unused
     from programs.identify.swinging import spoilt
 
     c, log = robot.configuration, measured.log
@@ -100,20 +102,31 @@ def thresholds_outcome(
         for one, rests, level in zip(levels, hidden, least, strict=True)
         if one.floored and one.contact == level
     ]
-    good = [one.verdict is LevelVerdict.GOOD for one in levels]
+    found = Identified(
+        joints={
+            one.joint: IdentifiedJoint(thresholds=_entry(one, measured, per_hour, date))
+            for one in levels
+            if one.verdict is LevelVerdict.GOOD
+        }
+    )
+    refused = misfits((robot.by_hand or robot).configuration, found)
+    entries = {name: joint for name, joint in found.joints.items() if name not in refused}
+    notes += [f"{problem.where}: {problem.what}" for problem in unused(c, found)]
     return Outcome(
         lines=[
-            Line(one.joint, one.verdict.value, is_good, _figures(one), one.reason)
-            for one, is_good in zip(levels, good, strict=True)
+            Line(
+                one.joint,
+                "refused" if one.joint in refused else one.verdict.value,
+                one.joint in entries,
+                _figures(one),
+                refused.get(one.joint, one.reason),
+            )
+            for one in levels
         ],
-        entries={
-            one.joint: _entry(one, measured, per_hour, date)
-            for one, is_good in zip(levels, good, strict=True)
-            if is_good
-        },
+        entries={name: joint.thresholds for name, joint in entries.items() if joint.thresholds},
         notes=tuple(notes),
-        # Asked whether it was the person, what was measured waits for the answer.
-        unfinished=any(one.verdict is LevelVerdict.UNLESS_YOU for one in levels),
+        # Asked whether it was the person, or for another floor, what was measured waits.
+        unfinished=bool(refused) or any(one.verdict is LevelVerdict.UNLESS_YOU for one in levels),
     )
 
 

@@ -118,9 +118,9 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     "not one of the PDOs": (
         '"2": [link_position, motor_position]',
         '"5": [link_position, motor_position]',
-        '"1": [statusword',
+        '"5": [link_position',
         "drives.two_encoder_drive.tpdo",
-        ("'5' as a key", "(allowed: 1, 2, 3, 4)"),
+        ("unknown key `5` (allowed: 1, 2, 3, 4)",),
     ),
     "not one of the entries of a PDO": (
         '"2": [link_position, motor_position]',
@@ -241,12 +241,12 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "joints[0] (LShoulderPitch).thresholds.least",
         ("0.1 must be 0.16 to 0.8 Nm", "0.2 to 1 times contact"),
     ),
-    "a least level beyond contact": (
+    "a least level in words": (
         "collision: 6.0, least: 0.16",
-        "collision: 6.0, least: 0.9",
-        "least: 0.9",
+        "collision: 6.0, least: none",
+        "least: none",
         "joints[0] (LShoulderPitch).thresholds.least",
-        ("0.9 must be 0.16 to 0.8 Nm",),
+        ("must be a number or left out, not 'none'",),
     ),
     "limits upside down": (
         "lower: -1.40, upper: 2.18",

@@ -108,10 +108,10 @@ def test_everything_that_does_not_fit_is_listed_at_once(tmp_path: Path) -> None:
         "joints[3] (LElbowYaw).wiring.node",
         "joints[4] (LWristRoll).wiring.node",
         "joints[0] (LShoulderPitch).thresholds.contact",
-        "joints[0] (LShoulderPitch).thresholds.least",
         "estimator.gain",
         "trajectory.sinusoids.RShoulderPitch",
         "joints[1] (LShoulderYaw).limits",
+        "joints[0] (LShoulderPitch).thresholds.least",
     ]
 
 

@@ -16,7 +16,7 @@ def fields(kind: type[msgspec.Struct], prefix: str, *, but: tuple[str, ...] = ()
 
 def test_every_field_of_arms_and_drives_is_explained() -> None:
     wanted = {
-        *("version", "name", "urdf", "period_ms"),
+        *("version", "name", "urdf", "period_ms", "estimator.learning"),
         *fields(BusSettings, "bus."),
         *fields(DriveProfile, "drives."),
         *fields(Quantity, "drives."),
@@ -41,6 +41,7 @@ def test_every_field_of_arms_and_drives_is_explained() -> None:
         ("drives.servo.link_position.scale", ["drives.link_position.scale"]),
         ("drives.servo.link_position.type", ["drives.type"]),
         ("drives.servo.tpdo.1", ["drives.tpdo"]),
+        ("learning", ["estimator.learning"]),
         ("name", ["name", "joints.name"]),
         (
             "thresholds",

@@ -1,6 +1,7 @@
 """What arming needs of each joint: identified, or known otherwise by hand and by name."""
 
 import shutil
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from common.errors import ConfigurationError
-from daemon.assembly import check_parameters
+from daemon.assembly import check_parameters, seen_motion
 from daemon.config.evidence import objections
 from daemon.config.identified import (
     Entry,
@@ -17,6 +18,7 @@ from daemon.config.identified import (
     GapEntry,
     Identified,
     IdentifiedJoint,
+    SeenEntry,
     ThresholdsEntry,
     WiringEntry,
     identified_keys,
@@ -36,9 +38,10 @@ ENTRIES: dict[str, Entry] = {
         **DAY, friction=Friction(motor_coulomb=0.3), errors={}, r2=1.0, condition=1.0
     ),
     "thresholds": ThresholdsEntry(
-        **DAY, thresholds=Levels(contact=0.4, collision=3.0), per_hour=1.0, largest=0.3
+        **DAY, thresholds=Levels(contact=0.4, collision=3.0), per_hour=1.0, largest=0.3,
+        seen=SeenEntry(speed=1.0, lower=-1.0, upper=1.0),
     ),
-}
+}  # fmt: skip
 COMMANDS = {
     "wiring": "`contactd identify wiring`",
     "gap": "`contactd identify gap JOINT`",
@@ -112,7 +115,7 @@ def test_nothing_known_otherwise(tmp_path: Path) -> None:
     ("known", "words"),
     [
         ("{gap: ''}", "joints[0] (joint).known"),
-        ("{speed: measured}", "(allowed: friction, gap, masses, thresholds, wiring)"),
+        ("{speed: measured}", "known: unknown key `speed` (allowed: friction, gap, masses, "),
         ("[gap]", "joints[0] (joint).known: must be a group of fields, not a list"),
         ("{gap: true}", "must be text, not true"),
     ],
@@ -196,7 +199,9 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
         ("{thresholds: by hand}", "", (), 1.0),
         ("{thresholds: by hand}", ", least: 0.25", (), 0.5),
         ("{gap: by hand}", "", (), 0.2),
-        ("{thresholds: by hand}", "", ("thresholds",), 0.2),
+        ("{thresholds: by hand}", "", ("thresholds",), 1.0),
+        ("{gap: by hand}", "", ("thresholds",), 0.2),
+        ("{gap: by hand}", ", least: 0.1", ("thresholds",), 0.25),
     ],
 )
 def test_only_a_person_lowers_a_level_that_he_states(
@@ -209,3 +214,34 @@ def test_only_a_person_lowers_a_level_that_he_states(
     config.write_text(text.replace(", least: 0.1}", f"{least}}}"))
     (joint,) = load_robot(folder).configuration.joints
     assert joint.least_share == pytest.approx(share)
+
+
+def test_a_stated_level_stays_in_force_beside_an_identified_one(tmp_path: Path) -> None:
+    robot = arm(tmp_path, "{thresholds: by hand}", *ENTRIES)
+    c = robot.configuration
+    assert (c.joints[0].thresholds.contact, c.joints[0].half_gap) == (0.5, 0.02)
+    text = "known otherwise: thresholds of all: by hand (the identified ones are not used)"
+    assert check_parameters(robot).text == text
+    assert identified_keys(["joints", 0, "thresholds", "contact"], c, robot.identified) == []
+    assert seen_motion(robot).speed > 1.0
+    assert seen_motion(arm(tmp_path, "", *ENTRIES)).speed == 1.0
+
+
+@pytest.mark.parametrize(
+    ("known", "least", "refusal"),
+    [
+        ("", "0.09", ""),  # a fifth of the identified 0.4, not of the 0.5 beside it
+        ("", "0.01", ""),  # learning leaves more
+        ("", "0.45", "at most 0.4 Nm, contact of identified.yaml"),
+        ("{thresholds: by hand}", "0.45", ""),
+        ("{thresholds: by hand}", "0.09", "0.1 to 0.5 Nm: 0.2 to 1 times contact"),
+        ("{thresholds: by hand}", "0.51", "0.1 to 0.5 Nm: 0.2 to 1 times contact"),
+    ],
+)
+def test_a_floor_fits_the_level_in_force(tmp_path, known: str, least: str, refusal: str) -> None:
+    config = arm(tmp_path, known, "thresholds").folder / "config.yaml"
+    config.write_text(config.read_text().replace("least: 0.1}", f"least: {least}}}"))
+    place = f"{config}:33: joints[0] (joint).thresholds.least: {least} must be "
+    with pytest.raises(ConfigurationError) if refusal else nullcontext() as caught:
+        load_robot(config)
+    assert not refusal or str(caught.value) == place + refusal

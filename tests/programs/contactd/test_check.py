@@ -118,9 +118,9 @@ def test_gravity_is_shown_beside_what_the_motor_gives():
     # 0.8 kg at 0.15 m, 1.3 rad off the vertical; 2.4 Nm/A times 2 A.
     for row in (
         "swing 12 80 1 2 2.4 +1 +1 0",
-        "joint half-gap mrad level Nm limits rad gravity Nm end",
-        "column 12 0.6 -1.40 +1.40 0.00 of 9.00 hold",
-        "swing 8 0.5 -1.30 +1.30 1.13 of 4.80 brake",
+        "joint half-gap mrad limits rad gravity Nm end",
+        "column 12 -1.40 +1.40 0.00 of 9.00 hold",
+        "swing 8 -1.30 +1.30 1.13 of 4.80 brake",
     ):
         assert row.split() in lines, row
 
@@ -209,6 +209,32 @@ def test_what_arm_would_refuse_is_told(tmp_path):
         assert line.startswith(f"`contactctl arm` will be refused: the {what} of joint ")
         assert f"`contactd identify {what}`" in line
     assert good.endswith("config.yaml: good")
+
+
+def test_the_source_of_each_level_is_shown(tmp_path):
+    """A stated level, a floor beside an identified one, and a draft's."""
+    folder = shutil.copytree(ROMEO, tmp_path / "arm")
+    config = folder / "config.yaml"
+    text = config.read_text().replace("    known: *simulated\n", "").replace("st: 0.1}", "st: 0.2}")
+    config.write_text(re.sub(r"known: &simulated .*", "known: {thresholds: mine}", text))
+    levels = "{contact: 0.9, collision: 5.0}"
+    entry = f"{{date: 2026-01, log: '', per_hour: 1, largest: 1, thresholds: {levels}}}"
+    found = folder / "identified.yaml"
+    found.write_text(found.read_text().replace("thresholds: null", f"thresholds: {entry}", 2))
+    lines = check(folder).output.splitlines()
+    at = lines.index("contact levels")
+    assert [" ".join(line.split()) for line in lines[at + 2 : at + 5]] == [
+        "LShoulderPitch 0.8 0.16 stated in config.yaml",
+        "LShoulderYaw 0.9 0.2 identified on 2026-01",
+        "LElbowRoll 0.4 0.08 config.yaml, not identified",
+    ]
+    (unused,) = [line for line in lines if "is not used" in line]
+    assert unused.startswith(
+        f"{config}:37: joints[0] (LShoulderPitch).thresholds.contact: 0.8 Nm is stated in "
+        "config.yaml and in force; 0.9 Nm, identified on 2026-01 (identified.yaml), is not used"
+    )
+    shown = CliRunner().invoke(main, ["identify", "--config", str(folder)], env={"COLUMNS": "200"})
+    assert "known: mine (0.9 Nm is not used)" in shown.output
 
 
 def test_the_tables_of_the_arm_fit_into_80_columns():

@@ -275,7 +275,7 @@ def test_a_real_log_of_others_by_its_names(tmp_path: Path) -> None:
             "motor_position: give either a column or a value",
         ),
         ("{value: 0}", "{}", "give either a column or a value"),
-        ("torque:", "tork:", "theirs.yaml:6: joints.joint: .*tork"),
+        ("torque:", "tork:", "theirs.yaml:8: joints.joint: unknown key `tork`"),
         ("unit: ms", "unit: ms, units: s", "unknown key `units`"),
         ("joints:", "joint:", "theirs.yaml"),
         ("rows: {", "rows: [", "theirs.yaml:3"),

@@ -8,22 +8,30 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from daemon.config.load import load_robot
+from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.protocol.state import State
 from daemon.tick.arming_checks import RAISED
 from estimator.transmission import stiction_range
 from programs.identify.csv_log import COLUMNS
 from programs.identify.measured import from_csv, from_states, raised
+from programs.identify.step import Outcome
 from programs.identify.steps.thresholds import thresholds_outcome
 
 T = 0.01
 
 
-def with_levels(c: Configuration, **changes: float) -> Configuration:
+def with_levels(c: Configuration, *known: str, **changes: float) -> Configuration:
     (joint,) = c.joints
-    levels = msgspec.structs.replace(joint.thresholds, **changes)
-    return msgspec.structs.replace(c, joints=(msgspec.structs.replace(joint, thresholds=levels),))
+    levels, how = msgspec.structs.replace(joint.thresholds, **changes), dict.fromkeys(known, "so")
+    joint = msgspec.structs.replace(joint, thresholds=levels, known=how)
+    return msgspec.structs.replace(c, joints=(joint,))
+
+
+def at_levels(*known: str, **changes: float) -> Robot:
+    robot = load_robot(SINGLE_JOINT)
+    c = with_levels(robot.configuration, *known, **changes)
+    return replace(robot, configuration=c, by_hand=None)
 
 
 def moved(state: State, seconds: float, c: Configuration, begins_s: float) -> list[State]:
@@ -81,16 +89,13 @@ def test_what_grew_with_speed_is_no_raise_near_rest(make_state) -> None:
 
 def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
     """Friction of 7 Nm, of which 0.9 may hide something at rest, beside a residual of 0.2 Nm."""
-    robot = load_robot(SINGLE_JOINT)
+    robot = at_levels()
     (joint,) = robot.configuration.joints
     rough = msgspec.structs.replace(joint.friction, motor_coulomb=7.0, stiction=0.0)
     c = msgspec.structs.replace(
         robot.configuration, joints=(msgspec.structs.replace(joint, friction=rough),)
     )
-    states = raised(moved(make_state(0), 60.0, c, 0.0), c)
-    outcome = thresholds_outcome(
-        replace(robot, configuration=c), from_states(states, ["joint"]), 1.0, "2026-01-02"
-    )
+    outcome = one_minute(replace(robot, configuration=c), make_state(0))
     most = stiction_range(rough.stiction)[1]
     hidden = (c.estimator.stiction_share + most) * (7.0 + rough.link_coulomb)
     level = outcome.entries["joint"].thresholds.contact
@@ -142,7 +147,7 @@ def test_what_was_discarded_is_told(make_state) -> None:
     states = raised(moved(make_state(0), 60.0, c, 0.0), c)
     states[3000] = msgspec.structs.replace(states[3000], thresholded=[0.1])
     outcome = thresholds_outcome(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
-    listed, why = outcome.notes
+    listed, why, _ = outcome.notes
     assert listed.startswith("joint: discarded ")
     assert " Nm at 30.0 s for 0.0 s" in listed
     assert "contacts were false" in why
@@ -153,9 +158,7 @@ def test_what_was_discarded_is_told(make_state) -> None:
 
 
 def test_what_a_level_has_seen_is_written_with_it(make_state) -> None:
-    robot = load_robot(SINGLE_JOINT)
-    states = raised(moved(make_state(0), 60.0, robot.configuration, 0.0), robot.configuration)
-    outcome = thresholds_outcome(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+    outcome = one_minute(load_robot(SINGLE_JOINT), make_state(0))
     seen = outcome.entries["joint"].seen
     assert seen.speed == pytest.approx(0.2, rel=0.02)
     assert (seen.lower, seen.upper) == pytest.approx((-0.2, 0.2), rel=0.02)
@@ -171,3 +174,26 @@ def test_a_pause_is_no_part_of_rounded_times(tmp_path: Path) -> None:
     assert log.period_s == pytest.approx(0.004, abs=1e-4)
     np.testing.assert_allclose(log.time_s, times, atol=0.006)
     assert [s.stop - s.start for s in log.stretches(1.0)] == [300, 300]
+
+
+def one_minute(robot: Robot, state: State) -> Outcome:
+    states = raised(moved(state, 60.0, robot.configuration, 0.0), robot.configuration)
+    return thresholds_outcome(robot, from_states(states, ["joint"]), 1.0, "2026-01-02")
+
+
+@pytest.mark.parametrize(("stated", "warns"), [(0.5, False), (0.15, True)])
+def test_a_stated_level_is_left(make_state, stated: float, warns: bool) -> None:
+    outcome = one_minute(at_levels("thresholds", contact=stated, least=None), make_state(0))
+    measured = outcome.entries["joint"].thresholds.contact
+    (note,) = outcome.notes
+    assert f".contact: {stated:g} Nm is stated in config.yaml and in force; {measured:g} Nm" in note
+    assert "remove `thresholds` from its `known`" in note
+    assert ("less than was measured" in note) is warns
+
+
+def test_a_floor_that_does_not_fit_what_was_measured_is_refused(make_state) -> None:
+    outcome = one_minute(at_levels(least=0.45), make_state(0))
+    (line,) = outcome.lines
+    assert (line.verdict, outcome.entries) == ("refused", {})
+    assert line.reason.startswith("thresholds.least of config.yaml: 0.45 must be at most ")
+    assert outcome.unfinished  # the recording waits for another floor
