@@ -386,9 +386,8 @@ class Kernel:
         return float(min(self.learning.level(i) * (1.0 + self.doubt.margin[i]), 1.0))
 
     def _doubted(self, i: int) -> float:
-        """Doubt of joint i where it is, 0 to 1. While learning is suspended it is 1: what was
-        learned is of an arm without the load that was recognised."""
-        return 1.0 if self.frozen else float(self.doubt.at(i, self.alignment.aligned[0, i]))
+        """Doubt of joint i where it is, 0 to 1."""
+        return float(self.doubt.at(i, self.alignment.aligned[0, i]))
 
     def _unknown(self, i: int) -> float:
         """Uncertainty of the friction of joint i [Nm]; doubt adds the part that the raise near rest
@@ -467,14 +466,15 @@ class Kernel:
         residual.correct(i, learning.correction[i])
         levels, speed = self.levels, abs(theta_dot)
         usual = levels.usual(i, speed)
-        moving = acts and speed > _REST_VELOCITY and not self.frozen
+        moving = acts and speed > _REST_VELOCITY
         self.doubt.moving[i] = moving
         if speed > _SETS_OUT and learning.stood(i):
             self.doubt.raise_all(i)
         doubt = self._doubted(i)
         learning.learn(
             i, residual.values[0, i], self.threshold[i] / (1.0 + self.doubt.margin[i]), usual,
-            levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0, moving, dt,
+            levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0,
+            moving, self.frozen != 0, dt,
         )  # fmt: skip
         self._apply(i)
 
@@ -482,7 +482,9 @@ class Kernel:
         """Let the rest know what was learned of joint i."""
         self.motor_position.friction[i] = self.learning.friction(i)
         self.motor_position.friction_error[i] = self.learning.error(i)
-        doubt = self._doubted(i)
+        # While learning is suspended, levels are the stated ones: the lowered ones are of an arm
+        # without the load that was recognised.
+        doubt = 1.0 if self.frozen else self._doubted(i)
         share, crossing = self._lowered_share(i), self.learning.crossing_level(i)
         self.levels.share[i] = share + doubt * (1.0 - share)
         self.levels.crossing[i] = crossing + doubt * (1.0 - crossing)

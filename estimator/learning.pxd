@@ -45,7 +45,7 @@ cdef class Learning:
     )
     cpdef void learn(
         self, Py_ssize_t i, double residual, double level, double usual, double friction, double raised,
-        double doubt, bint rubs, bint moving, double dt
+        double doubt, bint rubs, bint moving, bint suspended, double dt
     ) noexcept
     @cython.locals(size=double, needed=double, most=double, quiet=bint)
     cdef void _note(

@@ -193,12 +193,19 @@ class Learning:
 
     def learn(
         self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
-        doubt: float, rubs: bool, moving: bool, dt: float,
+        doubt: float, rubs: bool, moving: bool, suspended: bool, dt: float,
     ) -> None:  # fmt: skip
         """Learn of joint i, if nothing may be touching it: from the residual before its
         correction, the contact levels in force and configured, and what the one in force has of
         friction near rest, and of what fades [Nm]; doubt: in what was learned, 0 to 1; rubs:
-        friction was seen to be another; moving: and rotor and link touch."""
+        friction was seen to be another; moving: and rotor and link touch; suspended: nothing is
+        learned, but a joint that stands cools."""
+        self.still_s[i] = 0.0 if moving else self.still_s[i] + dt
+        if self.stood(i):
+            self._rest(i, dt)
+        if suspended:
+            self.calm_s[i] = 0.0
+            return
         corrected = residual - self.correction[i]
         size = abs(corrected)
         if doubt < _DOUBTED:
@@ -209,9 +216,6 @@ class Learning:
         calm = surprise <= freezes * level and size <= level  # NaN is not
         self.calm_s[i] = self.calm_s[i] + dt if calm else 0.0
         self._drift(i, _CONSTANT, dt)
-        self.still_s[i] = 0.0 if moving else self.still_s[i] + dt
-        if self.still_s[i] > _STANDS_S:
-            self._rest(i, dt)
         if moving:
             known = self.calm_s[i] > _FROZEN_S
             if known:

@@ -128,6 +128,8 @@ class Recognition:
         # Of these, joints that moved; and those that show the model's errors: nothing touched.
         self._moves, self._free = np.zeros((2, _BLOCKS, n), dtype=np.bool_)
         self._filled = self._since = 0  # the latter since one was found
+        # Levels before: those of now are higher because one was found, and would hide its end.
+        self._level_before: Vector | None = None
         self._prior = np.diag(np.array([*_ERRORS, *[_GAIN] * n]) ** -2.0)
         self._information, self._evidence = np.zeros((4 + n, 4 + n)), np.zeros(4 + n)
 
@@ -186,6 +188,11 @@ class Recognition:
         self.pause()
         if not np.isfinite(mean).all():
             return  # else it would stay in the tracked errors of the model
+        if self._level_before is None:
+            self._level_before = mean[3].copy()
+        elif self.found is None:
+            self._level_before += (mean[3] - self._level_before) / _BLOCKS
+        mean[3] = np.minimum(mean[3], self._level_before)
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
         gravity = self._model.down - acceleration

@@ -30,7 +30,7 @@ def shown(
     for tick in range(round(seconds / DT)):
         size = -size if flips and tick else size
         torques = (share * LEVEL for share in (size, level, 1.0, friction, raised))
-        learning.learn(0, *torques, 0.0, False, moving, DT)
+        learning.learn(0, *torques, 0.0, False, moving, False, DT)
     return learning
 
 
@@ -244,7 +244,7 @@ def test_in_doubt_nothing_is_measured() -> None:
     learning = shown(600.0, 0.1, flips=True)
     before = (learning.squares_s[0], learning.moved_s[0], learning.peak[0])
     for _ in range(1000):
-        learning.learn(0, 0.6 * LEVEL, LEVEL, LEVEL, 0.0, 0.0, 1.0, False, True, DT)
+        learning.learn(0, 0.6 * LEVEL, LEVEL, LEVEL, 0.0, 0.0, 1.0, False, True, False, DT)
     assert (learning.squares_s[0], learning.moved_s[0], learning.peak[0]) == before
     assert learning.peak_seen[0] == 0.0
 

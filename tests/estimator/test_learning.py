@@ -33,7 +33,7 @@ class Joint:
 
     def rest(self, seconds: float) -> None:
         for _ in range(round(seconds)):
-            self.learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, False, 1.0)
+            self.learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, False, False, 1.0)
 
     def swing(
         self,
@@ -64,7 +64,7 @@ class Joint:
             moving = touched and abs(theta_dot) > 0.05
             level = self.learning.level(0) * (LEVEL + self.learning.unknown[0])
             self.beyond += abs(corrected) > level
-            self.learning.learn(0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, DT)
+            self.learning.learn(0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, False, DT)
         return float(corrected)
 
 
@@ -235,7 +235,7 @@ def test_what_is_no_number_is_not_learned(bad: float) -> None:
     joint.swing(30.0, coulomb=1.2)
     learning = joint.learning
     learning.step(0, bad, bad, bad, DT, POLE, SHARE)
-    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, DT)
+    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, False, DT)
     learning.reset(0)
     joint.raw = 0.0
     joint.swing(60.0, coulomb=1.2)
@@ -247,7 +247,7 @@ def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
     learning = joint.learning
     learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
     learning.quiet_s[0] = 1.0
-    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, DT)
+    learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, False, DT)
     learning.reset(0)
     assert learning.error(0) == pytest.approx(0.65)
     joint.swing(60.0, coulomb=1.2)
@@ -264,7 +264,7 @@ def test_what_is_known_stays_a_covariance(seed: int) -> None:
             rubs, drags, load, e = DT * size * rng.normal(size=4)
             level, moving = rng.choice([0.01, 1e9]), rng.random() < 0.8
         learning.step(0, rubs, drags, load, DT, POLE, SHARE)
-        learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, 0.0, False, moving, DT)
+        learning.learn(0, SHARE * e, level, LEVEL, 0.0, 0.0, 0.0, False, moving, False, DT)
     P = np.array(learning.covariance[0])
     np.testing.assert_array_equal(P, P.T)
     assert (np.linalg.eigvalsh(P) > 0.0).all()
