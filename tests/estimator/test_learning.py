@@ -64,7 +64,9 @@ class Joint:
             moving = touched and abs(theta_dot) > 0.05
             level = self.learning.level(0) * (LEVEL + self.learning.unknown[0])
             self.beyond += abs(corrected) > level
-            self.learning.learn(0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, False, DT)
+            self.learning.learn(
+                0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, False, DT
+            )
         return float(corrected)
 
 

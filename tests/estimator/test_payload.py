@@ -186,9 +186,21 @@ def test_nothing_is_learned_while_it_is_frozen(make_estimator, sine_motion) -> N
     assert estimate.level_share.tolist() == [1.0] * estimator.model.n, "the stated levels"
     after = estimator.memory()["learning"]
     assert after["squares_s"] == before["squares_s"]
+    assert max(after["still_s"]) < 1.0, "a joint that moves does not count as one that stands"
     friction = [np.array(learning["shares"])[:, 1:] for learning in (before, after)]
     np.testing.assert_array_equal(*friction)
     estimator.freeze_learning(False)
     sine_motion.replay(estimator, slice(900, 1000))
     learned = np.array(estimator.memory()["learning"]["shares"])[:, 1:]
     assert (learned != friction[0]).any()
+
+
+def test_while_nothing_is_learned_friction_that_was_learned_is_still_known(
+    make_estimator, sine_motion
+) -> None:
+    """Levels are the stated ones, not those of an arm that was just switched on."""
+    taught, fresh = make_estimator(learning=True), make_estimator(learning=True)
+    sine_motion.replay(taught, slice(0, 2400))
+    taught.freeze_learning(True)
+    levels = [sine_motion.replay(each, slice(2400, 2500))[-1].threshold for each in (taught, fresh)]
+    assert levels[0].sum() < 0.9 * levels[1].sum()

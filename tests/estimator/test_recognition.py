@@ -210,10 +210,12 @@ def test_it_is_forgotten_when_it_explains_what_is_felt_no_more(romeo: Model, aft
 
 @pytest.mark.parametrize("confirmed", [True, False])
 @pytest.mark.parametrize("after", [0.0, 0.165], ids=["gone", "more"])
+@pytest.mark.parametrize("raised", [1.0, 6.0])
 def test_a_load_below_the_levels_is_forgotten_when_motion_shows_another(
-    romeo: Model, after: float, confirmed: bool
+    romeo: Model, after: float, confirmed: bool, raised: float
 ) -> None:
-    """Neither it nor what comes after it is ever felt, so that no tick says that it is gone."""
+    """Neither it nor what comes after it is ever felt, so that no tick says that it is gone; and
+    levels are raised because it was recognised."""
     recognition, level = Recognition(romeo, T), np.array([0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
     found_s = 0.0
     for k in range(round(40.0 / T)):
@@ -221,7 +223,8 @@ def test_a_load_below_the_levels_is_forgotten_when_motion_shows_another(
         mass = after if found_s else 0.1 * (k * T > 15.0)
         torque = load(mass)(romeo, 0.0, q)
         assert not (np.abs(torque) > level).any()
-        recognition.step(q, q_dot, torque, level, touched=False)
+        recognises = recognition.found is not None
+        recognition.step(q, q_dot, torque, level * (raised if recognises else 1.0), touched=False)
         if not found_s and recognition.found is not None:
             if recognition.confirmed or not confirmed:
                 found_s = k * T
