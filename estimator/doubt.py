@@ -43,8 +43,9 @@ _MARGIN, _MOST_MARGIN = 0.4, 4.0
 _MARGIN_S, _NEEDED_S, _NEEDED = 10.0, 18.0, 0.9
 # With more than that of it, motion is held against what was learned, too.
 _SOME = 0.05
-# A place is so wide to both sides [rad], and forgotten after so much motion there that agrees.
-_WIDTH, _CLEARS_S = 0.08, 1.0
+# A place is so wide to both sides [rad], and forgotten after so much motion there that agrees; one
+# that was met again after so much.
+_WIDTH, _CLEARS_S, _CLEARS_AGAIN_S = 0.08, 1.0, 2.0
 # Residual beyond the lowered level in both directions of motion, each for so long, is friction.
 _FLIPS_S = 0.05
 # Verdicts of `step`.
@@ -212,7 +213,7 @@ class Doubt:
         """Pass through the place of joint i."""
         if agrees:
             self.cleared_s[i] += dt
-            if self.cleared_s[i] > _CLEARS_S:
+            if self.cleared_s[i] > (_CLEARS_S if self.met[i] < 2 else _CLEARS_AGAIN_S):
                 self.placed[i] = self.met[i] = 0
             return
         if self.away_s[i] > 0.0:

@@ -103,6 +103,17 @@ def test_a_place_is_doubted_until_it_was_passed() -> None:
     assert doubt.at(0, 0.5) == 0.0
 
 
+def test_a_place_that_was_met_again_is_doubted_for_twice_as_long() -> None:
+    doubt = Doubt(1)
+    for _ in range(2):
+        contact(doubt, q=0.5)
+        run(doubt, 10.0, q=1.0)
+    run(doubt, 1.9, q=0.5)
+    assert doubt.at(0, 0.5) == 1.0
+    run(doubt, 0.2, q=0.5)
+    assert doubt.at(0, 0.5) == 0.0
+
+
 def test_a_place_that_interrupts_grows_and_is_counted() -> None:
     doubt = Doubt(1)
     contact(doubt, q=0.5)
