@@ -129,7 +129,7 @@ class Recognition:
         self._moves, self._free = np.zeros((2, _BLOCKS, n), dtype=np.bool_)
         self._filled = self._since = 0  # the latter since one was found
         # Levels before: those of now are higher because one was found, and would hide its end.
-        self._level_before: Vector | None = None
+        self._level_before = np.full(n, np.inf)
         self._prior = np.diag(np.array([*_ERRORS, *[_GAIN] * n]) ** -2.0)
         self._information, self._evidence = np.zeros((4 + n, 4 + n)), np.zeros(4 + n)
 
@@ -188,11 +188,12 @@ class Recognition:
         self.pause()
         if not np.isfinite(mean).all():
             return  # else it would stay in the tracked errors of the model
-        if self._level_before is None:
-            self._level_before = mean[3].copy()
-        elif self.found is None:
+        if self.found is not None:
+            mean[3] = np.minimum(mean[3], self._level_before)
+        elif np.isfinite(self._level_before).all():
             self._level_before += (mean[3] - self._level_before) / _BLOCKS
-        mean[3] = np.minimum(mean[3], self._level_before)
+        else:
+            self._level_before[:] = mean[3]
         self._before = velocity
         acceleration = (velocity - before) / (count * self._period_s)
         gravity = self._model.down - acceleration
