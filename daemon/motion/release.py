@@ -2,11 +2,11 @@
 time is an argument.
 
 All of them move at one constant speed, and each stops for good when its residual falls to its
-contact level: the stated one, and without learned friction, so that nothing learned moves a joint.
-A speed in proportion to the torque would close a loop around the stiffness of the clamp and the
-delay of the residual, which oscillates against anything stiff; a speed that begins once and ends
-once is no loop. Each joint moves in the direction of its own torque: the power of all of them on
-the obstacle is thus positive, and no point of contact is moved into it.
+stated contact level. Nothing learned begins it: a joint is let go of by the residual without
+learned friction, too. A speed in proportion to the torque would close a loop around the stiffness
+of the clamp and the delay of the residual, which oscillates against anything stiff; a speed that
+begins once and ends once is no loop. Each joint moves in the direction of its own torque: the power
+of all of them on the obstacle is thus positive, and no point of contact is moved into it.
 """
 
 from collections.abc import Sequence

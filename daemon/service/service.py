@@ -78,7 +78,7 @@ class Service:
     trends: TrendLine | None = None
     ending: bool = False  # the arm is being brought to rest for good, or for newer files
     reloading: bool = False  # the latter was requested
-    dock: TrajectoryUpload = field(init=False)
+    upload: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
     set_up: SetUp = field(init=False)
     attendance: Attendance = field(default_factory=Attendance)
@@ -86,7 +86,7 @@ class Service:
 
     def __post_init__(self) -> None:
         c = self.process.robot.configuration
-        self.dock = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
+        self.upload = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
         self.permission = Permission(self.loop.tick)
         self.set_up = SetUp(
             self.drives,
@@ -206,7 +206,7 @@ class Service:
         return [f"the daemon {'reads its files anew' if self.reloading else 'is ending'}"]
 
     def _start(self, request: requests.Start, peer: Peer, who: str) -> Reply:
-        path = self.dock.take(peer.connection) if request.loaded else None
+        path = self.upload.take(peer.connection) if request.loaded else None
         controller = self.loop.tick.controller
         goes_on = path is None and controller.machine.paused
         warnings = self._beyond_what_was_seen(controller.next_place(path))
@@ -290,7 +290,7 @@ class Service:
         return self._reply(request, answer.reasons, done)
 
     def _on_close(self, peer: Peer) -> None:
-        self.dock.release(peer.connection)
+        self.upload.release(peer.connection)
         self.permission.expire(self.loop.time_s, peer.connection)
         self._abandon_unattended(peer.connection)
 
@@ -331,9 +331,9 @@ class Service:
     def _load(self, request: requests.Load, peer: Peer) -> Reply:
         try:
             if request.header is not None:
-                self.dock.begin(request.header, peer.connection)
+                self.upload.begin(request.header, peer.connection)
             if request.rows is not None:
-                self.dock.append(request.rows, peer.connection)
+                self.upload.append(request.rows, peer.connection)
         except TrajectoryError as error:
             return replace(self._reply(request, [str(error)]), row=error.row)
         return self._reply(request)

@@ -8,6 +8,7 @@ from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.hand_witness import IndependentResidual, beyond_stated
 from drivers.api import DriveCondition, DriveStatus, PowerTarget
+from estimator.contact import dead_band
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +56,14 @@ class ControlInput:
         """Thresholded residual (n,) [Nm] that the arm backs away from or lets go of, none of it due
         to learning alone."""
         return self.thresholded if self.independent is None else beyond_stated(self.independent)
+
+    @property
+    def pressed(self) -> Vector:
+        """Residual (n,) [Nm] beyond the stated level that still presses a joint that lets go. It is
+        the one with learned friction: without it a clamp seems looser than it is."""
+        if self.independent is None:
+            return self.thresholded
+        return dead_band(self.residual, self.independent.stated)
 
 
 @dataclass(frozen=True, slots=True)

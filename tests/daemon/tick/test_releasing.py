@@ -10,6 +10,7 @@ from daemon.faults.finding import Finding
 from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
+from daemon.motion.hand_witness import IndependentResidual
 from tests.ideal_arm import LIMITS, MANNER, IdealArm, T, holding_arm, tracking_arm
 
 M, R = Mode, ContactReaction
@@ -270,3 +271,24 @@ def test_configured_to_hold_it_tells_what_presses() -> None:
     assert (arm.mode, arm.cause, arm.controller.pressed) == (M.HOLDING, "a was hit", "a was hit")
     arm.controller.motion.blind = True
     assert arm.controller.pressed == ""
+
+
+def without_learning(torque: float) -> dict[str, Any]:
+    """Stated levels of 0.8 Nm, those in force lower; so much of joint a is there without learned
+    friction, too."""
+    levels = np.array([0.8, 0.8])
+    agreed = np.array([torque, 0.0])
+    return {"independent": IndependentResidual(agreed, 0.2 * levels, levels)}
+
+
+def test_learned_friction_begins_no_release_and_ends_none() -> None:
+    """It explains the whole push, or a part of one that was there without it."""
+    arm = tracking()
+    arm.step(**arm.press(2.0), **without_learning(0.5), struck=True)
+    assert arm.mode is M.STOPPING
+    arm = tracking()
+    arm.step(**arm.press(2.0), **without_learning(2.0), struck=True)
+    arm.run(0.3, **arm.press(2.0), **without_learning(0.5))
+    assert arm.mode is M.RELEASING
+    arm.run(0.05, **arm.press(0.7), **without_learning(0.7))
+    assert arm.cause.startswith("let go of contact at a")
