@@ -22,6 +22,9 @@ from drivers.canopen.witness import MOVES, STANDS, Witness
 
 #: Readings in a row, so that noise proves nothing.
 STILL_READINGS: Final = 2
+#: The same after a proof that motion ended; after another, twice as many, and so on, at most.
+STILL_AGAIN: Final = 20
+STILL_MOST: Final = 160
 #: Lowest deceleration of a quick stop as a share of its ramp: the load pulls, the loop lags.
 RAMP_SHARE: Final = 0.5
 #: Longest time until the ramp begins [s].
@@ -41,6 +44,12 @@ FALLING_SHARE: Final = 0.03
 RESISTING_SHARE: Final = 0.5
 #: After so many contrary readings, less the others, it counts as running on, and its proof is void.
 VOID_READINGS: Final = 20
+#: It counts no more than these, and each reading that is not contrary takes so much away: one that
+#: slips and sticks stands most of the time.
+MOST_READINGS: Final = 25.0
+CALM_SHARE: Final = 0.25
+#: Time in which its travel by its own power is forgotten, were it the whole of it [s].
+FORGETS_S: Final = 60.0
 #: A link is no longer where it stood from so far beyond its gap on [rad], identified to so much.
 LEFT_RAD: Final = 0.02
 LEEWAY: Final = 1.5
@@ -112,8 +121,9 @@ class StopWatch:
     _least: float  # lowest speed since [rad/s]
     _stood: float  # position of the link when it was seen to stand [rad]
     _still: int  # readings in a row that show a standstill
-    _moving: int  # readings that show it running on, less those that do not
-    _beyond: int  # likewise, of those that were taken beyond its travel
+    _needed: int  # of them for a proof
+    _moving: float  # readings that show it running on, less those that do not
+    _beyond: float  # likewise, of those that were taken beyond its travel
     _asked: Witness  # of the readings by SDO since the command to stop
 
     def __init__(self, bounds: StopBounds) -> None:
@@ -147,7 +157,8 @@ class StopWatch:
         self._speed = 0.0 if math.isnan(speed) else speed
         self._left_s, self._obeyed_s, self._least = math.nan, -math.inf, math.inf
         self._stood = math.nan
-        self._still = self._moving = self._beyond = 0
+        self._still, self._moving, self._beyond = 0, 0.0, 0.0
+        self._needed = STILL_READINGS
         # The history of readings by SDO goes on from that of the samples.
         self._asked = self.witness.copy()
 
@@ -210,11 +221,16 @@ class StopWatch:
         self._still = self._still + 1 if still else 0
         # Without power it moves as the load or a hand will.
         calm = still or seen.state in UNPOWERED or self._stops(now, seen)
-        self._moving = _counted(self._moving, against=not calm)
-        if self.proved:
-            self.proved = not (self.runs_on or self._has_left(now, seen))
-        elif self._still >= STILL_READINGS and not self.runs_on:
-            self.proved, self._wrong, self._stood = True, 0.0, seen.position
+        if calm or not self._resists(seen):
+            self._moving = _counted(self._moving, against=not calm)
+        if not self.proved:
+            if self._still >= self._needed and not self.runs_on:
+                self.proved, self._wrong, self._stood = True, 0.0, seen.position
+        elif self.runs_on or self._has_left(now, seen):
+            # A hand that pushes what holds may make it swing anew.
+            self.proved = False
+            self._needed = min(max(2 * self._needed, STILL_AGAIN), STILL_MOST)
+            self._left_s, self._left_speed, self._least = now, abs(seen.velocity), math.inf
 
     def _has_left(self, now: float, seen: Seen) -> bool:
         """True if a position is not that of a drive that stood: its link may fall to and fro in its
@@ -223,20 +239,21 @@ class StopWatch:
         return gone or self._witness(seen).motor_moves(now)
 
     def _stops(self, now: float, seen: Seen) -> bool:
-        """True if it slows down along the ramp, or resists as it can: a person may push harder than
-        it brakes."""
+        """True if it slows down along the ramp."""
         deceleration = RAMP_SHARE * self._bounds.deceleration
         ramp_s = now - self._left_s - RAMP_LAG_S
         bound = self._left_speed - deceleration * max(ramp_s, 0.0)
         swings = ramp_s < self._left_speed / deceleration + SWINGS_S
-        speed, resists = abs(seen.velocity), -math.copysign(1.0, seen.velocity) * seen.current
+        speed = abs(seen.velocity)
         falls = speed <= (1.0 - FALLING_SHARE) * self._least
         self._least = min(self._least, speed)
-        return (
-            speed <= max(bound, SWINGS if swings else STANDS)
-            or falls
-            or resists >= RESISTING_SHARE * self._bounds.current
-        )
+        return falls or speed <= max(bound, SWINGS if swings else STANDS)
+
+    def _resists(self, seen: Seen) -> bool:
+        """True if it works against its motion as it can: a person may push harder than it brakes.
+        Such a reading says nothing for it, either: one that swings brakes half of the time."""
+        against = -math.copysign(1.0, seen.velocity) * seen.current
+        return against >= RESISTING_SHARE * self._bounds.current
 
     # --- how far it goes ---------------------------------------------------------------------
 
@@ -252,18 +269,20 @@ class StopWatch:
             return
         self._speed = seen.velocity
         self._turned += seen.velocity * dt if abs(seen.velocity) >= MOVES else 0.0
-        power = seen.current * seen.velocity
+        power, travel = seen.current * seen.velocity, self._bounds.travel
+        self._driven -= math.copysign(min(abs(self._driven), travel / FORGETS_S * dt), self._driven)
         if abs(power) > 0.0 and abs(seen.velocity) >= MOVES:  # nor NaN
-            self._driven = max(self._driven + math.copysign(self.speed * dt, power), 0.0)
+            self._driven = max(self._driven + math.copysign(self.speed * dt, power), -travel)
         # A sensor that stands still proves nothing: the one that shows the most counts.
         gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
         self._gone = max(abs(each) for each in gone if not math.isnan(each))
 
     def _goes_further(self, seen: Seen | None) -> bool:
-        """True if it runs on beyond its travel, for as many readings as a stage has ticks."""
+        """True if it runs on beyond its travel, or goes as far to and fro or by and by with its own
+        power, for as many readings as a stage has ticks."""
         if seen is not None:
-            # To and fro by its own power is travel, too.
-            beyond = self.runs_on and max(self._gone, self._driven) > self._bounds.travel
+            travel = self._bounds.travel
+            beyond = self._driven > travel or (self.runs_on and self._gone > travel)
             self._beyond = _counted(self._beyond, against=beyond)
         return self._beyond >= self._bounds.ticks
 
@@ -279,6 +298,6 @@ class StopWatch:
         return gone > bounds.travel * (1.0 - ROUNDING)
 
 
-def _counted(count: int, *, against: bool) -> int:
-    """Count of contrary readings after another reading; one that is not takes one away."""
-    return min(count + 1, 2 * VOID_READINGS) if against else max(count - 1, 0)
+def _counted(count: float, *, against: bool) -> float:
+    """Count of contrary readings after another reading; one that is not takes a share away."""
+    return min(count + 1.0, MOST_READINGS) if against else max(count - CALM_SHARE, 0.0)

@@ -223,6 +223,36 @@ def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
     assert watch.cut
 
 
+def test_a_drive_that_brakes_while_it_swings_is_not_proved() -> None:
+    """8 Hz within its gap, at its highest current in each turn, which is half of the readings."""
+    bounds = replace(BOUNDS, play=0.05)
+    watch, position = told(bounds=bounds), 0.0
+    for k in (1, 2):
+        watch.step(k * T, STANDS)
+    for k in range(3, 200):
+        phase = 16.0 * math.pi * k * T
+        velocity = 0.6 * math.sin(phase)
+        position += velocity * T
+        watch.step(
+            k * T, Seen(STOPS, velocity, 2.0 * math.copysign(1.0, math.cos(phase)), position)
+        )
+    assert not watch.proved
+
+
+@pytest.mark.parametrize(("speed", "slips_s", "every_s"), [(0.6, 0.12, 0.5), (1.0, 0.18, 0.6)])
+def test_a_drive_that_slips_and_sticks_by_its_own_power_loses_it(
+    speed: float, slips_s: float, every_s: float
+) -> None:
+    watch, position, gone = told(), 0.0, 0.0
+    for k in range(1, 2000):
+        velocity = speed if (k * T) % every_s < slips_s else 0.0
+        position += velocity * T
+        watch.step(k * T, Seen(STOPS, velocity, 0.4 if velocity else 0.1, position))
+        gone = position if not watch.cut else gone
+    assert watch.cut
+    assert gone < 0.24 + 0.1 * speed
+
+
 def test_a_ripple_hides_nothing() -> None:
     found = Course(lambda t: 0.6 * (1.0 + 0.1 * math.sin(16.0 * math.pi * t)))
     assert found.runs_on

@@ -6,6 +6,8 @@ import struct
 import numpy as np
 import pytest
 
+from bench.rigs.lockstep import ROMEO, lockstep_rig
+from daemon.modes.table import Event, Mode
 from drivers.api import Kind, PowerTarget
 from drivers.canopen.drives import CanopenDrives
 from drivers.canopen.events import Fact
@@ -265,3 +267,19 @@ def test_a_drive_that_moves_gets_a_ramp_before_its_power_is_taken(arm: Arm) -> N
     assert words[:10] == [2] * 10
     assert words[-1] == 0
     assert words == sorted(words, reverse=True), "and not again"
+
+
+@pytest.mark.parametrize("push", [2.0, 5.0])
+def test_a_hand_that_pushes_what_its_drives_hold_is_no_fault(push: float) -> None:
+    """Half a second on an elbow that is held in quick stop: it gives way, and swings back."""
+    with lockstep_rig(ROMEO) as rig:
+        rig.enable()
+        rig.run(0.5)
+        rig.request(Event.DISABLE)
+        rig.run(1.0)
+        rig.arm.external_torque[2] = push
+        rig.run(0.5)
+        rig.arm.external_torque[2] = 0.0
+        rig.run(1.0)
+        assert rig.mode is Mode.OFF
+        assert rig.last.unproved == ()
