@@ -42,7 +42,9 @@ def usual_socket_path() -> Path:
     user's own is there, that of the installed service, also before its first start. Raises
     ControlError."""
     path = default_socket_path()
-    if os.environ.get("CONTACTD_SOCKET") or path.exists() or not service_installed():
+    # Below a folder of another user, left over from `su`, there is none of this user's own.
+    there = os.access(path, os.F_OK)
+    if os.environ.get("CONTACTD_SOCKET") or there or not service_installed():
         return path
     return SERVICE_SOCKET
 

@@ -176,7 +176,7 @@ def _connect(daemon: subprocess.Popen[str], door: Path) -> Client:
     deadline = time.monotonic() + START_PATIENCE_S
     while True:
         try:
-            return Client(door)
+            return Client(door, START_PATIENCE_S)  # on a busy machine it is slow to begin
         except ContactdError:
             if daemon.poll() is not None or time.monotonic() > deadline:
                 raise ControlError("the daemon did not start; its output:") from None

@@ -168,6 +168,22 @@ def test_clients_look_for_the_installed_service_also_before_it_ever_ran(
     assert usual_socket_path() == Path("/somewhere/else")
 
 
+def test_a_folder_of_another_user_has_no_daemon_of_ones_own(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """`su` leaves the folder of the user before."""
+
+    def closed(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.delenv("CONTACTD_SOCKET", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(paths, "SERVICE_SOCKET", tmp_path / "run/control")
+    monkeypatch.setattr(paths, "UNIT_FOLDERS", ())
+    monkeypatch.setattr(Path, "exists", closed)
+    assert usual_socket_path() == tmp_path / "contactd.sock"
+
+
 def test_default_path_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     trap = Path("/tmp/contactd-987654.sock")
     monkeypatch.delenv("CONTACTD_SOCKET", raising=False)
