@@ -55,7 +55,8 @@ def lacking(path: JointPath, *, blind: bool) -> list[str]:
     if blind and not path.motors_only:
         return [
             "the links are not trusted: before this start the wiring was not checked, or not "
-            "with these drives and this configuration (`contactd identify wiring`)"
+            "with these drives and this configuration (`contactd identify wiring`; what it finds "
+            "counts from the next `contactctl disable` and `enable` on)"
         ]
     return []
 

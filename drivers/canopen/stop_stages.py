@@ -44,8 +44,7 @@ FALLING_SHARE: Final = 0.03
 RESISTING_SHARE: Final = 0.5
 #: After so many contrary readings, less the others, it counts as running on, and its proof is void.
 VOID_READINGS: Final = 20
-#: It counts no more than these, and each reading that is not contrary takes so much away: one that
-#: slips and sticks stands most of the time.
+#: At most so many count, and one that is not contrary takes a share away: slips are short.
 MOST_READINGS: Final = 25.0
 CALM_SHARE: Final = 0.25
 #: Time in which its travel by its own power is forgotten, were it the whole of it [s].
@@ -250,8 +249,7 @@ class StopWatch:
         return falls or speed <= max(bound, SWINGS if swings else STANDS)
 
     def _resists(self, seen: Seen) -> bool:
-        """True if it works against its motion as it can: a person may push harder than it brakes.
-        Such a reading says nothing for it, either: one that swings brakes half of the time."""
+        """True if it brakes as it can, against a person or because it swings: no evidence."""
         against = -math.copysign(1.0, seen.velocity) * seen.current
         return against >= RESISTING_SHARE * self._bounds.current
 
@@ -299,5 +297,4 @@ class StopWatch:
 
 
 def _counted(count: float, *, against: bool) -> float:
-    """Count of contrary readings after another reading; one that is not takes a share away."""
     return min(count + 1.0, MOST_READINGS) if against else max(count - CALM_SHARE, 0.0)
