@@ -135,9 +135,13 @@ class Rig:
         return self.set_up.request(event, "the bench")
 
     def reset(self) -> None:
-        """Reset a fault as a client would, once; AssertionError unless the arm is off after it, and
-        stays so."""
+        """Reset a fault as a client would, asked again while the arm is not seen to stand;
+        AssertionError unless the arm is off after it, and stays so."""
         assert self.tick.controller.faulted, self.mode
+        for _ in range(100):
+            if self.drives.left_alone or not self.drives.unproved():
+                break
+            self.run(0.01)
         reasons = self.ask(Event.RESET)
         assert not reasons, reasons
         self.run(0.6)
