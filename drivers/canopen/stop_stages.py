@@ -20,8 +20,9 @@ from typing import Final
 from drivers.canopen.cia402 import UNPOWERED, DriveState
 from drivers.canopen.witness import MOVES, STANDS, Witness
 
-#: Readings in a row, so that noise proves nothing.
+#: Readings, less so many for each other one, so that noise proves nothing.
 STILL_READINGS: Final = 2
+STILL_LOST: Final = 4
 #: The same after a proof that motion ended; after another, twice as many, and so on, at most.
 STILL_AGAIN: Final = 20
 STILL_MOST: Final = 160
@@ -119,7 +120,8 @@ class StopWatch:
     _left_speed: float  # its speed then [rad/s]
     _least: float  # lowest speed since [rad/s]
     _stood: float  # position of the link when it was seen to stand [rad]
-    _still: int  # readings in a row that show a standstill
+    _stood_s: float
+    _still: int  # readings that show a standstill, less STILL_LOST for each other
     _needed: int  # of them for a proof
     _moving: float  # readings that show it running on, less those that do not
     _beyond: float  # likewise, of those that were taken beyond its travel
@@ -155,7 +157,7 @@ class StopWatch:
         self._turned = self._gone = self._driven = 0.0
         self._speed = 0.0 if math.isnan(speed) else speed
         self._left_s, self._obeyed_s, self._least = math.nan, -math.inf, math.inf
-        self._stood = math.nan
+        self._stood = self._stood_s = math.nan
         self._still, self._moving, self._beyond = 0, 0.0, 0.0
         self._needed = STILL_READINGS
         # The history of readings by SDO goes on from that of the samples.
@@ -217,25 +219,25 @@ class StopWatch:
         if math.isnan(self._left_s):
             self._left_s, self._left_speed = now, abs(seen.velocity)
         still = self._complete(seen) and self._witness(seen).stands(now, seen.velocity)
-        self._still = self._still + 1 if still else 0
+        self._still = self._still + 1 if still else max(self._still - STILL_LOST, 0)
         # Without power it moves as the load or a hand will.
         calm = still or seen.state in UNPOWERED or self._stops(now, seen)
         if calm or not self._resists(seen):
             self._moving = _counted(self._moving, against=not calm)
         if not self.proved:
-            if self._still >= self._needed and not self.runs_on:
-                self.proved, self._wrong, self._stood = True, 0.0, seen.position
+            if still and self._still >= self._needed and not self.runs_on:
+                self.proved, self._wrong = True, 0.0
+                self._stood, self._stood_s = seen.position, now
         elif self.runs_on or self._has_left(now, seen):
             # A hand that pushes what holds may make it swing anew.
-            self.proved = False
+            self.proved, self._still = False, 0
             self._needed = min(max(2 * self._needed, STILL_AGAIN), STILL_MOST)
             self._left_s, self._left_speed, self._least = now, abs(seen.velocity), math.inf
 
     def _has_left(self, now: float, seen: Seen) -> bool:
-        """True if a position is not that of a drive that stood: its link may fall to and fro in its
-        gap, its motor does not move."""
+        """True if it is not where it stood; its link may fall within its gap."""
         gone = abs(seen.position - self._stood) > LEEWAY * self._bounds.play + LEFT_RAD
-        return gone or self._witness(seen).motor_moves(now)
+        return gone or self._witness(seen).motor_moves(now, self._stood_s)
 
     def _stops(self, now: float, seen: Seen) -> bool:
         """True if it slows down along the ramp."""
@@ -265,23 +267,25 @@ class StopWatch:
             self._turned += self._speed * dt
             self._gone += self.speed * dt
             return
-        self._speed = seen.velocity
-        self._turned += seen.velocity * dt if abs(seen.velocity) >= MOVES else 0.0
-        power, travel = seen.current * seen.velocity, self._bounds.travel
+        self._speed, travel, power = (
+            seen.velocity,
+            self._bounds.travel,
+            seen.current * seen.velocity,
+        )
         self._driven -= math.copysign(min(abs(self._driven), travel / FORGETS_S * dt), self._driven)
-        if abs(power) > 0.0 and abs(seen.velocity) >= MOVES:  # nor NaN
-            self._driven = max(self._driven + math.copysign(self.speed * dt, power), -travel)
+        if abs(seen.velocity) >= MOVES:
+            self._turned += seen.velocity * dt
+            if abs(power) > 0.0:  # nor NaN
+                self._driven = max(self._driven + math.copysign(self.speed * dt, power), -travel)
         # A sensor that stands still proves nothing: the one that shows the most counts.
         gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
         self._gone = max(abs(each) for each in gone if not math.isnan(each))
 
     def _goes_further(self, seen: Seen | None) -> bool:
-        """True if it runs on beyond its travel, or goes as far to and fro or by and by with its own
-        power, for as many readings as a stage has ticks."""
+        """True if it went beyond its travel, running on or in all by its own power, for a stage."""
         if seen is not None:
-            travel = self._bounds.travel
-            beyond = self._driven > travel or (self.runs_on and self._gone > travel)
-            self._beyond = _counted(self._beyond, against=beyond)
+            gone = max(self._driven, self._gone if self.runs_on else 0.0)
+            self._beyond = _counted(self._beyond, against=gone > self._bounds.travel)
         return self._beyond >= self._bounds.ticks
 
     def _runs_out(self) -> bool:

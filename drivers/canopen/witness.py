@@ -140,9 +140,11 @@ class Witness:
             return self._rest(now, PAUSE_S)
         return speed < MOVES and self._follow and self._rest(now, STILL_S)
 
-    def motor_moves(self, now: float) -> bool:
-        """True if the motor's position goes on faster than that of one that stands."""
-        return not (self.motor.creeps or self.motor.rests(now, PAUSE_S))
+    def motor_moves(self, now: float, since: float) -> bool:
+        """True if the motor's position goes on faster than that of one that stands, and has done so
+        since the time `since` only."""
+        motor = self.motor
+        return motor.before_s >= since and not (motor.creeps or motor.rests(now, PAUSE_S))
 
     def _comes_down_suddenly(self, now: float, velocity: float) -> bool:
         """True if the velocity becomes a standstill with a deceleration that nothing explains."""
