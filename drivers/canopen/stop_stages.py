@@ -267,15 +267,11 @@ class StopWatch:
             self._turned += self._speed * dt
             self._gone += self.speed * dt
             return
-        self._speed, travel, power = (
-            seen.velocity,
-            self._bounds.travel,
-            seen.current * seen.velocity,
-        )
+        self._speed, travel = seen.velocity, self._bounds.travel
         self._driven -= math.copysign(min(abs(self._driven), travel / FORGETS_S * dt), self._driven)
         if abs(seen.velocity) >= MOVES:
             self._turned += seen.velocity * dt
-            if abs(power) > 0.0:  # nor NaN
+            if abs(power := seen.current * seen.velocity) > 0.0:  # nor NaN
                 self._driven = max(self._driven + math.copysign(self.speed * dt, power), -travel)
         # A sensor that stands still proves nothing: the one that shows the most counts.
         gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
