@@ -53,7 +53,7 @@ class AsyncConnection:
         """Send a request and wait for its answer, for `timeout_s` [s] at most. The connection is
         closed where none comes: a late one would be taken for the answer to the next request."""
         if self._socket.fileno() < 0:
-            raise UnreachableError("this connection is closed; connect again")
+            raise UnreachableError("the daemon has ended or was silent: connect again")
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(timeout_s):

@@ -44,7 +44,7 @@ class Connection:
         """Send a request and wait for its answer, for `timeout_s` [s] at most. The connection is
         closed where none comes."""
         if self._socket.fileno() < 0:
-            raise UnreachableError("this connection is closed; connect again")
+            raise UnreachableError("the daemon has ended or was silent: connect again")
         self._socket.settimeout(timeout_s)
         try:
             self._socket.send(request)
