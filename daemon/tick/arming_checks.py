@@ -162,10 +162,9 @@ class ArmingChecks:
             )
         for i in np.flatnonzero(estimate.thresholded == 0.0).tolist():
             if (for_s := time_s - self._touched_s[i]) < SENSES_S:
-                text = (
-                    f"residual of {self._joints[i]} is below its threshold for only {for_s:.2f} s"
-                )
-                yield _failed("residual", f"{text}, at least {SENSES_S:g} s required: ask again")
+                text = f"{self._joints[i]} has been below its threshold for only {for_s:.2f} s"
+                needed = f"at least {SENSES_S:g} s required: let go, and ask again"
+                yield _failed("residual", f"residual of {text}, {needed}")
         for i in np.flatnonzero(estimate.thresholded).tolist():
             on = samples.drives[i].condition is DriveCondition.OPERATING
             cause = "a touch, or a payload?" if on else "a brake that carries it, or a touch?"

@@ -224,7 +224,7 @@ class Controller:
         elif mode is Mode.TRACKING:
             motion.follow(motion.reference if event is Event.ARRIVED else observed.q)
         elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.LET_GO:
-            push = observed.pressed
+            push = observed.pressing
             motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))
         else:
             # At its end the arm stands where it was going.

@@ -58,7 +58,7 @@ class ControlInput:
         return self.thresholded if self.independent is None else beyond_stated(self.independent)
 
     @property
-    def pressed(self) -> Vector:
+    def pressing(self) -> Vector:
         """Residual (n,) [Nm] beyond the stated level that still presses a joint that lets go. It is
         the one with learned friction: without it a clamp seems looser than it is."""
         if self.independent is None:

@@ -76,7 +76,7 @@ class OwnEvents:
 
     def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
         release = self._motion.giving_way
-        q, push = observed.q, observed.pressed
+        q, push = observed.q, observed.pressing
         release.step(q, observed.motor_velocity, push, dt, sure=observed.sure)
         if not release.end:
             return None

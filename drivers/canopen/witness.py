@@ -141,8 +141,8 @@ class Witness:
         return speed < MOVES and self._follow and self._rest(now, STILL_S)
 
     def motor_moves(self, now: float, since: float) -> bool:
-        """True if the motor's position goes on faster than that of one that stands, and has done so
-        since the time `since` only."""
+        """True if the motor's position goes on faster than that of one that stands, by what it did
+        from the time `since` on."""
         motor = self.motor
         return motor.before_s >= since and not (motor.creeps or motor.rests(now, PAUSE_S))
 

@@ -18,7 +18,7 @@ BOUNDS = StopBounds(
 RUNS = Seen(ON, 1.0, 0.0, 0.0)
 
 
-def told(
+def commanded(
     speed: float = 0.0,
     stage: Stage = Stage.SETPOINT,
     position: float = 0.0,
@@ -59,7 +59,7 @@ class Course:
     cut: list[int] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.watch = told(1.0, self.stage, self.start, self.bounds)
+        self.watch = commanded(1.0, self.stage, self.start, self.bounds)
         position = self.start
         for k in range(1, self.ticks):
             velocity = self.velocity_at(k * T)

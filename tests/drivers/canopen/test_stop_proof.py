@@ -10,7 +10,17 @@ from hypothesis import strategies as st
 
 from drivers.canopen.cia402 import UNPOWERED, DriveState
 from drivers.canopen.stop_stages import OBEYING, Seen, Stage
-from tests.drivers.canopen.one_watch import BOUNDS, LIMP, ON, RUNS, STOPS, Course, T, readings, told
+from tests.drivers.canopen.one_watch import (
+    BOUNDS,
+    LIMP,
+    ON,
+    RUNS,
+    STOPS,
+    Course,
+    T,
+    commanded,
+    readings,
+)
 from tests.examples import scaled
 
 STANDS = Seen(STOPS, 0.0, 0.0, 0.0)
@@ -24,7 +34,7 @@ def hardly_brakes(t: float) -> float:
 
 @pytest.mark.parametrize("state", sorted(UNPOWERED))
 def test_without_power_it_stands_when_it_is_seen_to(state: DriveState) -> None:
-    watch = told()
+    watch = commanded()
     for k in (1, 2):
         assert watch.unproved
         assert watch.step(k * T, Seen(state, 0.0, 0.0, 0.0)) is None
@@ -50,7 +60,7 @@ def test_without_power_it_stands_when_it_is_seen_to(state: DriveState) -> None:
     ],
 )
 def test_what_proves_that_it_stands(seen: Seen | None, proved: bool) -> None:
-    watch = told()
+    watch = commanded()
     watch.step(T, seen)
     assert not watch.proved, "once is noise"
     watch.step(2 * T, seen)
@@ -58,7 +68,7 @@ def test_what_proves_that_it_stands(seen: Seen | None, proved: bool) -> None:
 
 
 def test_two_readings_in_a_row_are_a_proof_and_one_in_operation_between_them_is_not() -> None:
-    watch = told()
+    watch = commanded()
     for k, (seen, proved) in enumerate(
         [(STANDS, False), (CREEPS_ON, False), (STANDS, False), (STANDS, True)], 1
     ):
@@ -67,7 +77,7 @@ def test_two_readings_in_a_row_are_a_proof_and_one_in_operation_between_them_is_
 
 
 def test_a_velocity_with_a_bias_is_no_motion_where_the_position_stays() -> None:
-    watch = told()
+    watch = commanded()
     for k in range(1, 300):
         watch.step(k * T, Seen(STOPS, 0.03, 0.0, position=0.5 + 0.0001 * min(k, 30)))
         assert watch.proved is (k >= 1 + 20 + 1), "0.2 s, and once more"
@@ -76,7 +86,7 @@ def test_a_velocity_with_a_bias_is_no_motion_where_the_position_stays() -> None:
 
 @pytest.mark.parametrize("speed", [0.03, 0.5])
 def test_who_creeps_or_runs_is_not_still(speed: float) -> None:
-    watch = told(speed)
+    watch = commanded(speed)
     for k in range(1, 200):
         watch.step(k * T, Seen(STOPS, speed, 0.0, position=speed * k * T))
         assert not watch.proved
@@ -126,7 +136,7 @@ def test_twenty_readings_say_that_it_runs_on(velocity_at: Callable[[float], floa
 def test_readings_from_before_it_was_in_operation_again_do_not_count(
     velocity_at: Callable[[float], float], first: int
 ) -> None:
-    watch = told(1.0)
+    watch = commanded(1.0)
     for k in range(1, 50):
         seen = RUNS if k == 20 else Seen(STOPS, velocity_at(k * T), 0.0, k * T)
         watch.step(k * T, seen)
@@ -179,7 +189,7 @@ def test_a_link_that_swings_in_its_gap_has_a_second() -> None:
 
 
 def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> None:
-    watch = told()
+    watch = commanded()
     for k in (1, 2):
         watch.step(k * T, STANDS)
     assert watch.proved
@@ -200,7 +210,7 @@ def test_a_drive_that_stood_and_runs_on_by_itself_is_not_proved_any_more() -> No
 def test_no_proof_outlives_a_motion_that_any_sensor_shows(
     velocity_at: Callable[[float], float], seen_at: Callable[[float], float] | None, about: str
 ) -> None:
-    watch, position, held = told(), 0.0, 0
+    watch, position, held = commanded(), 0.0, 0
     for k in (1, 2):
         watch.step(k * T, STANDS)
     for k in range(3, 303):
@@ -214,7 +224,7 @@ def test_no_proof_outlives_a_motion_that_any_sensor_shows(
 
 def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
     """A hand that works at a joint as fast does not: see above."""
-    watch, position = told(0.6), 0.0
+    watch, position = commanded(0.6), 0.0
     for k in range(1, 100):
         velocity = 0.6 * math.sin(6.0 * math.pi * k * T)
         position += velocity * T
@@ -226,7 +236,7 @@ def test_a_drive_that_hunts_by_its_own_power_loses_it() -> None:
 def test_a_drive_that_brakes_while_it_swings_is_not_proved() -> None:
     """8 Hz within its gap, at its highest current in each turn, which is half of the readings."""
     bounds = replace(BOUNDS, play=0.05)
-    watch, position = told(bounds=bounds), 0.0
+    watch, position = commanded(bounds=bounds), 0.0
     for k in (1, 2):
         watch.step(k * T, STANDS)
     for k in range(3, 200):
@@ -243,7 +253,7 @@ def test_a_drive_that_brakes_while_it_swings_is_not_proved() -> None:
 def test_a_drive_that_slips_and_sticks_by_its_own_power_loses_it(
     speed: float, slips_s: float, every_s: float
 ) -> None:
-    watch, position, gone = told(), 0.0, 0.0
+    watch, position, gone = commanded(), 0.0, 0.0
     for k in range(1, 2000):
         velocity = speed if (k * T) % every_s < slips_s else 0.0
         position += velocity * T
@@ -262,7 +272,7 @@ def test_a_ripple_hides_nothing() -> None:
 @pytest.mark.parametrize(("alive", "proved"), [(False, False), (True, True)])
 def test_a_sudden_stop_is_one_only_if_a_sensor_changes_after_it(alive: bool, proved: bool) -> None:
     """From 0.4 rad/s to nothing within 10 ms, four times its ramp; its current is noise."""
-    watch = told(0.4)
+    watch = commanded(0.4)
     for k in range(1, 100):
         runs = k < 5
         position = 0.004 * min(k, 4) + (1e-6 if alive and k > 6 else 0.0)
@@ -271,7 +281,7 @@ def test_a_sudden_stop_is_one_only_if_a_sensor_changes_after_it(alive: bool, pro
 
 
 def test_what_was_proved_is_void_when_it_runs_again() -> None:
-    watch = told()
+    watch = commanded()
     for k in (1, 2):
         watch.step(k * T, STANDS)
     for k in range(3, 50):
@@ -283,7 +293,7 @@ def test_what_was_proved_is_void_when_it_runs_again() -> None:
 
 
 def test_what_was_proved_begins_with_nothing_against_it() -> None:
-    watch = told()
+    watch = commanded()
     for k in (1, 2):
         watch.step(k * T, CREEPS_ON)
     for k in (3, 4):
@@ -294,7 +304,7 @@ def test_what_was_proved_begins_with_nothing_against_it() -> None:
 
 
 def test_it_is_free_again_when_it_may_run() -> None:
-    watch = told(stage=Stage.NMT)
+    watch = commanded(stage=Stage.NMT)
     watch.allow()
     assert (watch.stage, watch.unproved, watch.proved) == (Stage.NONE, False, False)
 
@@ -304,7 +314,7 @@ def test_it_is_free_again_when_it_may_run() -> None:
 def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
     ticks: list[tuple[Seen | None, float]],
 ) -> None:
-    watch, now = told(), 0.0
+    watch, now = commanded(), 0.0
     for seen, dt in ticks:
         before, proved, now = watch.stage, watch.proved, now + dt
         watch.step(now, seen)

@@ -11,7 +11,7 @@ from drivers.canopen.cia402 import DriveState
 from drivers.canopen.drive import Drive
 from drivers.canopen.stop_stages import Seen, Stage, StopWatch
 from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
-from tests.drivers.canopen.one_watch import ON, RUNS, STOPS, T, readings, told
+from tests.drivers.canopen.one_watch import ON, RUNS, STOPS, T, commanded, readings
 from tests.examples import scaled
 
 
@@ -25,13 +25,13 @@ def stages(watch: StopWatch, seen: Seen | None, ticks: int) -> dict[int, Stage]:
 def test_without_a_proof_it_is_told_more_strongly_each_time(seen: Seen | None) -> None:
     # Slow enough for its travel to last: three ticks, then six, then nine.
     slow = seen and Seen(seen.state, 0.1, 0.0, 0.0)
-    assert stages(told(0.1), slow, 30) == {3: Stage.SDO, 9: Stage.NMT, 18: Stage.SILENCE}
+    assert stages(commanded(0.1), slow, 30) == {3: Stage.SDO, 9: Stage.NMT, 18: Stage.SILENCE}
 
 
 @pytest.mark.parametrize("start", [None, 0.0, 0.7, -0.7])
 def test_at_full_speed_silence_comes_while_the_travel_still_suffices(start: float | None) -> None:
     """0.24 rad, less 0.1 for the drives' patience and 0.05 of braking, at 1 rad/s."""
-    watch = told(1.0, position=start or 0.0)
+    watch = commanded(1.0, position=start or 0.0)
     found = {}
     for k in range(30):
         here = None if start is None else Seen(ON, 1.0, 0.0, position=start + k * T)
@@ -41,7 +41,7 @@ def test_at_full_speed_silence_comes_while_the_travel_still_suffices(start: floa
 
 
 def test_the_first_stage_has_its_ticks_however_fast_it_is() -> None:
-    begun = stages(told(3.0), None, 10)
+    begun = stages(commanded(3.0), None, 10)
     assert begun == {3: Stage.SDO, 4: Stage.NMT, 5: Stage.SILENCE}
 
 
@@ -57,7 +57,7 @@ def test_the_first_stage_has_its_ticks_however_fast_it_is() -> None:
 def test_how_fast_it_is_counts_as_last_seen(
     was: float, seen: Seen | None, begun: dict[int, Stage]
 ) -> None:
-    assert stages(told(was, Stage.SDO), seen, 30) == begun
+    assert stages(commanded(was, Stage.SDO), seen, 30) == begun
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_how_fast_it_is_counts_as_last_seen(
 def test_unheard_it_brakes_with_half_its_ramp_for_as_long_as_it_was_seen_to(
     speed: float, begun: dict[int, Stage]
 ) -> None:
-    watch = told(speed, Stage.SDO)
+    watch = commanded(speed, Stage.SDO)
     watch.step(T, Seen(STOPS, speed))
     found = {k: watch.step(k * T, None) for k in range(2, 30)}
     assert {k: stage for k, stage in found.items() if stage} == begun
@@ -78,7 +78,7 @@ def test_unheard_it_brakes_with_half_its_ramp_for_as_long_as_it_was_seen_to(
 
 def test_samples_lost_in_a_burst_are_no_doubt_of_a_drive_that_was_seen_to_brake() -> None:
     for burst in (5, 8, 10):
-        watch = told(1.0)
+        watch = commanded(1.0)
         watch.step(T, RUNS)
         for k in range(2, 5):
             watch.step(k * T, Seen(STOPS, 1.0 - 10.0 * (k - 1) * T, 0.0, k * T))
@@ -87,7 +87,7 @@ def test_samples_lost_in_a_burst_are_no_doubt_of_a_drive_that_was_seen_to_brake(
 
 
 def test_a_reading_holds_for_ten_ticks() -> None:
-    watch = told(0.05)
+    watch = commanded(0.05)
     assert watch.step(T, Seen(STOPS, 0.05)) is None
     silent = {k: stage for k in range(2, 20) if (stage := watch.step(k * T, None))}
     assert min(silent) == 1 + 10 + 3
@@ -100,7 +100,7 @@ def test_one_good_tick_takes_one_bad_tick_away_and_no_more(
     pattern: str, begins: int | None
 ) -> None:
     wrong, right = Seen(ON, 0.0, 0.0, 0.0), Seen(STOPS, 0.05, 0.0, 0.0)
-    watch = told(0.05)
+    watch = commanded(0.05)
     begun = [
         k
         for k in range(1, 60)
@@ -110,7 +110,7 @@ def test_one_good_tick_takes_one_bad_tick_away_and_no_more(
 
 
 def test_a_late_tick_is_no_more_than_two_bad_ones() -> None:
-    watch = told()
+    watch = commanded()
     assert watch.step(0.5, None) is None
     assert watch.step(0.51, None) is Stage.SDO
 
@@ -118,7 +118,7 @@ def test_a_late_tick_is_no_more_than_two_bad_ones() -> None:
 @settings(max_examples=scaled(100))
 @given(speed=st.floats(0.0, 1.0), seen=readings([ON]))
 def test_a_drive_that_never_obeys_ends_in_silence_in_time(speed: float, seen: Seen | None) -> None:
-    watch = told(speed)
+    watch = commanded(speed)
     begun = stages(watch, seen, 18)
     assert watch.stage is Stage.SILENCE, begun
 

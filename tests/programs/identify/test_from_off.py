@@ -128,7 +128,7 @@ def test_a_person_is_asked_before_an_enabled_arm_moves(monkeypatch: pytest.Monke
         assert may_move(load_robot(ROMEO), off=False) is may
 
 
-def test_drives_that_somebody_enabled_move_after_a_yes_and_stay_on(
+def test_drives_that_were_enabled_move_after_a_yes_and_stay_on(
     arm: CommissionedArm, served: ServedDaemon
 ) -> None:
     served.rig.enable()
