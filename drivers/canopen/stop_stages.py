@@ -18,7 +18,8 @@ from enum import IntEnum
 from typing import Final
 
 from drivers.canopen.cia402 import UNPOWERED, DriveState
-from drivers.canopen.witness import MOVES, STANDS, Witness
+from drivers.canopen.stop_distance import Distance
+from drivers.canopen.witness import STANDS, Witness
 
 #: Readings, less so many for each other one, so that noise proves nothing.
 STILL_READINGS: Final = 2
@@ -48,8 +49,6 @@ VOID_READINGS: Final = 20
 #: At most so many count, and one that is not contrary takes a share away: slips are short.
 MOST_READINGS: Final = 25.0
 CALM_SHARE: Final = 0.25
-#: Time in which its travel by its own power is forgotten, were it the whole of it [s].
-FORGETS_S: Final = 60.0
 #: A link is no longer where it stood from so far beyond its gap on [rad], identified to so much.
 LEFT_RAD: Final = 0.02
 LEEWAY: Final = 1.5
@@ -110,11 +109,7 @@ class StopWatch:
     """Its quick stop does not stop it within its travel: it is to be without power."""
     _wrong: float  # ticks without obedience, less those with
     _now_s: float
-    _from: tuple[float, float]  # positions of link and motor at the command to stop [rad]
-    _turned: float  # integral of its velocity since, as far as it is more than bias [rad]
-    _gone: float  # travel since [rad]
-    _driven: float  # path since by its own power, less that against it [rad]
-    _speed: float  # velocity that was last known [rad/s]
+    _resisting: bool  # it brakes as it can, and does not slow down
     _obeyed_s: float  # when it was last seen to
     _left_s: float  # when it was seen to have left operation
     _left_speed: float  # its speed then [rad/s]
@@ -129,6 +124,7 @@ class StopWatch:
 
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
+        self._distance = Distance(bounds.travel)
         self.witness = Witness(SUDDEN_SHARE * bounds.deceleration)
         """Witness of its samples, while it runs, too."""
         self.begin(math.nan, Stage.NONE, math.nan)
@@ -141,7 +137,7 @@ class StopWatch:
     @property
     def speed(self) -> float:
         """The last that is known [rad/s]."""
-        return abs(self._speed)
+        return self._distance.speed
 
     @property
     def runs_on(self) -> bool:
@@ -153,9 +149,8 @@ class StopWatch:
         last samples. Earlier proof is void."""
         self.stage, self.proved, self.cut = stage, False, False
         self._wrong, self._now_s = 0.0, now
-        self._from = self.witness.link.value, self.witness.motor.value
-        self._turned = self._gone = self._driven = 0.0
-        self._speed = 0.0 if math.isnan(speed) else speed
+        self._distance.begin(self.witness.link.value, self.witness.motor.value, speed)
+        self._resisting = False
         self._left_s, self._obeyed_s, self._least = math.nan, -math.inf, math.inf
         self._stood = self._stood_s = math.nan
         self._still, self._moving, self._beyond = 0, 0.0, 0.0
@@ -222,7 +217,8 @@ class StopWatch:
         self._still = self._still + 1 if still else max(self._still - STILL_LOST, 0)
         # Without power it moves as the load or a hand will.
         calm = still or seen.state in UNPOWERED or self._stops(now, seen)
-        if calm or not self._resists(seen):
+        self._resisting = not calm and self._resists(seen)
+        if not self._resisting:
             self._moving = _counted(self._moving, against=not calm)
         if not self.proved:
             if still and self._still >= self._needed and not self.runs_on:
@@ -258,29 +254,22 @@ class StopWatch:
     # --- how far it goes ---------------------------------------------------------------------
 
     def _follow(self, seen: Seen | None, dt: float) -> None:
-        """Track the distance travelled: by the sensor that shows the most motion; without one, by
-        the last known speed, reduced along the ramp if the drive was seen to obey it."""
+        """Track the distance travelled: by its sensors; without them, by the last known speed,
+        reduced along the ramp if the drive was seen to obey it."""
         if seen is None or math.isnan(seen.velocity):
-            if self._lately_obeyed(self._now_s):
-                slowed = self.speed - RAMP_SHARE * self._bounds.deceleration * dt
-                self._speed = math.copysign(max(slowed, 0.0), self._speed)
-            self._turned += self._speed * dt
-            self._gone += self.speed * dt
+            braking = RAMP_SHARE * self._bounds.deceleration
+            self._distance.coast(dt, braking if self._lately_obeyed(self._now_s) else 0.0)
             return
-        self._speed, travel = seen.velocity, self._bounds.travel
-        self._driven -= math.copysign(min(abs(self._driven), travel / FORGETS_S * dt), self._driven)
-        if abs(seen.velocity) >= MOVES:
-            self._turned += seen.velocity * dt
-            if abs(power := seen.current * seen.velocity) > 0.0:  # nor NaN
-                self._driven = max(self._driven + math.copysign(self.speed * dt, power), -travel)
-        # A sensor that stands still proves nothing: the one that shows the most counts.
-        gone = (seen.position - self._from[0], seen.motor - self._from[1], self._turned)
-        self._gone = max(abs(each) for each in gone if not math.isnan(each))
+        positions = seen.position, seen.motor
+        self._distance.take(dt, seen.velocity, seen.current, positions, resists=self._resisting)
 
     def _goes_further(self, seen: Seen | None) -> bool:
         """True if it went beyond its travel, running on or in all by its own power, for a stage."""
         if seen is not None:
-            gone = max(self._driven, self._gone if self.runs_on else 0.0)
+            # Without power a drive that is pushed would go further.
+            distance = self._distance
+            runs_on = self.runs_on and not distance.pushed
+            gone = max(distance.driven, distance.gone if runs_on else 0.0)
             self._beyond = _counted(self._beyond, against=gone > self._bounds.travel)
         return self._beyond >= self._bounds.ticks
 
@@ -292,7 +281,7 @@ class StopWatch:
         left_s = bounds.patience_s
         if self.stage is Stage.SDO:
             left_s += bounds.ticks * bounds.period_s
-        gone = self._gone + v * left_s + v * v / (2.0 * bounds.deceleration)
+        gone = self._distance.gone + v * left_s + v * v / (2.0 * bounds.deceleration)
         return gone > bounds.travel * (1.0 - ROUNDING)
 
 

@@ -283,3 +283,24 @@ def test_a_hand_that_pushes_what_its_drives_hold_is_no_fault(push: float) -> Non
         rig.run(1.0)
         assert rig.mode is Mode.OFF
         assert rig.last.unproved == ()
+
+
+@pytest.mark.parametrize(("out_s", "back_s"), [(0.3, 2.0), (0.8, 0.5)])
+def test_a_person_who_pushes_a_joint_beyond_its_travel_takes_no_power(
+    out_s: float, back_s: float
+) -> None:
+    """A spring of 60 Nm/rad, 0.9 rad out and back: the drive gives all it can, and springs back."""
+    with lockstep_rig(ROMEO) as rig:
+        rig.enable()
+        rig.tick.controller.mend(Event.FAULT, "the test", rig.time_s)
+        rig.run(1.0)
+        assert rig.last.unproved == ()
+        begin_s, begin, most = rig.time_s, rig.arm.plant.q[0], 0.0
+        while (t := rig.time_s - begin_s) < out_s + back_s:
+            gone = rig.arm.plant.q[0] - begin
+            hand = 0.9 * min(t / out_s, 1.0, (out_s + back_s - t) / back_s)
+            rig.arm.external_torque[0] = 60.0 * (hand - gone)
+            rig.step()
+            most = max(most, abs(gone))
+        assert most > 0.5, "of the 0.24 rad of its travel"
+        assert rig.arm.servo.energised(0)
