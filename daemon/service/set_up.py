@@ -59,7 +59,10 @@ class SetUp:
         if drives.left_alone or not (unproved := drives.unproved()):
             return []
         # Soon they stand, or nothing is sent to them any more.
-        return [f"not seen to stand yet: {', '.join(unproved)}; try again"]
+        return [
+            f"not seen to stand yet: {', '.join(unproved)}; try again, and if it stands, "
+            "move its link a little by hand first: a sensor that never changes proves nothing"
+        ]
 
     def prove(self) -> list[str]:
         """Verify all drives, and set up again those that need it; returns the reasons of a

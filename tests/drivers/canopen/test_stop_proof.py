@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.canopen.cia402 import UNPOWERED, DriveState
-from drivers.canopen.stop_stages import OBEYING, Seen, Stage
+from drivers.canopen.stop_stages import OBEYING, Seen, Stage, StopWatch
 from tests.drivers.canopen.one_watch import (
     BOUNDS,
     LIMP,
@@ -325,3 +325,16 @@ def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
             assert seen is not None
         elif not (proved or watch.proved):
             assert watch.stage >= before
+
+
+def test_a_drive_that_pressed_on_a_wall_is_proved_once_its_link_was_moved_by_hand() -> None:
+    """It was commanded to move and could not: a coarse encoder that stayed may be a dead one."""
+    watch = StopWatch(BOUNDS)
+    for k in range(50):
+        watch.witness.command(k * T, 0.3)
+        watch.witness.take(k * T, 0.0, 1.0 + 1e-3 * (k % 7), 0.2)
+    watch.begin(50 * T, Stage.SETPOINT, 0.0)
+    for k in range(51, 400):
+        link = 0.2 if k < 300 else 0.203
+        watch.step(k * T, Seen(STOPS, 0.0, 0.5 + 1e-3 * (k % 7), link))
+        assert watch.proved is (k >= 300 + 1), k
