@@ -6,7 +6,7 @@ from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.modes.contact_reactions import AfterQuiet, Reactions
 from daemon.motion.admittance import AllowanceSettings
-from daemon.motion.hand_witness import IndependentResidual, beyond_stated
+from daemon.motion.hand_witness import IndependentResidual, agreed, beyond_stated
 from drivers.api import DriveCondition, DriveStatus, PowerTarget
 from estimator.contact import dead_band
 
@@ -59,11 +59,13 @@ class ControlInput:
 
     @property
     def pressing(self) -> Vector:
-        """Residual (n,) [Nm] beyond the stated level that still presses a joint that lets go. It is
-        the one with learned friction: without it a clamp seems looser than it is."""
+        """Residual (n,) [Nm] beyond the stated level that still presses a joint that lets go, with
+        learned friction, as without it a clamp seems looser than it is; none that is due to
+        learning alone."""
         if self.independent is None:
             return self.thresholded
-        return dead_band(self.residual, self.independent.stated)
+        pressing = dead_band(self.residual, self.independent.stated)
+        return agreed(pressing, self.independent.agreed)
 
 
 @dataclass(frozen=True, slots=True)
