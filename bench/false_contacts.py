@@ -63,6 +63,7 @@ class Job:
     changes: Mapping[str, Any]
     """of the configured EstimatorSettings"""
     gears: Gears = "modelled"
+    load_known: float | None = None  # to so much, of friction per transmitted torque
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +90,8 @@ class Tally:
 def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
     """Simulate and judge one arm; the names are those of the residuals."""
     robot = load_robot(job.robot)
+    if job.load_known is not None:
+        robot = world.load_known(robot, world.gear_settings(job.gears, job.seed), job.load_known)
     c = robot.configuration
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     course, kinds = courses.day(c, job.seed, job.seconds)
@@ -191,6 +194,7 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
 @click.option("--residual", default="backlash", type=click.Choice(get_args(Kind)))
 @click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
 @click.option("--gears", default="modelled", show_default=True, type=click.Choice(GEARS))
+@click.option("--load-known", type=Range(0, 0.1), help="How far `friction.load` may be off.")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
@@ -203,6 +207,7 @@ def main(
     residual: Kind,
     stiction_share: float | None,
     gears: Gears,
+    load_known: float | None,
     as_json: bool,
 ) -> None:
     changes: dict[str, Any] = {"motor_position": motor_position, "learning": learning}
@@ -215,7 +220,7 @@ def main(
     laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     todo = [
-        Job(ROMEO, law, arm, 60.0 * minutes, changes, gears)
+        Job(ROMEO, law, arm, 60.0 * minutes, changes, gears, load_known)
         for arm in range(seed, seed + arms)
         for law in laws
     ]
@@ -234,6 +239,7 @@ def main(
         "residual": residual,
         "learning": learning,
         "gears": gears,
+        "load_known": load_known,
         "motor_position": motor_position,
         "residuals": names,
         "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,

@@ -33,7 +33,7 @@ from drivers.api import Drives
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
-from estimator.transmission import Transmission, stiction_range
+from estimator.transmission import Transmission, load_range, stiction_range
 
 # Share of the permitted deviation of drives from their setpoints that a release uses.
 AHEAD_SHARE = 0.75
@@ -122,6 +122,8 @@ def build_transmission(c: Configuration) -> Transmission:
         gap_viscous=row(c, lambda j: j.friction.gap_viscous),
         least_stiction=row(c, lambda j: stiction_range(j.friction.stiction)[0]),
         most_stiction=row(c, lambda j: stiction_range(j.friction.stiction)[1]),
+        load_friction=row(c, lambda j: load_range(j.friction.load)[0]),
+        load_friction_error=row(c, lambda j: load_range(j.friction.load)[1]),
         contact_stiffness=row(c, lambda j: j.gap_spring.stiffness),
         contact_damping=row(c, lambda j: j.gap_spring.damping),
         sign_width=c.estimator.sign_width,

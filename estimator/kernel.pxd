@@ -38,7 +38,7 @@ cdef class Kernel:
     cdef double _period, _per_width
     cdef bint _measured
     cdef double[::1] _K_c, _B, _alpha, _coulomb, _motor_coulomb, _motor_viscous, _link_coulomb
-    cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _K_phi_p, _K_phi_d
+    cdef double[::1] _link_viscous, _gap_coulomb, _gap_viscous, _K_phi_p, _K_phi_d, _load
     cdef readonly long long[::1] came, going
     cdef readonly unsigned char[::1] sensing
     cdef readonly double[::1] since, q, q_dot, tau_M, transmitted, threshold
@@ -90,7 +90,7 @@ cdef class Kernel:
     cdef double _lowered_share(self, Py_ssize_t i) noexcept
     @cython.locals(doubt=double, doubted=double)
     cdef double _unknown(self, Py_ssize_t i) noexcept
-    @cython.locals(learning=double)
+    @cython.locals(own=double, share=double)
     cdef double _load_friction(self, Py_ssize_t i) noexcept
     cdef void _put_in_force(
         self, Py_ssize_t i, double unsure, double speed, double dt
@@ -99,15 +99,18 @@ cdef class Kernel:
         self, Py_ssize_t i, double q_dot, double theta_dot, double theta, double tau_M,
         double turned
     ) noexcept
-    @cython.locals(touched=bint, rubs=double, transmitted=double)
+    @cython.locals(touched=bint, rubs=double, transmitted=double, slides=double, load=double)
     cdef void _balance(
         self, Py_ssize_t i, double dt, double q, double q_dot, double theta_dot, double rest,
         double tau_M
     ) noexcept
     @cython.locals(doubt=double, share=double, crossing=double)
     cdef void _apply(self, Py_ssize_t i) noexcept
-    @cython.locals(speed=double, usual=double, doubt=double, moving=bint)
+    @cython.locals(
+        coulomb=double, viscous=double, some=double, speed=double, usual=double, doubt=double,
+        moving=bint
+    )
     cdef void _learn(
-        self, Py_ssize_t i, double dt, double theta_dot, double transmitted, bint acts
+        self, Py_ssize_t i, double dt, double theta_dot, double load, bint acts
     ) noexcept
     cdef void _show(self, Py_ssize_t i) noexcept

@@ -67,7 +67,8 @@ class Kernel:
         self.residual = Residual((s.residual, *s.beside), s.gain, period_s, n)
         self.levels = Levels(t, thresholds, s)
         self.detector = ContactDetector(t.joints, self.levels, s.debounce)
-        self.learning, self.doubt = Learning(thresholds, period_s), Doubt(n)
+        self.learning = Learning(thresholds, t.load_friction, t.load_friction_error)
+        self.doubt = Doubt(n)
         self.learns = s.learning
         self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
         self._always_acts = s.residual.kind != "backlash"
@@ -80,6 +81,7 @@ class Kernel:
         self._alpha, self._coulomb = t.half_gap.copy(), t.engaged_coulomb.copy()
         self._motor_coulomb, self._motor_viscous = t.motor_coulomb.copy(), t.motor_viscous.copy()
         self._link_coulomb, self._link_viscous = t.link_coulomb.copy(), t.link_viscous.copy()
+        self._load = t.load_friction.copy()
         self._gap_coulomb, self._gap_viscous = t.gap_coulomb.copy(), t.gap_viscous.copy()
         self._K_phi_p, self._K_phi_d = t.contact_stiffness.copy(), t.contact_damping.copy()
 
@@ -325,7 +327,7 @@ class Kernel:
         side = position.side[i]
         self._at_an_instant(i, q_dot, theta_dot, theta, tau_M, turned)
         self.tau_M[i] = tau_M
-        load = self._load_friction(i) if self.learns else 0.0
+        load = self._load_friction(i)
         levels.rub(i, rest, self.stiction.unknown[i], position.friction[i], load)
         if gap > 0.0:
             self._balance(i, gap, q, q_dot, theta_dot, rest, tau_M)
@@ -402,7 +404,8 @@ class Kernel:
         """Friction that is known to come with what the gear of joint i transmits [Nm], at most:
         near rest its own friction may hold a part of the motor's torque."""
         own = self._coulomb[i] * self.motor_position.friction[i]
-        return float(self.learning.load(i) * (abs(self.tau_M[i]) + own))
+        share = self._load[i] + self.learning.load(i)
+        return float(share * (abs(self.tau_M[i]) + own))
 
     def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
         """Levels of joint i, over dt [s]."""
@@ -444,6 +447,9 @@ class Kernel:
         touched = self.motor_position.step(
             i, dt, q, q_dot, theta_dot, rest, tau_M, advance, x[_ROTOR] / dt, transmitted
         )
+        slides = smooth_sign(theta_dot * self._per_width) + self.stiction.held[i]
+        load = dt * abs(transmitted) * slides
+        x[_MOTOR_FRICTION] += self._load[i] * load
         # (5): what a fit adds to tau_M while engaged, over the penetration delta.
         phi = q - self.motor_position.theta[i]
         delta = phi - min(max(phi, -self._alpha[i]), self._alpha[i])
@@ -451,18 +457,19 @@ class Kernel:
         self.residual.step(i, x, dt * spring, touched, dt)
         self.levels.integrate(i, dt, self.residual.pole, self.residual.share)
         if self.learns:
-            self._learn(i, dt, theta_dot, transmitted, touched or self._always_acts)
+            self._learn(i, dt, theta_dot, load, touched or self._always_acts)
 
-    def _learn(self, i: int, dt: float, theta_dot: float, transmitted: float, acts: bool) -> None:
-        """Correct the residual of joint i by what was learned of friction, and learn;
-        acts: they did on the link."""
+    def _learn(self, i: int, dt: float, theta_dot: float, load: float, acts: bool) -> None:
+        """Correct the residual of joint i by what was learned of friction, and learn; load: impulse
+        of what its gear transmits, by the sign of its motion; acts: they did on the link."""
         x, learning, residual = self.interval.impulse, self.learning, self.residual
         viscous = (self._motor_viscous[i] + self._link_viscous[i]) * x[_THETA_DOT]
-        coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION] - viscous
+        coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION]
+        coulomb -= viscous + self._load[i] * load
         some = 1.0 if acts else 0.0
-        slides = smooth_sign(theta_dot * self._per_width) + self.stiction.held[i]
-        load = some * dt * abs(transmitted) * slides
-        learning.step(i, some * coulomb, some * viscous, load, dt, residual.pole, residual.share)
+        learning.step(
+            i, some * coulomb, some * viscous, some * load, dt, residual.pole, residual.share
+        )
         residual.correct(i, learning.correction[i])
         levels, speed = self.levels, abs(theta_dot)
         usual = levels.usual(i, speed)

@@ -7,12 +7,12 @@ cdef extern from "math.h":
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _LOAD, _COLUMNS
 cdef double _STANDS_S, _RESTS_S, _RESTING
-cdef double _NOISE, _NOISE_S, _OFF, _LOAD_MAY_BE, _LOAD_OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
+cdef double _NOISE, _NOISE_S, _OFF, _LOAD_OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
 cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _GROWS, _LARGEST, _LEANS_S, _DOUBTED, _RELEARNS, _SETTLES_S, _PASSES_S
 
 cdef class Learning:
-    cdef double[:, ::1] _variance
-    cdef double[::1] _noise, _lowest, _highest, _forgets_s, _x, _least
+    cdef double[:, ::1] _variance, _lowest, _highest
+    cdef double[::1] _noise, _forgets_s, _x, _least, _load_may_be, _load_error
     cdef readonly double[:, :, ::1] covariance
     cdef readonly double[:, ::1] columns, shares
     cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
@@ -26,7 +26,7 @@ cdef class Learning:
     cpdef double friction(self, Py_ssize_t i) noexcept
     cpdef double load(self, Py_ssize_t i) noexcept
     cpdef double error(self, Py_ssize_t i) noexcept
-    @cython.locals(of_load=double, own=double)
+    @cython.locals(learned=double, of_load=double, own=double)
     cpdef double unknown_at(
         self, Py_ssize_t i, double coulomb, double viscous, double load
     ) noexcept

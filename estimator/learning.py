@@ -42,9 +42,9 @@ _MOST, _LEAST = (1e9, 0.7, 0.7, 0.0), (-1e9, -1.2, -1.2, -0.5)
 # Share by which friction that was identified may be off before anything is learned, and that which
 # remains however much was: it depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
-# Friction per transmitted torque that may be there where learning is in doubt; and share of the
-# learned one that may be off.
-_LOAD_MAY_BE, _LOAD_OFF = 0.2, 0.3
+# Standard deviations of friction per transmitted torque that may be there where learning is in
+# doubt; and share of the learned one that may be off.
+_LOAD_SPREADS, _LOAD_OFF = 2.0, 0.3
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
 # expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
 # another, up to _THAWS of it teach.
@@ -76,16 +76,27 @@ _LARGEST = 10.0
 class Learning:
     """Shares of an arm's joints; `correction` and `unknown` (n,) [Nm]."""
 
-    def __init__(self, thresholds: Thresholds, period_s: float) -> None:
-        """thresholds: the configured contact levels, and what of each must be left."""
+    def __init__(
+        self, thresholds: Thresholds, load_friction: Vector, load_friction_error: Vector
+    ) -> None:
+        """thresholds: the configured contact levels, and what of each must be left; load_friction,
+        load_friction_error (n,): see `Transmission`."""
         contact = thresholds.contact
         n = len(contact)
         self._least: Vector = thresholds.least_share.copy()
         spread = np.repeat(_SPREAD, n).reshape(_COLUMNS, n)
         spread[_CONSTANT] *= contact
+        known = load_friction_error > 0.0
+        spread[_LOAD, known] = load_friction_error[known]
+        # Friction per transmitted torque that may be there where learning is in doubt.
+        self._load_may_be: Vector = _LOAD_SPREADS * spread[_LOAD]
+        self._load_error: Vector = load_friction_error.copy()
         self._variance = spread**2  # (columns, n)
         self._noise = (_NOISE * contact) ** 2 * _NOISE_S
-        self._lowest, self._highest = np.array(_LEAST), np.array(_MOST)
+        self._lowest = np.repeat(_LEAST, n).reshape(_COLUMNS, n)
+        self._highest = np.repeat(_MOST, n).reshape(_COLUMNS, n)
+        self._lowest[_LOAD] += load_friction
+        self._highest[_LOAD] += load_friction
         self._forgets_s = np.array(_FORGETS_S)
         # Of what each joint's residual is made of now, filtered; and what is known of it.
         self.columns, self.shares = np.zeros((2, n, _COLUMNS))
@@ -131,7 +142,7 @@ class Learning:
         return 1.0 - float(self.shares[i, _COULOMB])
 
     def load(self, i: int) -> float:
-        """Friction of joint i per torque that its gear transmits."""
+        """Friction of joint i per torque that its gear transmits, beyond the identified one."""
         return -float(self.shares[i, _LOAD])
 
     def error(self, i: int) -> float:
@@ -140,13 +151,14 @@ class Learning:
 
     def unknown_at(self, i: int, coulomb: float, viscous: float, load: float) -> float:
         """Uncertainty of such friction of joint i [Nm]; load: torque that its gear transmits."""
-        of_load = _LOAD_OFF * abs(self.shares[i, _LOAD])
+        learned = _LOAD_OFF * abs(self.shares[i, _LOAD])
+        of_load = max(learned, self._load_error[i] * self._left(i, _LOAD))
         own = self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb)
         return float(_OFF * own + of_load * abs(load))
 
     def doubted_at(self, i: int, doubt: float) -> float:
         """Uncertainty of the present friction of joint i at a doubt of 0 to 1 in learning [Nm]."""
-        load = _LOAD_MAY_BE * abs(self.columns[i, _LOAD])
+        load = self._load_may_be[i] * abs(self.columns[i, _LOAD])
         return float(doubt * (_OFF * self.identified(i) + load))
 
     def stood(self, i: int) -> bool:
@@ -311,7 +323,7 @@ class Learning:
         for k in range(_COLUMNS):
             gain_k = self._x[k] / variance if known or k == _CONSTANT else 0.0
             self.shares[i, k] = min(
-                max(self.shares[i, k] + gain_k * error, self._lowest[k]), self._highest[k]
+                max(self.shares[i, k] + gain_k * error, self._lowest[k, i]), self._highest[k, i]
             )
             for m in range(_COLUMNS):
                 gain_m = self._x[m] / variance if known or m == _CONSTANT else 0.0

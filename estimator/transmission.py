@@ -22,8 +22,11 @@ LINK_REST = 0.01
 STICTION_ERROR = 0.3
 """Error of an identified share of stiction."""
 
+LEAST_LOAD_ERROR = 0.005
+"""Error of friction per transmitted torque that always remains."""
+
 _SCALARS = ("joints", "sign_width")
-_SHARES = ("least_stiction", "most_stiction")
+_SHARES = ("least_stiction", "most_stiction", "load_friction", "load_friction_error")
 _SIGNED = ("contact_stiffness", "contact_damping")
 
 
@@ -61,6 +64,10 @@ class Transmission:
     as most_stiction"""
     most_stiction: Vector = field(default_factory=lambda: np.array(1.0))
     """the same at most"""
+    load_friction: Vector = field(default_factory=lambda: np.array(0.0))
+    """Coulomb friction per torque that the gear transmits; 0 ... 1"""
+    load_friction_error: Vector = field(default_factory=lambda: np.array(0.0))
+    """how far that may be off; 0 where it was not identified"""
     contact_stiffness: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_p [Nm/rad]: a fit's correction on top of tau_M, not the gear's stiffness; any sign"""
     contact_damping: Vector = field(default_factory=lambda: np.array(0.0))
@@ -132,6 +139,15 @@ def stiction_range(share: float | None) -> tuple[float, float]:
     if share is None:
         return 0.0, 1.0
     return max(share - STICTION_ERROR, 0.0), min(2.0 * share + STICTION_ERROR, 1.0)
+
+
+def load_range(interval: tuple[float, float] | None) -> tuple[float, float]:
+    """Friction per transmitted torque, and its error, of a joint whose interval was identified, or,
+    with None, was not."""
+    if interval is None:
+        return 0.0, 0.0
+    least, most = interval
+    return 0.5 * (least + most), max(0.5 * (most - least), LEAST_LOAD_ERROR)
 
 
 def smooth_sign(velocity: Vector, width: float) -> Vector:

@@ -16,6 +16,9 @@ _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
 _CONSTANT_OFF = 0.015
 """Least share by which a torque constant is believed to be off."""
+_LOAD_OFF = 0.06
+"""Least share by which friction per transmitted torque is believed to be off: gears differ for
+driving and being driven, and what the link alone rubs is not known apart."""
 _NEAR_REST = 0.002
 """Share of Coulomb friction that may seem to depend on speed, as it is lower near rest."""
 
@@ -48,6 +51,8 @@ def with_what_is_believed(
             if name in errors:
                 parts = (errors[name], off * bias[k], constant_off * fit.values[name])
                 errors[name] = float(np.linalg.norm(parts))
+        if "K_load" in errors:
+            errors["K_load"] = float(np.hypot(errors["K_load"], _LOAD_OFF * fit.values["K_load"]))
         if "K_theta_v" in errors:
             speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
             near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estimator.transmission import Transmission, stiction_range
+from estimator.transmission import Transmission, load_range, stiction_range
 from identification.friction_verdict import Verdict
 from identification.sticking import SURE
 
@@ -60,6 +60,15 @@ class FrictionFit:
         return self.stiction_error < SURE
 
     @property
+    def load(self) -> tuple[float, float] | None:
+        """95 % interval of the Coulomb friction per torque that the gear transmits; None where it
+        did not show."""
+        if "K_load" not in self.values:
+            return None
+        share, off = self.values["K_load"], _95 * self.errors["K_load"]
+        return max(share - off, 0.0), min(share + off, 0.5)
+
+    @property
     def unsure(self) -> float:
         """Width of the 95 % interval of the friction over it, the wider of Coulomb and viscous."""
         return self.unsure_after(self.seconds)
@@ -99,6 +108,7 @@ class FrictionFit:
 _ADOPTED = (
     *("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous"),
     *("gap_coulomb", "gap_viscous", "least_stiction", "most_stiction"),
+    *("load_friction", "load_friction_error"),
     *("rotor_inertia", "contact_stiffness", "contact_damping"),
 )
 
@@ -125,6 +135,8 @@ def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
         if fit.stiction_known:
             least, most = stiction_range(fit.stiction)
             new["least_stiction"][i], new["most_stiction"][i] = least, most
+        # Without it, its mean is in the Coulomb friction.
+        new["load_friction"][i], new["load_friction_error"][i] = load_range(fit.load)
         if fit.rotor_trusted:
             new["rotor_inertia"][i] = v["B"]
         new["contact_stiffness"][i] = v.get("K_phi_p", 0.0)

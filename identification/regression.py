@@ -7,7 +7,13 @@ from scipy.optimize import lsq_linear
 
 from common.arrays import Matrix, Vector
 from estimator.link_velocity import SAMPLES
-from estimator.transmission import Transmission, penetration, resting, smooth_sign
+from estimator.transmission import (
+    Transmission,
+    coulomb_viscous,
+    penetration,
+    resting,
+    smooth_sign,
+)
 from identification.log_intervals import (
     Intervals,
     Located,
@@ -34,10 +40,15 @@ COLUMNS = (
     *("K_theta_s", "K_theta_v", "B"),
     *("K_q_s", "K_q_v", "K_phi_s", "K_phi_v"),
     *("K_phi_p", "K_phi_d"),
+    "K_load",
 )
 _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
+LOAD = slice(9, 10)
+LOAD_SURE = 0.03
+"""Standard error of friction per transmitted torque above which it counts as unknown."""
 _OFFSET = 1  # of the nuisance
 _WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
+_LEAVES = 0.95  # of what is not explained there, which a share of load must better
 _APART = 10.0  # condition number up to which the gap separates the two link frictions
 _REWEIGHTED = 20
 _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
@@ -46,7 +57,7 @@ _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 @dataclass(frozen=True, slots=True)
 class Regression:
     """Measurements and columns of the least squares, all filtered alike: r_nl (N, n) [Nm], columns
-    (N, n, 9) and nuisance columns (N, n, 3), and what drives were asked for (N, n) [rad/s2]."""
+    (N, n, 10) and nuisance columns (N, n, 3), and what drives were asked for (N, n) [rad/s2]."""
 
     r_nl: Matrix
     columns: Matrix
@@ -81,7 +92,8 @@ def regression(
     rows: Intervals, t: Transmission, where: Located, held: Matrix, gain: float = GAIN
 ) -> Regression:
     """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
-    border, and every column passes the filter of r_nl.
+    border, and every column passes the filter of r_nl. Beyond the paper, Coulomb friction grows
+    with the torque that the gear transmits to the link.
 
     held (N, n): z - s(theta_dot) of `sticking.held`. The nuisance is what errors of the masses, an
     offset of the current and stiction add: a share of gravity, as far as the motor carries it, a
@@ -94,12 +106,15 @@ def regression(
         return smooth_sign(v, t.sign_width)
 
     phi_dot = rows.q_dot - rows.theta_dot
+    rubs = coulomb_viscous(t.link_coulomb, t.link_viscous, rows.q_dot, t.sign_width)
+    transmitted = low_pass(rows.inertial + rubs, rows, gain)
     columns = [
         *(-sign(rows.theta_dot) * together, -rows.theta_dot * together),
         -rows.theta_ddot * together,
         *(-sign(rows.q_dot) * apart, -rows.q_dot * apart),
         *(-sign(phi_dot) * apart, -phi_dot * apart),
         *(penetration(phi, t.half_gap) * together, phi_dot * together),
+        -np.abs(transmitted) * sign(rows.theta_dot) * together,
     ]
     r_nl = rows.inertial - t.torque_constant * rows.current * together
     nuisance = np.stack([rows.gravity * together, -together, -held * together], axis=2)
@@ -126,7 +141,8 @@ def solve_joint(
     known, 0 to 1.
 
     Columns of the gap are used where the joint was in its gap at all; those of the relative
-    friction K_phi and of the spring only if motion that was not fitted is explained better.
+    friction K_phi, of the spring and of load only if motion that was not fitted is explained
+    better, and that of load if its share is sure.
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
     gap = where.gap[:, i]
@@ -149,7 +165,19 @@ def solve_joint(
         more[pair] = True
         if (better := _held_out(A, N, y, weight, more, train)) > r2 + _WORTH:
             used, r2 = more, better
+    more = used.copy()
+    more[LOAD] = True
+    # Its share is small beside the rest of the motion, and shows in what that leaves, where a gear
+    # that differs for driving and being driven leaves a share of gravity.
+    without, left_over = (
+        1.0 - _held_out(A, N, y, weight, which, train, gravity=True) for which in (used, more)
+    )
+    if left_over < _LEAVES * without:
+        used, r2 = more, _held_out(A, N, y, weight, more, train)
     coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
+    if used[LOAD] and not errors[LOAD] < LOAD_SURE:
+        used[LOAD] = False
+        coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
     # Once more with the rows near rest, which all others had to do without.
@@ -186,7 +214,7 @@ def weights_of(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector)
 
 
 def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[Vector, Vector]:
-    """Bounded least squares: coefficients of A (9, unused ones 0, used ones >= 0), and of N."""
+    """Bounded least squares: coefficients of A (10, unused ones 0, used ones >= 0), and of N."""
     X = np.hstack([A[:, used], N]) * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
     scale[scale < 1e-12] = np.inf
@@ -215,14 +243,18 @@ def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) ->
     return left
 
 
-def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask) -> float:
+def _held_out(
+    A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask, *,
+    gravity: bool = False,
+) -> float:  # fmt: skip
     """R2 of the friction alone, (14), on rows that were not fitted; an offset of the current is no
-    fault of it."""
+    fault of it, nor, with `gravity`, is a share of that."""
     w2, rest = np.square(weight[~train]), y[~train]
     if w2.sum() < 10.0 or weight[train].sum() < 10.0:
         return float("-inf")
     solution, nuisance = _lsq(A[train], N[train], y[train], weight[train], used)
-    explained = A[~train] @ solution + N[~train, _OFFSET] * nuisance[_OFFSET]
+    beside = slice(0 if gravity else _OFFSET, _OFFSET + 1)
+    explained = A[~train] @ solution + N[~train, beside] @ nuisance[beside]
     spread = float((w2 * np.square(rest - np.average(rest, weights=w2))).sum())
     missed = float((w2 * np.square(rest - explained)).sum())
     return 1.0 - missed / spread if spread > 0.0 else float("-inf")
@@ -231,7 +263,7 @@ def _held_out(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train
 def solve(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
 ) -> tuple[Vector, Vector, float]:
-    """Coefficients (9,), standard errors, NaN of columns that are not used, and the condition
+    """Coefficients (10,), standard errors, NaN of columns that are not used, and the condition
     number while engaged, of the whole motion."""
     errors = np.full(A.shape[1], np.nan)
     X = np.hstack([A[:, used], N]) * weight[:, None]

@@ -12,9 +12,11 @@ with up to 5 % of their rated torque. `rest`: friction rises by up to half withi
 `gap`: the gap varies by up to 30 % over a turn.
 """
 
+import dataclasses
 from typing import Any, Final, Literal, get_args
 
 import numpy as np
+from msgspec.structs import replace
 
 from bench.rigs.arm_without_bus import Subject
 from bench.study import population
@@ -74,6 +76,15 @@ def gear_settings(gears: Gears, seed: int) -> GearSettings:
     }
     chosen = [drawn[one] for one in drawn if gears in (one, "all")]
     return GearSettings(**{field: value for one in chosen for field, value in one.items()})
+
+
+def load_known(robot: Robot, gears: GearSettings, error: float) -> Robot:
+    """The robot whose friction per transmitted torque was identified to +- `error`."""
+    shares = gears.load_driving, gears.load_driven
+    load = max(min(shares) - error, 0.0), min(max(shares) + error, 0.5)
+    c = robot.configuration
+    joints = [replace(one, friction=replace(one.friction, load=load)) for one in c.joints]
+    return dataclasses.replace(robot, configuration=replace(c, joints=joints))
 
 
 def subject(robot: Robot, law: Law, seed: int, gears: Gears = "modelled") -> Subject:

@@ -101,6 +101,23 @@ def test_each_friction_rubs_at_its_own_velocity(
     np.testing.assert_allclose(other.residual - one.residual, expected, atol=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("load", "state", "rubs"),
+    [(5.0, Side.LEFT, 5.0 * sign(THETA_DOT)), (-5.0, Side.RIGHT, 5.0 * sign(THETA_DOT)),
+     (0.0, Side.GAP, 0.0)],
+)  # fmt: skip
+@pytest.mark.parametrize("learning", [False, True])
+def test_friction_that_was_identified_grows_with_the_load(
+    built, load: float, state: Side, rubs: float, learning: bool
+) -> None:
+    settings = {"beside": (), "motor_position": "measured", "learning": learning}
+    identified = {"load_friction": 0.1, "load_friction_error": 0.02}
+    one, other = (moving(built(p, **settings), load, 45) for p in (None, identified))
+    np.testing.assert_array_equal(other.side, state)
+    differ = other.uncorrected - one.uncorrected
+    assert differ == pytest.approx(0.1 * rubs * ONE, abs=0.02 * abs(load) + 1e-5)
+
+
 def test_each_signal_has_its_own_delay(built) -> None:
     # All of them grow by one per second; each arrives late by what is configured.
     estimator = built(

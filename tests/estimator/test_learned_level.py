@@ -10,6 +10,7 @@ from estimator.thresholds import Thresholds
 
 DT, LEVEL = 0.01, 0.8
 LEVELS = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]))
+NONE = np.zeros(1)  # identified of friction that grows with load
 
 
 def shown(
@@ -26,7 +27,7 @@ def shown(
     """Learning that was shown a residual, which leans on the joint unless it flips; it, the level
     in force, and what that has of friction and of what fades are shares of the configured level.
     Nothing is corrected."""
-    learning = learning or Learning(LEVELS, DT)
+    learning = learning or Learning(LEVELS, NONE, NONE)
     for tick in range(round(seconds / DT)):
         size = -size if flips and tick else size
         torques = (share * LEVEL for share in (size, level, 1.0, friction, raised))
@@ -43,7 +44,7 @@ def needed(seconds: float, size: float) -> float:
 
 @pytest.mark.parametrize("size", [0.05, 0.15, 0.3, -0.3])
 def test_the_level_sinks_as_quiet_motion_goes_on(size: float) -> None:
-    learning, before = Learning(LEVELS, DT), 1.0
+    learning, before = Learning(LEVELS, NONE, NONE), 1.0
     assert learning.level(0) == pytest.approx(1.0)
     for minute in range(1, 12):
         shown(60.0, size, learning)
@@ -104,7 +105,7 @@ def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
 def test_of_a_peak_counts_what_friction_near_rest_does_not_explain() -> None:
     learning = shown(DT, 0.7, level=2.0, friction=0.4)
     assert learning.peak_seen[0] == pytest.approx(0.3)
-    learning = Learning(LEVELS, DT)
+    learning = Learning(LEVELS, NONE, NONE)
     learning.unknown[0] = 0.5 * LEVEL  # which raises by as much, times the share that is needed
     shown(DT, 0.6, learning)
     assert learning.peak_seen[0] == pytest.approx(0.4)
@@ -251,6 +252,6 @@ def test_in_doubt_nothing_is_measured() -> None:
 
 def test_a_level_that_a_person_states_is_a_floor() -> None:
     stated = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]), least_share=np.array([0.6]))
-    learning = shown(3600.0, 0.0, Learning(stated, DT))
+    learning = shown(3600.0, 0.0, Learning(stated, NONE, NONE))
     assert learning.level(0) == 0.6
     assert learning.crossing_level(0) >= 0.6

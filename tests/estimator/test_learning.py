@@ -19,6 +19,7 @@ from tests.plain import built, plain
 
 DT, LEVEL = 0.01, 0.8
 LEVELS = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]))
+NONE = np.zeros(1)  # identified of friction that grows with load
 RIGHT = dict.fromkeys(Mismatch.__struct_fields__, 0.0)
 POLE, SHARE = 0.78, 22.0  # of (13) at 25 /s and 10 ms
 
@@ -27,7 +28,7 @@ class Joint:
     """One joint that swings; its friction is `coulomb` and `viscous` times the model's."""
 
     def __init__(self, learning: Any = None) -> None:
-        self.learning = learning or Learning(LEVELS, DT)
+        self.learning = learning or Learning(LEVELS, NONE, NONE)
         self.k, self.raw = 0, 0.0
         self.beyond = 0  # ticks beyond the level in force
 
@@ -259,7 +260,7 @@ def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_known_stays_a_covariance(seed: int) -> None:
     """Symmetric to the last bit and positive, whatever it was shown."""
-    rng, learning = np.random.default_rng(seed), Learning(LEVELS, DT)
+    rng, learning = np.random.default_rng(seed), Learning(LEVELS, NONE, NONE)
     size = 10.0 ** rng.uniform(-3.0, 2.0)
     for k in range(30_000):
         if k % 500 == 0:
@@ -276,7 +277,7 @@ def test_what_is_known_stays_a_covariance(seed: int) -> None:
 
 def test_what_is_unknown_counts_as_friction_does() -> None:
     """Half of all of it before anything was learned, of either sign."""
-    learning = Learning(LEVELS, DT)
+    learning = Learning(LEVELS, NONE, NONE)
     assert learning.unknown_at(0, -1.0, 0.6, 0.0) == pytest.approx(0.8)
     assert learning.unknown_at(0, 0.0, 0.0, -3.0) == 0.0
     Joint(learning).swing(60.0)
@@ -288,7 +289,7 @@ def test_what_is_unknown_counts_as_friction_does() -> None:
 def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
     ends = []
     for modules in (built("estimator"), plain("estimator")):
-        joint = Joint(modules["learning"].Learning(LEVELS, DT))
+        joint = Joint(modules["learning"].Learning(LEVELS, NONE, NONE))
         joint.swing(30.0, coulomb=1.3, viscous=0.7, noise=0.1)
         names = (
             *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
@@ -418,3 +419,17 @@ def test_a_joint_that_sets_out_after_a_minute_of_rest_is_at_its_stated_level(
     for _ in range(5):
         estimate = estimator.step(zero, zero, np.full(7, 0.02), zero)
     assert estimate.level_share == pytest.approx(np.full(7, share), abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("error", "unknown", "doubted"),
+    [(0.0, 0.0, 0.2), (0.02, 0.02, 0.04)],  # not identified, and identified
+)
+def test_friction_per_load_is_as_unknown_as_it_was_identified(
+    error: float, unknown: float, doubted: float
+) -> None:
+    """Not identified, it raises levels where learning is in doubt alone."""
+    learning = Learning(LEVELS, np.array([0.1]), np.array([error]))
+    assert learning.unknown_at(0, 0.0, 0.0, 5.0) == pytest.approx(5.0 * unknown)
+    learning.step(0, 0.0, 0.0, 5.0 * DT, DT, 0.0, 1.0 / DT)
+    assert learning.doubted_at(0, 1.0) == pytest.approx(5.0 * doubted)

@@ -114,14 +114,16 @@ def _entry(
     from daemon.config.identified import FrictionEntry
     from daemon.config.schema import Friction, GapSpring
 
-    names = [name for name in Friction.__struct_fields__ if name != "stiction"]
+    names = [name for name in Friction.__struct_fields__ if name not in ("stiction", "load")]
     values = {name: round(float(getattr(new, name)[i]), 6) for name in names}
     stated = robot.configuration.joints[i].friction.stiction
     return FrictionEntry(
         date=date,
         log=measured.sha256,
         friction=Friction(
-            **values, stiction=round(fit.stiction, 6) if fit.stiction_known else stated
+            **values,
+            stiction=round(fit.stiction, 6) if fit.stiction_known else stated,
+            load=fit.load and (round(fit.load[0], 4), round(fit.load[1], 4)),
         ),
         errors={
             name: float(f"{e:.3g}")
@@ -148,6 +150,8 @@ def _figures(fit: "FrictionFit") -> str:
     parts.append(one("B", "kg m2") if fit.rotor_trusted else "B not taken")
     if fit.stiction_known:
         parts.append(f"stiction {fit.stiction:.2f} +- {fit.stiction_error:.1g}")
+    if fit.load:
+        parts.append("load {:.3f} to {:.3f}".format(*fit.load))
     parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]
     if math.isfinite(fit.gravity_scale):
         parts.append(f"K_c/gravity {fit.gravity_scale:.2f}")

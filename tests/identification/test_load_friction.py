@@ -1,0 +1,65 @@
+"""Friction that grows with the load, of arms whose gears are not the model's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.rigs.arm_without_bus import Course, Scenario, Subject, record
+from identification.excitation import fourier_within, trajectory
+from identification.friction import identify_friction
+from identification.friction_fit import FrictionFit, adopt
+from identification.friction_verdict import Verdict
+from identification.motion_log import MotionLog
+from simulator.description import Mismatch, SimulationSettings
+from simulator.gear_settings import GearSettings
+from simulator.mismatch import true_parameters
+
+SECONDS, TICK_S = 16.0, 0.01
+
+
+@pytest.fixture(scope="session")
+def course(arm) -> Course:
+    motion = fourier_within(arm.bounds.shrunk(0.7), arm.model, np.random.default_rng(1))
+    begin = motion.at(np.zeros(1))[0][0]
+    path = trajectory(motion, begin, arm.bounds, SECONDS, TICK_S)
+    return Course(path, np.gradient(path, TICK_S, axis=0))
+
+
+def identified(arm, course: Course, gears: GearSettings) -> tuple[list[FrictionFit], np.ndarray]:
+    """Fits, and the true Coulomb friction of both sides together."""
+    off = Mismatch(
+        mass=3, center_of_mass=0, friction=20, torque_constant=1, half_gap=0, rotor_inertia=5
+    )
+    settings = SimulationSettings(seed=3, mismatch=off, gears=gears)
+    recording = record(
+        Subject(robot=arm.robot, settings=settings), Scenario(seconds=SECONDS, motion=course)
+    )
+    columns = np.moveaxis(recording.samples, 1, 0)
+    log = MotionLog(tuple(arm.configuration.joint_names), recording.time_s, *columns)
+    true = true_parameters(arm.description, settings)
+    known = replace(arm.transmission, half_gap=true.half_gap)
+    fits, _ = identify_friction(log, arm.model, known, arm.configuration.estimator, arm.max_current)
+    return fits, true.coulomb.reshape(2, -1).sum(axis=0)
+
+
+@pytest.mark.parametrize(("driving", "driven"), [(0.1, 0.1), (0.2, 0.25)])
+def test_friction_per_load_is_found_beside_that_without(arm, course, driving, driven) -> None:
+    fits, coulomb = identified(arm, course, GearSettings(load_driving=driving, load_driven=driven))
+    assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
+    for fit, true in zip(fits, coulomb, strict=True):
+        assert fit.load is not None, fit
+        assert fit.load[0] <= 0.5 * (driving + driven) <= fit.load[1], fit
+        assert fit.load[1] - fit.load[0] < 0.5 * driven
+        assert fit.values["K_theta_s"] == pytest.approx(true, rel=0.08), fit
+    adopted = adopt(arm.transmission, fits)
+    assert adopted.load_friction == pytest.approx(0.5 * (driving + driven), rel=0.15)
+    assert (adopted.load_friction_error >= 0.005).all()
+
+
+def test_friction_that_no_load_changes_has_no_share_of_it(arm, course) -> None:
+    fits, _ = identified(arm, course, GearSettings())
+    assert [fit.load for fit in fits] == [None] * 7
+    adopted = adopt(replace(arm.transmission, load_friction=0.1, load_friction_error=0.1), fits)
+    assert not adopted.load_friction.any(), "its mean is in the Coulomb friction"
+    assert not adopted.load_friction_error.any()
