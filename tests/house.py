@@ -68,7 +68,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
         Measure("lines of the product", lines(PRODUCT, root), 53_700, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 12_700, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_350, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 56_500, 45_000),
+        Measure("lines of tests/", lines(["tests"], root), 56_600, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", long, 9, 0),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 62_520, 50_000),
         Measure("decision records", decisions, 30, 30),

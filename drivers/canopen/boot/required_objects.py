@@ -29,6 +29,7 @@ BRAKING: Final = "deceleration of the quick stop"
 #: Parameters and mappings of PDOs (CiA 301).
 PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
+_NAME_ANOTHER: Final = ", and contactd cannot use the drive without: name one that its EDS has"
 _IN_STEPS: Final = "it follows setpoints as its maker chose"
 
 Place = tuple[str | int, ...]
@@ -277,7 +278,7 @@ def _pdo_problems(
         place: Place = at if field.entry in WORDS else (field.entry,)
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
-            meant = _meant(sheet, field.index, field.subindex)
+            meant = _meant(sheet, field.index, field.subindex) or _NAME_ANOTHER
             yield Contradiction(place, f"{where} is missing{meant}")
         elif type_name(variable) != field.type:
             yield Contradiction(

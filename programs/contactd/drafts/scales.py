@@ -71,7 +71,10 @@ def _at_link(sheet: DataSheet, where: Found) -> Scale:
         why = f"2 pi / counts per turn of the link's encoder: {LINK_COUNTS} is a guess"
         return Scale(TURN / LINK_COUNTS, why)
     motor = _at_motor(sheet, where)
-    return Scale(motor.value / GEAR, f"over the gear, {GEAR:g}: {motor.reason}")
+    return Scale(
+        motor.value / GEAR,
+        f"over the gear, {GEAR:g} (each gear is a profile of its own): {motor.reason}",
+    )
 
 
 def _si_unit(sheet: DataSheet, index: int) -> Scale | None:
