@@ -134,9 +134,11 @@ def eds_of(text: str) -> Eds:
 
 
 def _sections(text: str) -> Sections:
-    """Sections of a text; a key or a section that comes again replaces or goes on."""
+    """Sections of a text; a key or a section that comes again replaces or goes on. Lines of other
+    forms are allowed where no object is described."""
     sections: Sections = {}
     values: dict[str, str] | None = None
+    strict = True
     for number, line in enumerate(text.replace("\0", "").split("\n"), start=1):
         content = re.split(r"(?:^|\s);", line, maxsplit=1)[0].strip()
         if not content or content.startswith("#"):
@@ -147,7 +149,8 @@ def _sections(text: str) -> Sections:
             if not closed:
                 raise ConfigurationError(f"line {number}: {_cut(content)}: must end in ]")
             values = sections.setdefault(name.strip().lower(), {})
-        elif values is None or not equals:
+            strict = _SECTION.fullmatch(name.replace(" ", "").lower()) is not None
+        elif values is None or (strict and not equals):
             raise ConfigurationError(
                 f"line {number}: {_cut(content)}: must be [section], Key=Value or ; and a comment"
             )

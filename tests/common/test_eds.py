@@ -60,7 +60,8 @@ def test_limits_are_those_of_the_type(lines, low, high):
 
 def test_letter_cases_spaces_comments_and_repeats():
     text = (
-        "; made by hand\r\n# and so\r\n[deviceinfo]\r\nVENDORNUMBER = 0x26C\r\n1=2\r\n1=3\r\n"
+        "; made by hand\r\n# and so\r\n[Comments]\r\nby hand\r\n"
+        "[deviceinfo]\r\nVENDORNUMBER = 0x26C\r\n1=2\r\n1=3\r\n"
         "[ 6041 ]\r\nparametername=Status\tword ; as CiA says\r\nAccessType=RO\r\n"
         "PDOMapping=0x01\r\n"
         "[1018SUB1]\r\nParameterName=Vendor\r\nDataType=0X0007\r\nAccessType=Ro\r\n"
@@ -102,6 +103,7 @@ def test_code_pages(tmp_path, code):
     ("text", "says"),
     [
         ("nothing", "line 1: 'nothing': must be [section], Key=Value or ; and a comment"),
+        ("[6041]\nParameterName\n", "line 2: 'ParameterName': must be [section], Key=Value or ;"),
         ("[1000\n", "line 1: '[1000': must end in ]"),
         ("[6041]\nDataType=abc\n", "[6041] DataType='abc': must be a number, as 7 or 0x0007"),
         ("[6041]\nPDOMapping=yes\n", "[6041] PDOMapping='yes': must be a number"),

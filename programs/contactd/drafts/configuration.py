@@ -150,7 +150,7 @@ def _joint(
     gap = min(0.005, 0.01 * (one.upper - one.lower)) if drive.link_encoder else 0.0
     of_gap = f"a guess until `contactd identify gap {named}`"
     if not drive.link_encoder:
-        of_gap = "without a link encoder no gap is found, nor used"
+        of_gap = "no gap is found, nor used, without a link encoder: `known: {gap: ...}` states it"
     check = f"   {MARK}: which of the drives" if several else ""
     f = figure
     return f"""\
