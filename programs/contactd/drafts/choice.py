@@ -14,7 +14,7 @@ Words = frozenset[str]
 
 NO_LINK_ENCODER = (
     "nothing here is a link encoder. 0x6064 is taken to be the motor's, through the gear: play and "
-    "twist of the gear are then not seen, and half_gap is 0"
+    "twist of the gear are then not seen, and half_gap is 0 (docs/identification.md)"
 )
 _SET_UP = "which sensor is where is the drive's set-up: turn the motor by hand and read all"
 _MAKERS_OWN = range(0x2000, 0x6000)
