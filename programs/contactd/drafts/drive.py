@@ -147,13 +147,15 @@ def _effort(sheet: DataSheet, named: Mapping[str, Object]) -> str:
 
 
 def _beside(choice: Choice, link: Found) -> Choice:
-    """Motor position beside a link position: none beside the motor's own, which is the same
-    encoder, and in doubt beside one in doubt."""
-    if link.doubt == NO_LINK_ENCODER or (link.index == 0x6064 and choice.chosen is None):
-        return Choice(None)
-    if choice.chosen is None or not link.doubt or choice.chosen.index not in (0x6063, 0x6064):
-        return choice
+    """Motor position beside a link position: none from the same encoder, as 0x6063 and 0x6064 are
+    unless a name says otherwise, and in doubt beside one in doubt."""
     one = choice.chosen
+    if one is None or link.doubt == NO_LINK_ENCODER:
+        return Choice(None)
+    if link.index == 0x6064 and one.index == 0x6063 and "motor" not in one.name.lower():
+        return Choice(None)
+    if not link.doubt or one.index not in (0x6063, 0x6064):
+        return choice
     return replace(choice, chosen=replace(one, doubt=link.doubt))
 
 
@@ -188,7 +190,10 @@ def _settings(sheet: DataSheet, quantities: Mapping[str, Drafted]) -> Iterator[s
     if modes is None or not isinstance(modes.default, int):
         yield "if its manual has mode 9 (cyclic synchronous velocity), as 0x6502 has no value here"
     if quantities["link_position"].object.doubt == NO_LINK_ENCODER:
-        yield "with half_gap 0, as nothing here is a link encoder"
+        yield (
+            "with half_gap 0, as nothing here is a link encoder (--object link_position=0x6064, if "
+            "that is one)"
+        )
     doubtful = [name for name, one in quantities.items() if one.asked]
     if doubtful:
         yield f"with {' and '.join(doubtful)} as you find them when you turn the motor (CHECK)"

@@ -51,8 +51,9 @@ def test_objects_are_right_or_asked_for(name, tmp_path):
         ("nanotec_cl4e", "can be used with link_position and motor_position as you find them when "
          "you turn the motor (CHECK)"),
         ("elmo_gold", "can be used if its manual has mode 9 (cyclic synchronous velocity), as "
-         "0x6502 has no value here; with half_gap 0, as nothing here is a link encoder; with "
-         "link_position as you find them when you turn the motor (CHECK)"),
+         "0x6502 has no value here; with half_gap 0, as nothing here is a link encoder (--object "
+         "link_position=0x6064, if that is one); with link_position as you find them when you turn "
+         "the motor (CHECK)"),
         ("yiyou_servo", "cannot be used, because without 0x6007:00 it cannot be configured to stop "
          "when the master falls silent"),
         ("technosoft_ipos", "cannot be used, because\n  without 0x1016:01 it cannot watch the "
@@ -124,6 +125,16 @@ def test_without_a_link_encoder_none_is_drafted_nor_simulated(maker, tmp_path):
         "# servo: nothing in its EDS is a link encoder, and this simulation has none" in simulated
     )
     assert yaml.safe_load(simulated)["drives"]["servo"]["link_encoder"] is False
+
+
+def test_the_user_knows_of_a_link_encoder_on_0x6064(tmp_path):
+    assert new(tmp_path, ONE_ENCODER, "--object", "link_position=0x6064").exit_code == 0
+    assert "2 pi / counts per turn of the link's encoder" in line_of(tmp_path, "link_position")
+    written = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
+    # 0x6063 is the same encoder in its own counts.
+    assert "motor_position" not in written["drives"]["servo"]
+    assert all(joint["half_gap"] > 0 for joint in written["joints"])
+    assert "link_encoder" not in (tmp_path / "mine" / "simulation.yaml").read_text()
 
 
 def test_0x6064_beside_a_motors_encoder_may_be_the_links(tmp_path):
