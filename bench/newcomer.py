@@ -2,13 +2,15 @@
 mistakes that are made on the way.
 
     python -m bench.newcomer [--owners N] [--arms N] [--no-mistakes] [--json]
+    python -m bench.newcomer --owners 0 --no-mistakes     # the makers alone, some seconds
 
 A scripted owner (`bench/rigs/owner.py`) takes each of N generated arms, which no test has seen, by
 documented commands alone as far as it goes. Every mistake of `bench/study/mistakes.py` that files
 can show is planted alone into one arm of each of six makes of drives, and looked for at the field
 that is wrong; those that the check does not refuse, and those that only the wiring can show, are
-taken to a simulated arm. Arms without a mistake must pass without a warning. All of it takes about
-half an hour of CPU time.
+taken to a simulated arm. Arms without a mistake must pass without a warning. Drives are
+drafted from the EDS of ten makers (`bench/rigs/makers.py`): each object must be right or asked for.
+All of it takes about half an hour of CPU time.
 """
 
 import tempfile
@@ -22,6 +24,7 @@ import click
 from bench.report import Target, print_report
 from bench.rigs.generated_arms import GeneratedArm, generate
 from bench.rigs.generated_makes import MAKES
+from bench.rigs.makers import RIGHT, makers, verdict, wrong
 from bench.rigs.owner import Owner, Story
 from bench.study.mistakes import MISTAKES, checkable, told
 from bench.study.unrefused import Met, met
@@ -83,6 +86,23 @@ def _in_words(one: Met) -> str:
     return f"{one.words}: {'warned of' if one.told else 'not told'}; at the arm: {last[0]}"
 
 
+def of_makers(folder: Path, *, quiet: bool) -> tuple[list[Target], dict[str, Any]]:
+    """Target and data of drives that are drafted from the EDS of their makers."""
+    found = {name: wrong(maker, folder) for name, maker in makers().items()}
+    verdicts = {name: verdict(maker, folder) for name, maker in makers().items()}
+    if not quiet:
+        for name, said in verdicts.items():
+            click.echo(f"{name}: {said}")
+        for name, objects in found.items():
+            for quantity, one in objects.items():
+                click.echo(f"{name}: {quantity} is not {one}, and nothing asks")
+    of = sum(len(RIGHT[name]) for name in found)
+    right = of - sum(map(len, found.values()))
+    target = Target(f"drafted objects right or asked for, of {of} of {len(found)} makers",
+                    100.0 * right / of, 100, "%", "higher")  # fmt: skip
+    return [target], {"wrong": found, "verdicts": verdicts}
+
+
 def of_owners(seeds: Sequence[int], folder: Path, *, quiet: bool) -> list[Story]:
     """What owners came to."""
     stories = []
@@ -126,16 +146,19 @@ def targets_of(stories: Sequence[Story]) -> list[Target]:
 @click.option("--mistakes/--no-mistakes", default=True, show_default=True)
 @click.option("--json", "as_json", is_flag=True)
 def main(owners: int, first: int, arms: int, *, mistakes: bool, as_json: bool) -> None:
-    """Let N owners begin, plant every mistake into an arm of each make, and none into N arms."""
+    """Let N owners begin, plant every mistake into an arm of each make, and none into N arms; draft
+    the drives of ten makers."""
     targets: list[Target] = []
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
+        targets, data["makers"] = of_makers(Path(name), quiet=as_json)
         if mistakes:
-            targets, data = of_mistakes(Path(name), arms, quiet=as_json)
+            of_planted, planted_data = of_mistakes(Path(name), arms, quiet=as_json)
+            targets, data = [*targets, *of_planted], data | planted_data
         if owners:
             seeds = range(first, first + owners)
             stories = of_owners(seeds, Path(name), quiet=as_json)
-            targets += targets_of(stories)
+            targets = [*targets, *targets_of(stories)]
             data["owners"] = [asdict(story) for story in stories]
     print_report("newcomer", first, targets, data, as_json=as_json)
 

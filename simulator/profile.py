@@ -1,13 +1,12 @@
 """Simulated makes of drives, each as its maker fixed it: a wrong object, scale, sign or offset in a
 configuration shows here."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 
 from common.errors import ConfigurationError
-from simulator.objects import Entry, entries, key
+from simulator.objects import entries, key
 
 TURN = 2.0 * pi
 RPM = TURN / 60.0
@@ -29,6 +28,8 @@ class SimulatedMake:
     """Counts per link revolution (17 bit); negative where the encoder counts backwards."""
     link_zero: int = 0
     """Counts where the link stands at 0."""
+    link_at_motor: bool = False
+    """No link encoder: `link_position` is the motor's, through the gear."""
     motor_counts: int = 4096
     """Counts per motor revolution. Negative, like the units of velocity and effort, where the motor
     sits in its joint the other way round."""
@@ -91,14 +92,16 @@ LOCKING = SimulatedMake(
 _BY_PRODUCT = {0x402: PROFILE, 0x403: LOCKING}
 
 
-def _mapped(known: dict[int, Entry]) -> Iterator[int]:
-    """Objects that the EDS maps before any SDO changes it."""
-    for index in (*range(0x1600, 0x1800), *range(0x1A00, 0x1C00)):
-        count = known.get(key(index))
-        for subindex in range(1, 1 + int(count.default) if count else 0):
-            entry = known.get(key(index, subindex))
-            if entry is not None:
-                yield int(entry.default) >> 8
+NEEDED = {
+    key(0x6007): "reaction to the loss of the master",
+    key(0x6040): "controlword",
+    key(0x6041): "statusword",
+    key(0x605A): "reaction to a quick stop",
+    key(0x6060): "mode of operation",
+    key(0x6085): "deceleration of a quick stop",
+    key(0x60FF): "target velocity",
+}
+"""Objects that every simulated drive has."""
 
 
 def profile_of(eds: Path) -> SimulatedMake:
@@ -119,14 +122,15 @@ def profile_of(eds: Path) -> SimulatedMake:
 def refuse_incomplete(eds: Path, profile: SimulatedMake) -> None:
     """Raise ConfigurationError when an EDS lacks an object that the simulation of a make needs."""
     known = entries(eds, 1)
-    needed = (
-        *(profile.link_position, profile.motor_velocity, profile.efforts[0]),
-        *(key(index) for index in (0x6007, 0x6040, 0x6041, 0x605A, 0x6060, 0x6085, 0x60FF)),
-        *_mapped(known),
-    )
-    for where in needed:
+    needed = {
+        profile.link_position: "its link position",
+        profile.motor_velocity: "its motor velocity",
+        profile.efforts[0]: "its current or torque",
+        **NEEDED,
+    }
+    for where, what in needed.items():
         if where not in known:
             raise ConfigurationError(
                 f"{eds}: this drive cannot be simulated: object 0x{where >> 8:04X}:"
-                f"{where & 0xFF:02X} is missing"
+                f"{where & 0xFF:02X} ({what}) is not in its EDS"
             )

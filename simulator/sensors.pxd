@@ -9,7 +9,7 @@ cdef class Sensors:
     cdef bint _late
     cdef double _velocity_scale, _velocity_bias, _velocity_noise, _current_noise, _late_share
     cdef double[::1] _link_per_rad, _link_zero, _motor_per_turn, _velocity_unit, _velocity_step
-    cdef double[::1] _gear, _per_ampere, _gain, _current
+    cdef double[::1] _gear, _per_ampere, _gain, _current, _at_motor
     cdef double[:, ::1] _history
     cdef double[:, :, ::1] _link_errors, _motor_errors
 

@@ -52,6 +52,7 @@ class Sensors:
         makes = makes or [PROFILE] * n
         self._link_per_rad = np.array([make.link_counts / TURN for make in makes])
         self._link_zero = np.array([float(make.link_zero) for make in makes])
+        self._at_motor = np.array([float(make.link_at_motor) for make in makes])
         self._gear = gear
         errors = [joint.encoder_errors for joint in joints]
         self._link_errors, self._motor_errors = _of("link", errors), _of("motor", errors)
@@ -93,6 +94,8 @@ class Sensors:
                 older = self._history[self._oldest, i]
                 where = self._history[newer, i]
                 where += self._late_share * (older - where)
+            if self._at_motor[i] > 0.0:
+                where = theta[i]
             velocity = theta_dot[i] * self._velocity_scale + self._velocity_bias
             velocity += self._velocity_noise * noise[0, i]
             current = self._current[i] * self._per_ampere[i] + self._current_noise * noise[1, i]

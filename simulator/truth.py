@@ -72,6 +72,7 @@ class TrueDrive(Stated, frozen=True, kw_only=True):
 
     eds: str  # relative to this file
     link_position: TrueEncoder
+    link_encoder: bool = True  # false: link_position is the motor's, through the gear
     motor_position: TrueEncoder | None = None
     motor_velocity: TrueUnit
     effort: TrueUnit  # current or torque, share of the rated value
@@ -225,6 +226,7 @@ def _make(drive: TrueDrive, joint: TrueJoint) -> SimulatedMake:
         efforts=(_key(drive.effort),),
         speed_limit=None if drive.speed_limit is None else _key(drive.speed_limit),
         link_counts=counts,
+        link_at_motor=not drive.link_encoder,
         link_zero=link.zero - round(joint.link_offset * counts / TURN),
         motor_counts=joint.motor_sign * (4096 if motor is None else motor.counts),
         measured_velocity_unit=joint.motor_sign * drive.motor_velocity.sign

@@ -66,7 +66,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     long = sum(len(text.splitlines()) > LONG_FILE for text in python)
     return [
         Measure("lines of the product", lines(PRODUCT, root), 53_900, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 13_300, 12_500),
+        Measure("lines of daemon/", lines(["daemon"], root), 12_700, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_600, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 57_000, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", long, 9, 0),

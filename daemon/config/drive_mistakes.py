@@ -59,6 +59,13 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         elif MEASURES.get(where.object, kind) != kind:
             what = f"{object_name} is a {MEASURES[where.object]} by CiA 402"
             yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
+        variable = find_object(sheet, where.object, where.subindex)
+        if variable is not None and variable.writable:
+            yield Problem(
+                *place,
+                f"{object_name} ({variable.name}) can be written (access {variable.access_type}): "
+                "a parameter, not a measurement, unless the manual says otherwise",
+            )
         other = by_object.setdefault((where.object, where.subindex), entry)
         if other != entry:
             yield Problem(
@@ -77,8 +84,9 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         yield Problem(
             ["drives", name, "eds"],
             f"drives.{name}.eds",
-            f"{profile.eds} has 0x{modes.default:08X} in 0x6502, without bit 8 (cyclic "
-            "synchronous velocity): a drive that reports this is refused",
+            f"{profile.eds} has 0x{modes.default:08X} in 0x6502, without bit 8 (mode 9, cyclic "
+            "synchronous velocity): contactd refuses a drive that reports this; a newer firmware "
+            "may have the mode",
         )
     yield from _positions(name, profile, sheet, gears)
     yield from _velocities(name, profile)

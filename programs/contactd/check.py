@@ -9,7 +9,6 @@ from rich.table import Table
 from common import compiled
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
-from daemon.config.draft import guesses
 from daemon.config.evidence import unarmable
 from daemon.config.explanations import explain
 from daemon.config.identified import Identified
@@ -26,6 +25,7 @@ from drivers.canopen.settings import DriveProfile, Quantity
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
+from programs.contactd.drafts.configuration import guesses
 from programs.identify.stated_levels import source, unused
 
 QUANTITY_UNITS = {

@@ -95,7 +95,14 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
     metavar="[NAME=]FILE",
     help="Electronic data sheet of the drives; may be repeated.",
 )
-def new(folder: Path, urdf: Path, sheets: tuple[str, ...]) -> None:
+@click.option(
+    "--object",
+    "objects",
+    multiple=True,
+    metavar="[NAME.]QUANTITY=INDEX[:SUB]",
+    help="Object of a quantity, where the EDS alone does not say; may be repeated.",
+)
+def new(folder: Path, urdf: Path, sheets: tuple[str, ...], objects: tuple[str, ...]) -> None:
     """Write a configuration for a new arm into a new folder DIR, from its URDF and the EDS of its
     drives.
 
@@ -104,7 +111,7 @@ def new(folder: Path, urdf: Path, sheets: tuple[str, ...]) -> None:
     """
     from programs.contactd.new import new_arm
 
-    new_arm(folder, urdf, sheets)
+    new_arm(folder, urdf, sheets, objects)
 
 
 @main.command()

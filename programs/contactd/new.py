@@ -8,22 +8,23 @@ import click
 
 from common.errors import ConfigurationError
 from common.regular_file import read_text
-from daemon.config.draft import draft, guesses
-from daemon.config.drafted_drive import drafted_drive
 from daemon.config.load import load_robot
 from daemon.config.mistakes import urdf_mistakes
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from programs.command_line.sentences import say
+from programs.contactd.drafts.choice import RULES
+from programs.contactd.drafts.configuration import draft, guesses
+from programs.contactd.drafts.drive import drafted_drive
 from programs.simulate import simulated_robot
 from programs.simulate.simulated_robot import write_truth
 
 WRITTEN = ("config.yaml", "identified.yaml", simulated_robot.FILE, simulated_robot.URDF)
 
 
-def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
+def new_arm(folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[str] = ()) -> None:
     """Write config.yaml, simulation.yaml and copies of URDF and EDS into a new folder, and print
-    the next commands. Raises ConfigurationError; nothing is overwritten, and nothing half-written
-    is left."""
+    the next commands. objects: [NAME.]QUANTITY=INDEX[:SUB], as the user names them. Raises
+    ConfigurationError; nothing is overwritten, and nothing half-written is left."""
     try:
         text = read_text(urdf)
     except OSError as error:
@@ -34,8 +35,9 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
     if len(named) < len(sheets):
         raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
     _refuse_clashes((urdf, *named.values()))
+    by_hand = _by_hand(objects, tuple(named))
     drives = {
-        name: (path.name, drafted_drive(load_data_sheet(path), str(path)))
+        name: (path.name, drafted_drive(load_data_sheet(path), str(path), by_hand[name]))
         for name, path in named.items()
     }
     written = draft(folder.resolve().name, text, urdf.name, drives)
@@ -49,7 +51,8 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
         (folder / "config.yaml").write_text(written, encoding="utf-8")
         for path in (urdf, *named.values()):
             shutil.copyfile(path, folder / path.name)
-        write_truth(load_robot(folder))
+        at_motor = {name for name, (_, drive) in drives.items() if not drive.link_encoder}
+        write_truth(load_robot(folder), at_motor)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, OSError):
@@ -60,7 +63,7 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str]) -> None:
             raise ConfigurationError(f"{why}:\n{error}") from error
         raise
     of_urdf = [f"{urdf.name}, {place}: {what}" for place, what in urdf_mistakes(text)]
-    of_drives = [f"{n}: {r}" for n, (_, d) in drives.items() for r in d.remarks]
+    of_drives = [f"{name}: {drive.verdict}" for name, (_, drive) in drives.items()]
     _report(folder, written, [*of_urdf, *of_drives])
 
 
@@ -73,6 +76,29 @@ def _named(sheet: str) -> tuple[str, Path]:
     if not name or not file:
         raise ConfigurationError(f"--eds {sheet}: must be NAME=FILE, or FILE")
     return name, Path(file)
+
+
+def _by_hand(
+    objects: Sequence[str], names: tuple[str, ...]
+) -> dict[str, dict[str, tuple[int, int]]]:
+    """Objects that the user names, by profile and quantity."""
+    found: dict[str, dict[str, tuple[int, int]]] = {name: {} for name in names}
+    for given in objects:
+        where, _, place = given.rpartition("=")
+        profile, _, quantity = where.rpartition(".")
+        index, _, subindex = place.partition(":")
+        try:
+            numbers = int(index, 16), int(subindex or "0", 16)
+        except ValueError:
+            numbers = -1, -1
+        if quantity not in RULES or numbers[0] < 0 or (profile and profile not in found):
+            raise ConfigurationError(
+                f"--object {given}: must be [NAME.]QUANTITY=INDEX[:SUB] in hexadecimal, as "
+                f"{names[0]}.current=0x30D1:01; quantities are {', '.join(RULES)}"
+            )
+        for name in [profile] if profile else names:
+            found[name][quantity] = numbers
+    return found
 
 
 def _refuse_clashes(given: Sequence[Path]) -> None:

@@ -14,7 +14,7 @@ from daemon.config.load import Robot
 from daemon.protocol.socket_path import default_hand_path
 from daemon.service.realtime import go_realtime
 from programs.command_line.sentences import say
-from programs.simulate.simulated_robot import refused_drives, true_arm
+from programs.simulate.simulated_robot import refused_drives, supplied_values, true_arm
 from simulator.hand_door import HandDoor
 from simulator.hand_script import read_script
 from simulator.server import Server, serve, serve_on_bus
@@ -26,7 +26,7 @@ def run_simulation(
     """Serve until SIGTERM or SIGINT; `door` is the socket of the live hand, where it is not the
     usual one. Raises ContactdError."""
     description, simulation = true_arm(robot)
-    for sentence in refused_drives(robot, simulation):
+    for sentence in (*refused_drives(robot, simulation), *supplied_values(description)):
         say(sentence, err=True)
     chosen = {"seed": seed, "friction": friction}
     changes = {name: value for name, value in chosen.items() if value is not None}

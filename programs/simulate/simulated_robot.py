@@ -3,12 +3,14 @@ from a configuration, from where on the two go their own ways."""
 
 import re
 import shutil
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import yaml
 
+from common.eds import read_eds
 from common.errors import ConfigurationError
 from daemon.config.convert import convert
 from daemon.config.load import Robot
@@ -18,6 +20,7 @@ from drivers.canopen.codec import quantity
 from drivers.canopen.settings import DriveProfile, Quantity
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
+from simulator.supplied import in_words
 from simulator.truth import SimulationFile, described
 
 FILE, URDF = "simulation.yaml", "simulation.urdf"
@@ -27,6 +30,10 @@ HEAD = """\
 # masses, friction, gaps and torque constants are some per cent off (`settings.mismatch`), one way
 # or the other by `settings.seed`.
 """
+NO_LINK_ENCODER = (
+    "# {}: nothing in its EDS is a link encoder, and this simulation has none: link_position is "
+    "read at the motor.\n"
+)
 FIXED = {"target_velocity": 0x60FF, "quick_stop_deceleration": 0x6085}
 
 
@@ -81,9 +88,22 @@ def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
     ]
 
 
-def write_truth(robot: Robot) -> Path:
+def supplied_values(description: ArmDescription) -> list[str]:
+    """Values that the simulated drives have beyond their EDS, in one sentence for each EDS."""
+    sheets = sorted({drive.eds for drive in description.drives()})
+    found = {eds: in_words(read_eds(eds)) for eds in sheets}
+    return [
+        f"{eds.name} gives no value for {len(lines)} objects; as CiA 301 and 402 ask for, "
+        f"simulated are {', '.join(lines)}. The manual says what your drive has"
+        for eds, lines in found.items()
+        if lines
+    ]
+
+
+def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
     """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
-    return its path. The content of an older file is kept. Raises ConfigurationError where a truth
+    return its path. at_motor: drives without a link encoder. The content of an older file is kept.
+    Raises ConfigurationError where a truth
     is there already, or the drives cannot be simulated."""
     path, urdf = robot.folder / FILE, robot.folder / URDF
     simulation = read_simulation(robot)
@@ -93,7 +113,8 @@ def write_truth(robot: Robot) -> Path:
                 f"{there} is there already: it is never overwritten; to have the arm of now in its "
                 f"place, move {FILE} and {URDF} away first"
             )
-    truth = in_yaml(as_configured(robot))
+    truth = in_yaml(as_configured(robot, at_motor))
+    truth = "".join(NO_LINK_ENCODER.format(name) for name in at_motor) + truth
     before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
     shutil.copyfile(robot.folder / robot.configuration.urdf, urdf)
     path.write_text(f"{before}urdf: {URDF}\n{truth}", encoding="utf-8")
@@ -119,8 +140,9 @@ def _stated(part: msgspec.Struct) -> dict[str, Any]:
 # --- an arm that is its configuration -------------------------------------------------------------
 
 
-def as_configured(robot: Robot) -> SimulationFile:
-    """Truth of an arm that is as its configuration says. Identified values are left out, or the arm
+def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFile:
+    """Truth of an arm that is as its configuration says. at_motor: drives without a link encoder.
+    Identified values are left out, or the arm
     would change with every identification. Raises ConfigurationError for what the simulator lacks.
     """
     configuration = (robot.by_hand or robot).configuration
@@ -138,6 +160,7 @@ def as_configured(robot: Robot) -> SimulationFile:
         ],
         "drives": {
             name: _true_drive(robot, name, profile)
+            | ({"link_encoder": False} if name in at_motor else {})
             for name, profile in configuration.drives.items()
         },
     }

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from common.errors import ConfigurationError
+from simulator.objects import Objects
 from simulator.profile import LOCKING, PROFILE, profile_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -35,8 +36,6 @@ def test_an_unknown_product_is_refused_and_not_simulated_as_another(tmp_path):
     [
         (r"\[6085\].*?\n\n", "", "0x6085:00"),
         (r"\[60E4sub1\].*?\n\n", "", "0x60E4:01"),
-        # Mapped by default, and not there.
-        (r"(\[1A00sub1\][^[]*?DefaultValue=)\w+", r"\g<1>0x20010010", "0x2001:00"),
     ],
 )
 def test_what_cannot_be_simulated_is_named(tmp_path, pattern, new, missing):
@@ -44,3 +43,10 @@ def test_what_cannot_be_simulated_is_named(tmp_path, pattern, new, missing):
         ConfigurationError, match=f"drive.eds: this drive cannot be simulated: object {missing}"
     ):
         profile_of(edited(tmp_path, pattern, new))
+
+
+def test_a_default_mapping_of_what_is_not_there_begins_empty(tmp_path):
+    pattern = r"(\[1A00sub1\][^[]*?DefaultValue=)\w+"
+    path = edited(tmp_path, pattern, r"\g<1>0x20010010")
+    assert profile_of(path) is PROFILE
+    assert Objects(path, 1).number(0x1A00) == 0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simulator.description import ArmDescription, EncoderError, SimulationSettings
-from simulator.profile import TURN
+from simulator.profile import PROFILE, TURN
 from simulator.sensors import Sensors
 
 N = 7
@@ -52,6 +52,20 @@ def test_an_encoder_reads_wrong_again_with_every_turn(romeo: ArmDescription) -> 
         assert not np.delete(link, off).any()
         assert not np.delete(motor, off).any()
         assert found.motor_velocity == meant.motor_velocity
+
+
+@pytest.mark.parametrize("latency", [0.0, 5.0])
+def test_a_drive_without_a_link_encoder_reads_the_motor(
+    romeo: ArmDescription, latency: float
+) -> None:
+    makes = [replace(PROFILE, link_at_motor=i == 2) for i in range(N)]
+    settings = SimulationSettings(**QUIET, link_latency_ms=latency)
+    one = Sensors(romeo, settings, ZERO, makes)
+    for _ in range(10):
+        one.update(np.full(N, 1.0), ZERO)
+    link = np.array(one.read(np.full(N, 1.0), np.full(N, 0.5), ZERO).link_position)
+    assert link[2] == round(0.5 * 131072 / TURN)
+    assert set(np.delete(link, 2)) == {round(131072 / TURN)}
 
 
 def test_current_is_low_passed_by_3_ms(romeo: ArmDescription) -> None:

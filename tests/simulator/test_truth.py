@@ -117,7 +117,7 @@ def test_shipped_arms_are_what_their_configurations_say(folder):
         (lambda d: d.update(initial_position={"thumb": 0.1}),
          r"initial_position.thumb: no such joint; there are: base"),
         (lambda d: d["drives"]["servo"]["link_position"].update(object=0x2999),
-         "cannot be simulated: object 0x2999:01 is missing"),
+         r"cannot be simulated: object 0x2999:01 \(its link position\) is not in its EDS"),
         (lambda d: d["joints"][0].update(gear=0),
          r"joints\[0\] \(base\).gear: must be a number above 0"),
         (lambda d: d.pop("joints"), "the true arm is missing .* --write-truth"),

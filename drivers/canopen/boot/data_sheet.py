@@ -1,13 +1,13 @@
 """EDS of a drive: reading it, and looking up its objects (CiA 306)."""
 
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 import canopen
-from canopen.objectdictionary import ODArray, ODVariable
+from canopen.objectdictionary import ODRecord, ODVariable
 
+from common.eds import EdsObject, read_eds
 from common.errors import ConfigurationError
-from common.regular_file import open_text
 from drivers.canopen.codec import STRUCT_CODES, type_limits
 
 # Data types of CiA 301 by their code in an EDS.
@@ -19,57 +19,70 @@ _TYPES: Final = {
     6: "UNSIGNED16",
     7: "UNSIGNED32",
 }
+_HEARTBEATS: Final = 0x1016
 
 
-DataSheet = canopen.ObjectDictionary
+DataSheet: TypeAlias = canopen.ObjectDictionary
 """An EDS, read."""
+Variable: TypeAlias = ODVariable
+"""One object of it."""
 
 
-def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
-    """Read an EDS; raises ConfigurationError naming the file."""
-    try:
-        # CiA 306 asks for ASCII. Makers write degrees of some code page, in names and comments.
-        with open_text(path, "utf-8-sig", "replace") as file:
-            sheet = canopen.import_od(file)
-    except Exception as error:  # configparser's and canopen's own, and whatever int() meets
-        raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error
-    if 0x1000 not in sheet:
+def load_data_sheet(path: Path) -> DataSheet:
+    """Read an EDS; raises ConfigurationError naming file, section, value and what is allowed."""
+    eds = read_eds(path)
+    if (0x1000, 0) not in eds.objects:
         raise ConfigurationError(f"{path}: not an EDS: object 0x1000 (device type) is missing")
+    sheet = canopen.ObjectDictionary()
+    sheet.device_information.vendor_number = eds.number("VendorNumber")
+    sheet.device_information.product_number = eds.number("ProductNumber")
+    for index, name in eds.groups.items():
+        sheet.add_object(ODRecord(name, index))
+    for (index, _), one in sorted(eds.objects.items()):
+        if index in eds.groups:
+            sheet[index].add_member(_variable(one))
+        else:
+            sheet.add_object(_variable(one))
     return sheet
 
 
-def find_object(
-    sheet: canopen.ObjectDictionary, index: int, subindex: int = 0
-) -> ODVariable | None:
+def _variable(one: EdsObject) -> ODVariable:
+    variable = ODVariable(one.name, one.index, one.subindex)
+    variable.data_type, variable.access_type = one.type, one.access
+    variable.pdo_mappable, variable.relative = one.mappable, one.relative
+    variable.default = None if one.relative else one.default
+    # Each entry holds a node id and a time; some makers limit it to the time.
+    if one.index != _HEARTBEATS:
+        variable.min, variable.max = one.low, one.high
+    return variable
+
+
+def find_object(sheet: DataSheet, index: int, subindex: int = 0) -> ODVariable | None:
     """The object in the EDS, or None."""
     entry = sheet.get(index)
     # canopen gives a variable whatever subindex it is asked for.
     if isinstance(entry, ODVariable) and subindex:
         return None
-    # canopen makes up every member of an array from its first; the EDS gives their number.
-    if isinstance(entry, ODArray) and subindex and 0 in entry.subindices:
-        highest = entry[0].default
-        if highest is not None and subindex > highest:
-            return None
     return sheet.get_variable(index, subindex)
 
 
-def makers_numbers(sheet: canopen.ObjectDictionary) -> dict[str, int]:
+def makers_numbers(sheet: DataSheet) -> dict[str, int]:
     """VendorNumber and ProductNumber of an EDS, as far as it gives them: 0 counts as absent."""
     about = sheet.device_information
     numbers = {"VendorNumber": about.vendor_number, "ProductNumber": about.product_number}
     return {name: number for name, number in numbers.items() if number}
 
 
-def counts_per_motor_turn(sheet: canopen.ObjectDictionary) -> float:
-    """Counts per turn of the motor that the EDS gives in 0x608F; 0 where it gives none."""
+def counts_per_motor_turn(sheet: DataSheet) -> float:
+    """Counts per turn of the motor that the EDS gives in 0x608F; 0 where it gives none, or one per
+    turn, as delivered by a maker whose drives hold their own."""
     counts, turns = (
         None if variable is None else variable.default
         for variable in (find_object(sheet, 0x608F, sub) for sub in (1, 2))
     )
     if not isinstance(counts, int) or not isinstance(turns, int) or counts < 1 or turns < 1:
         return 0.0
-    return counts / turns
+    return counts / turns if counts > turns else 0.0
 
 
 def type_name(variable: ODVariable) -> str:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import canopen
-from canopen.objectdictionary import ODArray
 
 from common.errors import ConfigurationError
 from drivers.canopen.boot.data_sheet import find_object, makers_numbers, type_name, value_range
+from drivers.canopen.boot.mandatory_objects import FOLLOWS, MUST_BE_READ
 from drivers.canopen.codec import WORDS, Pdo, receive_pdos, transmit_pdos
 from drivers.canopen.drive import Drive
 from drivers.canopen.ids import EMERGENCY, SYNC
@@ -26,12 +26,10 @@ RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop ac
 #: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
 SPEED_MARGIN: Final = 1.1
 BRAKING: Final = "deceleration of the quick stop"
-#: Read at boot-up: a drive cannot be identified without them.
-MUST_BE_READ: Final = ((0x1000, 0), (0x1018, 1))
-
 #: Parameters and mappings of PDOs (CiA 301).
 PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
+_NAME_ANOTHER: Final = ", and contactd cannot use the drive without: name one that its EDS has"
 _IN_STEPS: Final = "it follows setpoints as its maker chose"
 
 Place = tuple[str | int, ...]
@@ -150,6 +148,12 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     ):
         if find_object(sheet, index, subindex) is None:
             found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
+    modes = find_object(sheet, 0x6502)
+    if modes is not None and modes.default is None:
+        found.append(
+            "its EDS has no value in 0x6502: the manual says whether it has mode 9 (cyclic "
+            "synchronous velocity); a drive without it is refused at the start"
+        )
     given = makers_numbers(sheet)
     if find_object(sheet, 0x1018, 2) is None:
         given["ProductNumber"] = 0
@@ -189,7 +193,9 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Co
     sheet, profile = setup.data_sheet, setup.drive.profile
     for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
-            yield Contradiction(("eds",), f"object 0x{index:04X}:{subindex:02X} is missing")
+            follows = FOLLOWS[index, subindex]
+            what = f"object 0x{index:04X}:{subindex:02X} is missing: {follows}"
+            yield Contradiction(("eds",), what)
     rows = wanted(setup, period_ms, master_node)
     for row in rows:
         for what in _object_problems(sheet, row):
@@ -219,7 +225,9 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
     if variable is None:
         if not row.without:
             meant = _meant(sheet, row.index, row.subindex)
-            yield f"{row.where} is missing, and {row.value} cannot be written to it{meant}"
+            follows = FOLLOWS.get((row.index, row.subindex), "")
+            why = f": {follows}, and contactd refuses it" if follows else ""
+            yield f"{row.where} is missing, and {row.value} cannot be written to it{why}{meant}"
         return
     lowest, highest = value_range(variable)
     if not variable.writable and row.group == "own objects":
@@ -251,7 +259,7 @@ def _pdo_problems(
     if communication not in sheet or mapping not in sheet:
         yield Contradiction(at, f"{name}: has no PDO with parameters at 0x{communication:04X}")
     # Sub 0 of a mapping is the number of objects that are mapped, not of those that can be.
-    elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
+    elif find_object(sheet, mapping, len(pdo.fields)) is None:
         yield Contradiction(
             at,
             f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects",
@@ -270,7 +278,7 @@ def _pdo_problems(
         place: Place = at if field.entry in WORDS else (field.entry,)
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
-            meant = _meant(sheet, field.index, field.subindex)
+            meant = _meant(sheet, field.index, field.subindex) or _NAME_ANOTHER
             yield Contradiction(place, f"{where} is missing{meant}")
         elif type_name(variable) != field.type:
             yield Contradiction(

@@ -151,7 +151,8 @@ def test_nothing_is_overwritten(tmp_path):
         (lambda u, e: (u.replace("</robot>", ""), e), "arm.urdf: not XML"),
         (lambda u, e: (re.sub(r"(?s)<inertial>.*?</inertial>", "", u), e), "has a mass"),
         (lambda u, e: (u, re.sub(r"\[60FF\].*?\n\n", "", e, flags=re.DOTALL)),
-         "no object for target_velocity"),
+         "cannot be used, because nothing in its EDS is surely its target_velocity: 0x60FF:00 is "
+         "not there; name it by --object target_velocity=0xINDEX:SUB"),
         (lambda u, e: (u, "nothing"), "not a readable EDS"),
         (lambda u, e: (in_millimetres(u), e),
          "arm.urdf: joint '.*' would need a motor of .* Nm, at most 3000 can be: are masses in kg"
@@ -165,7 +166,8 @@ def test_nothing_is_overwritten(tmp_path):
            f"line 1[0-9]: joint 'LShoulderPitch' is {kind}: a joint .* must be `revolute`")
           for kind in ("prismatic", "continuous", "floating")),
         (lambda u, e: (u, re.sub(r"\[6007\].*?\n\n", "", e, flags=re.DOTALL)),
-         "mine is not written: the draft made .* is refused:(.|\n)*0x6007:00"),
+         "drive.eds: cannot be used, because without 0x6007:00 it cannot be configured to stop "
+         "when the master falls silent\n"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_path):
@@ -202,15 +204,18 @@ def test_the_check_says_how_many_guesses_are_left(given):
         assert ("guesses" in said) is (left > 0)
 
 
-def test_a_drive_without_cyclic_velocity_is_told(tmp_path):
-    text, found = re.subn(
-        r"(?s)(\[6502\].*?DefaultValue=)\w+", r"\g<1>0xA5", (DESK_ARM / "drive.eds").read_text()
-    )
+def test_a_drive_without_cyclic_velocity_is_refused_and_the_check_says_it(tmp_path):
+    eds = DESK_ARM / "drive.eds"
+    assert new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(eds)).exit_code == 0
+    text, found = re.subn(r"(?s)(\[6502\].*?DefaultValue=)\w+", r"\g<1>0xA5", eds.read_text())
     assert found == 1
-    (tmp_path / "drive.eds").write_text(text)
-    new(tmp_path / "mine", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    for path in (tmp_path / "drive.eds", tmp_path / "mine" / "drive.eds"):
+        path.write_text(text)
+    refused = new(tmp_path / "other", DESK_ARM / "arm.urdf", str(tmp_path / "drive.eds"))
+    assert refused.exit_code == 78
+    assert "its modes, 0x000000A5 in 0x6502, lack mode 9" in " ".join(refused.output.split())
     said = " ".join(CliRunner().invoke(main, ["check", str(tmp_path / "mine")]).output.split())
-    assert "drives.drive.eds: drive.eds has 0x000000A5 in 0x6502, without bit 8" in said
+    assert "drives.drive.eds: drive.eds has 0x000000A5 in 0x6502, without bit 8 (mode 9" in said
 
 
 def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):

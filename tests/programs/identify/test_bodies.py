@@ -268,4 +268,4 @@ def test_the_model_is_built_in_one_place() -> None:
         if " Model(" in path.read_text()
     }
     # A draft has nothing identified.
-    assert builders == {"daemon/config/dynamics.py", "daemon/config/draft.py"}
+    assert builders == {"daemon/config/dynamics.py", "programs/contactd/drafts/configuration.py"}

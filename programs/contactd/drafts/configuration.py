@@ -8,15 +8,16 @@ import numpy as np
 
 from common.arrays import Vector
 from common.errors import ConfigurationError, ModelError
-from daemon.config.drafted_drive import DraftedDrive
 from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
 from daemon.config.yaml_source import quoted
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
+from programs.contactd.drafts.drive import DraftedDrive
+from programs.contactd.drafts.scales import GEAR
 
 MARK = "# CHECK"
-GEAR, SHAFT_CONSTANT = 100.0, 0.04  # of usual motors, the latter in Nm/A
+SHAFT_CONSTANT = 0.04  # of usual motors [Nm/A]
 INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
 PEAK = 1.8  # times the rated current
 SLOWLY = 0.5  # [rad/s]
@@ -62,6 +63,7 @@ def draft(
             float(motors[i]),
             float(inertias[i]),
             names[min(i, len(names) - 1)],
+            drives[names[min(i, len(names) - 1)]][1],
             several=len(names) > 1,
         )
         for i, one in enumerate(ranges)
@@ -132,19 +134,24 @@ def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]
 
 
 def _joint(
-    i: int, one: JointRange, motor: float, inertia: float, profile: str, *, several: bool
-) -> str:
+    i: int, one: JointRange, motor: float, inertia: float, profile: str, drive: DraftedDrive,
+    *, several: bool,
+) -> str:  # fmt: skip
     """Entry of a joint whose motor can carry it."""
     inside = min(INSIDE, 0.1 * (one.upper - one.lower))
     velocity = min(SLOWLY, one.velocity or SLOWLY)
     constant = SHAFT_CONSTANT * GEAR * 0.8
-    rated = float(figure(motor / constant / PEAK))
-    most = PEAK * rated
+    peak = min(PEAK, drive.peak or PEAK)
+    rated = float(figure(motor / constant / peak))
+    most = peak * rated
     # Usual for such a motor; with a far lighter rotor no velocity loop is stable in the gap.
     rotor = max(3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2, 0.15 * inertia)
-    gap = min(0.005, 0.01 * (one.upper - one.lower))
-    check = f"   {MARK}: which of the drives" if several else ""
     named = one.joint if one.joint.isprintable() else "JOINT"  # a line break ends the comment
+    gap = min(0.005, 0.01 * (one.upper - one.lower)) if drive.link_encoder else 0.0
+    of_gap = f"a guess until `contactd identify gap {named}`"
+    if not drive.link_encoder:
+        of_gap = "no gap is found, nor used, without a link encoder: `known: {gap: ...}` states it"
+    check = f"   {MARK}: which of the drives" if several else ""
     f = figure
     return f"""\
   - name: {quoted(one.joint)}
@@ -156,7 +163,7 @@ def _joint(
       max_current_A: {f(most)}   {MARK}
     torque_constant: {f(constant)}   {MARK}: Nm at the link per A: the motor's times the gear
     rotor_inertia: {f(rotor)}   # a guess until `contactd identify friction`
-    half_gap: {f(gap)}   # a guess until `contactd identify gap {named}`
+    half_gap: {f(gap)}   # {of_gap}
     friction: {{motor_coulomb: {f(0.03 * motor)}, motor_viscous: {f(0.02 * motor)}}}
     thresholds: {{contact: {f(0.2 * motor)}, collision: {f(1.2 * motor)}}}
     limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \

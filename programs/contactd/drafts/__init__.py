@@ -1,0 +1,1 @@
+"""Drafts of a configuration, from a URDF and EDS files."""

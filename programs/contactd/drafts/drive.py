@@ -1,0 +1,209 @@
+"""Draft of a drive profile from its EDS: objects with their scales and reasons, a PDO mapping that
+fits, and the verdict whether contactd can use the drive.
+
+What an EDS does not say is asked for in the comment of its line, `# CHECK`: it is in the manual
+only.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from common.errors import ConfigurationError
+from daemon.config.drive_mistakes import CYCLIC_VELOCITY
+from daemon.config.yaml_source import quoted
+from drivers.canopen.boot.data_sheet import DataSheet, find_object, value_range
+from drivers.canopen.boot.mandatory_objects import FOLLOWS
+from programs.contactd.drafts.choice import (
+    MOST_SHOWN,
+    NO_LINK_ENCODER,
+    Choice,
+    Found,
+    Object,
+    choose,
+    looked_at,
+)
+from programs.contactd.drafts.pdos import Layout, pdo_layout
+from programs.contactd.drafts.scales import Scale, scale_of
+
+ORDER = ("effort", "link_position", "motor_velocity", "motor_position", "target_velocity",
+         "quick_stop_deceleration", "max_motor_speed")  # fmt: skip
+OPTIONAL = ("motor_position", "max_motor_speed")
+_LIMITS = (0x6072, 0x6073)
+
+
+@dataclass(frozen=True, slots=True)
+class Drafted:
+    """One quantity: its object, its runners-up, and its scale."""
+
+    name: str
+    object: Found
+    others: tuple[Found, ...]
+    scale: Scale
+
+    @property
+    def asked(self) -> bool:
+        """True if the object, and not the scale alone, is a guess."""
+        return bool(self.object.doubt)
+
+    def line(self) -> str:
+        """Line of `config.yaml`, with reasons and runners-up."""
+        where = self.object
+        sub = f", subindex: {where.subindex}" if where.subindex else ""
+        check = "" if self.scale.sure and not self.asked else "CHECK: "
+        others = ", ".join(map(str, self.others[:MOST_SHOWN]))
+        reasons = [where.doubt, self.scale.reason, f"not taken: {others}" if others else ""]
+        return (
+            f"    {self.name}: {{object: 0x{where.index:04X}{sub}, type: {where.type}, "
+            f"scale: {self.scale.value!r}}}   # {check}{'; '.join(filter(None, reasons))}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DraftedDrive:
+    """Drafted profile: its quantities and PDOs, the largest torque as a share of the rated one
+    (None: the EDS does not say), and what the drive can be used with."""
+
+    quantities: dict[str, Drafted]
+    layout: Layout
+    peak: float | None
+    settings: list[str] = field(default_factory=list)
+
+    @property
+    def link_encoder(self) -> bool:
+        """True unless the motor's encoder stands for one."""
+        return self.quantities["link_position"].object.doubt != NO_LINK_ENCODER
+
+    @property
+    def verdict(self) -> str:
+        """Sentence on whether contactd can use the drive."""
+        return "can be used" + (f" {'; '.join(self.settings)}" if self.settings else "")
+
+    def text(self, name: str, eds: str) -> str:
+        """Entry of `config.yaml` under `drives`."""
+        why = "as the EDS fixes them" if self.layout.fixed else "laid out by contactd"
+        pdos = [
+            f"    {kind}:   # {why}\n"
+            + "\n".join(f'      "{n}": [{", ".join(entries)}]' for n, entries in layout.items())
+            for kind, layout in (("tpdo", self.layout.tpdo), ("rpdo", self.layout.rpdo))
+        ]
+        lines = [f"  {quoted(name)}:", f"    eds: {quoted(eds)}"]
+        lines += [quantity.line() for quantity in self.quantities.values()]
+        return "\n".join([*lines, *pdos]) + "\n"
+
+
+def drafted_drive(
+    sheet: DataSheet, eds: str, by_hand: Mapping[str, Object] | None = None
+) -> DraftedDrive:
+    """Profile of the drive of an EDS. by_hand: objects that the user names, by quantity. Raises
+    ConfigurationError with every reason why contactd cannot use the drive."""
+    named = by_hand or {}
+    try:
+        choices = choices_of(sheet, named)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{eds}: {error}") from error
+    reasons = [*_obstacles(sheet), *_unfound(sheet, choices)]
+    objects = {name: choice.chosen for name, choice in choices.items() if choice.chosen}
+    try:
+        layout = pdo_layout(sheet, objects) if not reasons else Layout({}, {}, fixed=False)
+    except ConfigurationError as error:
+        reasons.append(f"there is {error}")
+    if reasons:
+        among = reasons[0] if len(reasons) == 1 else "".join(f"\n  {why}" for why in reasons)
+        raise ConfigurationError(f"{eds}: cannot be used, because {among}".replace(" \n", "\n"))
+    sent = {entry for entries in layout.tpdo.values() for entry in entries}
+    quantities = {
+        name: Drafted(name, one, choices[name].others, scale_of(sheet, name, one))
+        for name, one in objects.items()
+        if name != "motor_position" or name in sent
+    }
+    return DraftedDrive(quantities, layout, _peak(sheet), list(_settings(sheet, quantities)))
+
+
+def choices_of(sheet: DataSheet, named: Mapping[str, Object]) -> dict[str, Choice]:
+    """Choices for all quantities; of current and torque the one that is surer, and the other only
+    as a runner-up. An object is taken once."""
+    found: dict[str, Choice] = {}
+    taken: set[Object] = set(named.values())
+    for name in ORDER:
+        quantity = _effort(sheet, named) if name == "effort" else name
+        choice = choose(sheet, quantity, frozenset(taken), named.get(quantity))
+        link = found.get("link_position")
+        if name == "motor_position" and quantity not in named and link and link.chosen:
+            choice = _beside(choice, link.chosen)
+        if quantity == "current" and choice.chosen and choice.chosen.index < 0x6000:
+            torque = choose(sheet, "torque").chosen
+            choice = replace(choice, others=(*choice.others, *([torque] if torque else [])))
+        found[quantity] = choice
+        taken |= {choice.chosen.where} if choice.chosen else set()
+    return found
+
+
+def _effort(sheet: DataSheet, named: Mapping[str, Object]) -> str:
+    if "torque" in named:
+        return "torque"
+    if "current" in named or choose(sheet, "current").chosen is not None:
+        return "current"
+    return "torque" if choose(sheet, "torque").chosen is not None else "current"
+
+
+def _beside(choice: Choice, link: Found) -> Choice:
+    """Motor position beside a link position: none from the same encoder, as 0x6063 and 0x6064 are
+    unless a name says otherwise, and in doubt beside one in doubt."""
+    one = choice.chosen
+    if one is None or link.doubt == NO_LINK_ENCODER:
+        return Choice(None)
+    if link.index == 0x6064 and one.index == 0x6063 and "motor" not in one.name.lower():
+        return Choice(None)
+    if not link.doubt or one.index not in (0x6063, 0x6064):
+        return choice
+    return replace(choice, chosen=replace(one, doubt=link.doubt))
+
+
+def _obstacles(sheet: DataSheet) -> Iterator[str]:
+    """Features that contactd requires of every drive and this EDS lacks."""
+    for (index, subindex), what in FOLLOWS.items():
+        if find_object(sheet, index, subindex) is None:
+            yield f"without 0x{index:04X}:{subindex:02X} {what}"
+    modes = find_object(sheet, 0x6502)
+    if modes is not None and isinstance(modes.default, int) and not modes.default & CYCLIC_VELOCITY:
+        yield (
+            f"its modes, 0x{modes.default:08X} in 0x6502, lack mode 9, cyclic synchronous velocity "
+            "(bit 8): where your firmware has it, correct 0x6502 in your copy of the EDS"
+        )
+
+
+def _unfound(sheet: DataSheet, choices: Mapping[str, Choice]) -> Iterator[str]:
+    for name, choice in choices.items():
+        if choice.chosen is None and name not in OPTIONAL:
+            effort = name in ("current", "torque")
+            quantities = ("current", "torque") if effort else (name,)
+            yield (
+                f"nothing in its EDS is surely its {' or '.join(quantities)}: "
+                f"{looked_at(sheet, quantities)}; name it by --object {name}=0xINDEX:SUB, if its "
+                "manual has one"
+            )
+
+
+def _settings(sheet: DataSheet, quantities: Mapping[str, Drafted]) -> Iterator[str]:
+    """Settings and conditions under which the drive can be used."""
+    modes = find_object(sheet, 0x6502)
+    if modes is None or not isinstance(modes.default, int):
+        yield "if its manual has mode 9 (cyclic synchronous velocity), as 0x6502 has no value here"
+    if quantities["link_position"].object.doubt == NO_LINK_ENCODER:
+        yield (
+            "with half_gap 0, as nothing here is a link encoder (--object link_position=0x6064, if "
+            "that is one)"
+        )
+    doubtful = [name for name, one in quantities.items() if one.asked]
+    if doubtful:
+        yield f"with {' and '.join(doubtful)} as you find them when you turn the motor (CHECK)"
+
+
+def _peak(sheet: DataSheet) -> float | None:
+    """Largest torque that the EDS lets contactd set, as a share of the rated one."""
+    limits = [
+        value_range(variable)[1]
+        for variable in (find_object(sheet, index) for index in _LIMITS)
+        if variable is not None and variable.max is not None
+    ]
+    return min(limits) / 1000.0 if limits else None
