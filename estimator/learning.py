@@ -93,10 +93,10 @@ class Learning:
         self._load_error: Vector = load_friction_error.copy()
         self._variance = spread**2  # (columns, n)
         self._noise = (_NOISE * contact) ** 2 * _NOISE_S
-        self._lowest = np.repeat(_LEAST, n).reshape(_COLUMNS, n)
-        self._highest = np.repeat(_MOST, n).reshape(_COLUMNS, n)
-        self._lowest[_LOAD] += load_friction
-        self._highest[_LOAD] += load_friction
+        lowest, highest = (np.repeat(one, n).reshape(_COLUMNS, n) for one in (_LEAST, _MOST))
+        lowest[_LOAD] += load_friction
+        highest[_LOAD] += load_friction
+        self._lowest, self._highest = lowest, highest
         self._forgets_s = np.array(_FORGETS_S)
         # Of what each joint's residual is made of now, filtered; and what is known of it.
         self.columns, self.shares = np.zeros((2, n, _COLUMNS))
