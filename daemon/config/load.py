@@ -11,7 +11,7 @@ import msgspec
 
 from common.errors import ConfigurationError, ModelError, TrajectoryError
 from common.regular_file import read_text
-from daemon.config.checks import cross_checks, floors, identified_checks
+from daemon.config.checks import cross_checks, identified_checks, least_levels
 from daemon.config.convert import convert
 from daemon.config.dynamics import model_of
 from daemon.config.identified import Identified, applied, identified_keys, identified_text
@@ -84,8 +84,8 @@ def load_robot(path: Path) -> Robot:
     identified = path.parent / configuration.identified
     alone = not os.path.lexists(identified)  # a link to nowhere is no reason to go on without
     findings = cross_checks(configuration, urdf, model, path.parent)
-    # Beside identified levels the floors are held against those.
-    findings += floors(configuration) if alone else ()
+    # Beside identified levels `thresholds.least` is held against those.
+    findings += least_levels(configuration) if alone else ()
     if findings or isinstance(model, ModelError):
         raise ConfigurationError("\n".join(_in_words(one, source, one.keys) for one in findings))
     try:

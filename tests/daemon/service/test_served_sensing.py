@@ -22,6 +22,19 @@ def patient(c: Configuration) -> Configuration:
     return msgspec.structs.replace(c, supervisor=supervisor)
 
 
+@pytest.mark.parametrize(("learning", "least"), [(True, 0.2), (False, 1.0)])
+def test_the_least_level_is_all_of_it_where_nothing_learns(
+    tmp_path: Path, learning: bool, least: float
+) -> None:
+    def learns(c: Configuration) -> Configuration:
+        estimator = msgspec.structs.replace(c.estimator, learning=learning)
+        return msgspec.structs.replace(c, estimator=estimator)
+
+    with served_daemon(tmp_path, configure=learns) as served:
+        status = json.loads(served.contactctl("--json", "status").stdout)
+    assert status["least"] == [pytest.approx(least * status["contact"][0])]
+
+
 @contextmanager
 def served_wire(folder: Path) -> Iterator[tuple[ServedDaemon, list[FaultyWire]]]:
     wires: list[FaultyWire] = []
