@@ -8,14 +8,7 @@ from scipy.optimize import lsq_linear
 from common.arrays import Matrix, Vector
 from estimator.link_velocity import SAMPLES
 from estimator.transmission import Transmission, penetration, resting, smooth_sign
-from identification.log_intervals import (
-    Intervals,
-    Located,
-    Mask,
-    around,
-    low_pass,
-    memory,
-)
+from identification.log_intervals import Intervals, Located, Mask, around, low_pass, memory
 from identification.sticking import sticking_share
 from identification.touches import touches
 

@@ -42,10 +42,7 @@ def _named(param: click.Parameter | None) -> str:
 # code that opens the file knows what it was for.
 PATH: Final = _Path(path_type=Path, readable=False)
 SOCKET: Final = click.option(
-    "--socket",
-    type=PATH,
-    metavar="PATH",
-    help="Control socket, instead of the default.",
+    "--socket", type=PATH, metavar="PATH", help="Control socket, instead of the default."
 )
 """Option --socket of `contactd` commands, after their name."""
 

@@ -247,8 +247,7 @@ def _pdo_problems(
     # Sub 0 of a mapping is the number of objects that are mapped, not of those that can be.
     elif not isinstance(sheet[mapping], ODArray) and len(pdo.fields) not in sheet[mapping]:
         yield Contradiction(
-            at,
-            f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects",
+            at, f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects"
         )
     for number, field in enumerate(pdo.fields, start=1):
         fixed = find_object(sheet, mapping, number)
