@@ -156,7 +156,8 @@ def entries(eds: Path, node: int) -> dict[int, Entry]:
         with open_text(eds, "utf-8-sig", "replace") as file:
             dictionary = canopen.import_od(file, node)
     except (OSError, ValueError, KeyError, configparser.Error) as error:
-        raise ConfigurationError(f"{eds}: not a readable EDS: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise ConfigurationError(f"{eds}: not a readable EDS: {why}") from error
     entries: dict[int, Entry] = {}
     for thing in dictionary.values():
         members = [thing] if isinstance(thing, od.ODVariable) else list(thing.values())

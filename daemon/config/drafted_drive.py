@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from common.errors import ConfigurationError
-from daemon.config.yaml_source import quoted
+from common.yaml_source import quoted
 from drivers.canopen.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object, type_name
 from drivers.canopen.codec import STRUCT_CODES, WORDS
 

@@ -11,6 +11,7 @@ import msgspec
 
 from common.errors import ConfigurationError, ModelError, TrajectoryError
 from common.regular_file import read_text
+from common.yaml_source import Source, parse_yaml, read_yaml
 from daemon.config.checks import cross_checks, identified_checks, least_levels
 from daemon.config.convert import convert
 from daemon.config.dynamics import model_of
@@ -18,7 +19,6 @@ from daemon.config.identified import Identified, applied, identified_keys, ident
 from daemon.config.motion import recorded_path
 from daemon.config.problem import Keys, Problem
 from daemon.config.schema import Configuration
-from daemon.config.yaml_source import Source, parse_yaml, read_yaml
 from daemon.motion.sampled_path import SampledPath
 from estimator.model import Model
 
@@ -77,9 +77,9 @@ def load_robot(path: Path) -> Robot:
     try:
         urdf = read_text(urdf_path)
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            f"{path}:{source.line(['urdf'])}: urdf: {urdf_path} cannot be read: {error}"
-        ) from error
+        why = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        where = f"{path}:{source.line(['urdf'])}: urdf: {urdf_path}"
+        raise ConfigurationError(f"{where} cannot be read: {why}") from error
     model = _model_or_error(configuration, urdf)
     identified = path.parent / configuration.identified
     alone = not os.path.lexists(identified)  # a link to nowhere is no reason to go on without

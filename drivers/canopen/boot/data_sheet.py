@@ -31,6 +31,8 @@ def load_data_sheet(path: Path) -> canopen.ObjectDictionary:
         # CiA 306 asks for ASCII. Makers write degrees of some code page, in names and comments.
         with open_text(path, "utf-8-sig", "replace") as file:
             sheet = canopen.import_od(file)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     except Exception as error:  # configparser's and canopen's own, and whatever int() meets
         raise ConfigurationError(f"{path}: not a readable EDS: {error}") from error
     if 0x1000 not in sheet:
