@@ -36,12 +36,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from programs.command_line.options import Range
 
-LENGTHS_S: Final[dict[Kind, float]] = {
-    "free": 60.0,
-    "moving": 60.0,
-    "rest": 31.0,
-    "link": 30.0,
-}
+LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0, "link": 30.0}
 MotorPosition = Literal["measured", "integrated"]
 
 

@@ -121,10 +121,7 @@ def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
 
 
 def tally(
-    recording: Recording,
-    found: Estimates,
-    kinds: NDArray[np.int64],
-    contact: NDArray[np.float64],
+    recording: Recording, found: Estimates, kinds: NDArray[np.int64], contact: NDArray[np.float64]
 ) -> Tally:
     """Counts of a stretch; alarms count from GRACE_S of the day on."""
     armed = recording.time_s > GRACE_S

@@ -26,16 +26,7 @@ from bench.options import FIRST_SEED, JOBS, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
-from bench.study.loads import (
-    FREE_S,
-    TOUCHES,
-    HandJob,
-    LoadJob,
-    LoadResult,
-    Recognised,
-    hand,
-    load,
-)
+from bench.study.loads import FREE_S, TOUCHES, HandJob, LoadJob, LoadResult, Recognised, hand, load
 from bench.study.monte_carlo import spread
 from bench.study.world import LAWS
 

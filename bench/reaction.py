@@ -37,12 +37,7 @@ from bench.options import help_of
 from bench.report import Target, print_report
 from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.bus_faults import pdos_stale
-from bench.rigs.drive_faults import (
-    heartbeat_lost,
-    runaway,
-    samples_repeat,
-    stone_deaf,
-)
+from bench.rigs.drive_faults import heartbeat_lost, runaway, samples_repeat, stone_deaf
 from bench.rigs.faults import PLACES, SHOWN, Case, Place
 from bench.rigs.measurement_faults import all_frozen, encoder_frozen
 from bench.study.fault_pairs import PAIRS, judged_each, sampled

@@ -23,14 +23,7 @@ from bench.options import SEED, help_of
 from bench.report import Target, print_report
 from bench.rigs.lockstep import DESK_ARM, ROMEO
 from bench.rigs.recorded_arm import made
-from bench.study.recording_answers import (
-    cut,
-    growth_mb,
-    messages_of,
-    times,
-    worker_speed,
-    write,
-)
+from bench.study.recording_answers import cut, growth_mb, messages_of, times, worker_speed, write
 from programs.clients.replay import replay
 
 PERIOD_S: Final = 0.01
@@ -91,11 +84,7 @@ def answers_of(
     help="Of each arm.",
 )
 @click.option(
-    "--rounds",
-    type=click.IntRange(min=1),
-    default=6,
-    show_default=True,
-    help="Replays of each.",
+    "--rounds", type=click.IntRange(min=1), default=6, show_default=True, help="Replays of each."
 )
 @SEED
 @click.option("--many/--no-many", default=True, help="Files and workers, and memory, too.")

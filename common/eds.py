@@ -95,7 +95,7 @@ def read_eds(path: Path) -> Eds:
         with open_text(path, "latin-1") as file:
             raw = file.read().encode("latin-1")
     except OSError as error:
-        raise ConfigurationError(f"{path}: not a readable EDS: {error.strerror}") from error
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     try:
         # CiA 306 asks for ASCII. Makers write degrees of some code page, in names and comments.
         text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")

@@ -40,12 +40,7 @@ def build_setups(robot: Robot) -> Setups:
     sheets = {
         name: load_data_sheet(robot.folder / profile.eds) for name, profile in c.drives.items()
     }
-    return [
-        DriveSetup(
-            drive, sheets[drive.wiring.profile], joint.limits.velocity, joint.limits.quick_stop
-        )
-        for drive, joint in zip(c.joint_drives, c.joints, strict=True)
-    ]
+    return [DriveSetup(drive, sheets[drive.wiring.profile]) for drive in c.joint_drives]
 
 
 def build_boot(

@@ -19,13 +19,7 @@ from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, resting
 from identification.body_rows import JointRows
-from identification.log_intervals import (
-    Intervals,
-    Mask,
-    intervals,
-    locate,
-    low_pass,
-)
+from identification.log_intervals import Intervals, Mask, intervals, locate, low_pass
 from identification.motion_log import MotionLog
 from identification.regression import GAIN, regression, weights_of
 from identification.sticking import held

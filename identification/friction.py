@@ -22,21 +22,9 @@ from identification.coupling import coupled
 from identification.friction_errors import with_what_is_believed
 from identification.friction_fit import FrictionFit, adopt
 from identification.friction_verdict import Verdict, verdict_on, wider
-from identification.log_intervals import (
-    Intervals,
-    Mask,
-    intervals,
-    locate,
-    play,
-)
+from identification.log_intervals import Intervals, Mask, intervals, locate, play
 from identification.motion_log import MotionLog
-from identification.regression import (
-    COLUMNS,
-    GAIN,
-    Solution,
-    regression,
-    solve_joint,
-)
+from identification.regression import COLUMNS, GAIN, Solution, regression, solve_joint
 from identification.setpoint_steps import (
     NO_SETPOINTS,
     OR_MASSES,

@@ -16,14 +16,7 @@ import numpy as np
 
 from common.arrays import Vector
 from identification.gap_in_motion import from_motion
-from identification.gap_result import (
-    SMALLEST,
-    GapResult,
-    GapVerdict,
-    Limit,
-    refused,
-    spread,
-)
+from identification.gap_result import SMALLEST, GapResult, GapVerdict, Limit, refused, spread
 from identification.motion_log import PAUSE_S, MotionLog
 from identification.plateaus import from_plateaus
 from identification.ramps import from_ramps

@@ -7,14 +7,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from common.arrays import Vector
-from identification.gap_result import (
-    SMALLEST,
-    GapResult,
-    GapVerdict,
-    Limit,
-    refused,
-    smoothed,
-)
+from identification.gap_result import SMALLEST, GapResult, GapVerdict, Limit, refused, smoothed
 
 _FLAT = 0.15  # of the outer stiffness: slope inside a clear dead zone
 _RAMP_WIDTH = 0.003  # [rad/s] over which friction changes its sign in slow ramps

@@ -3,14 +3,7 @@
 import numpy as np
 
 from common.arrays import Vector
-from identification.gap_result import (
-    CLEAR,
-    SMALLEST,
-    GapResult,
-    GapVerdict,
-    Limit,
-    refused,
-)
+from identification.gap_result import CLEAR, SMALLEST, GapResult, GapVerdict, Limit, refused
 from identification.stroke_fit import StrokeFit, fitted
 from identification.stroke_samples import Samples, held_by, steady, whole_strokes
 

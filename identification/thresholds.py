@@ -227,8 +227,7 @@ def _of_joint(
     at_rest = (beyond - per_speed * speed).max(axis=1)
     contact = max(_level(at_rest, settings.contact_per_hour), floor)
     collision = max(
-        gumbel_level(at_rest, settings.collision_per_hour),
-        settings.collision_factor * contact,
+        gumbel_level(at_rest, settings.collision_per_hour), settings.collision_factor * contact
     )
     found = LevelsResult(
         joint=name,

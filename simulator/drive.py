@@ -183,8 +183,7 @@ class Drive:
         if self.axis.stopping:
             self.axis.stop_further()
         self.due = min(
-            _served(self._asked, now, self._answer),
-            _served(self._unsent, now, self._put_emergency),
+            _served(self._asked, now, self._answer), _served(self._unsent, now, self._put_emergency)
         )
         period = self.objects.number(0x1017)
         if period:

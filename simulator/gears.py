@@ -26,12 +26,7 @@ class Gears:
     """
 
     def __init__(
-        self,
-        settings: GearSettings,
-        gear: Vector,
-        rated_torque: Vector,
-        step_s: float,
-        seed: int,
+        self, settings: GearSettings, gear: Vector, rated_torque: Vector, step_s: float, seed: int
     ) -> None:
         """gear (n,): turns of the motor per turn of the joint; rated_torque (n,) [Nm]."""
         s = settings

@@ -2,14 +2,13 @@
 
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 import msgspec
-import yaml
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from common.regular_file import read_text
+from common.yaml_source import read_yaml
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -108,31 +107,13 @@ _NAMES = tuple(str(act.__struct_config__.tag) for act in get_args(AnyAct))
 _OF_ACT = re.compile(r"\[(\d+)\]\.?(.*)")
 
 
-class _OnceLoader(yaml.SafeLoader):
-    """Safe loader that refuses a key that is given twice."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for place, key in enumerate(keys):
-            if key in keys[:place]:
-                mark = node.value[place][0].start_mark
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key `{key}` is given twice", mark
-                )
-        return super().construct_mapping(node, deep)
-
-
 def read_script(path: Path) -> Script:
     """A YAML (or JSON) list of acts, in order of time. Raises ConfigurationError."""
     try:
-        text = read_text(path)
-        script = msgspec.convert(yaml.load(text, _OnceLoader), type=Script)
+        script = msgspec.convert(read_yaml(path).data, type=Script)
         return tuple(sorted(script, key=lambda act: act.at_s))
     except msgspec.ValidationError as error:
         raise ConfigurationError(f"{path}: hand script: {_in_words(error)}") from error
-    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise ConfigurationError(f"{path}: hand script: {why}") from error
 
 
 def _in_words(error: msgspec.ValidationError) -> str:

@@ -1,5 +1,6 @@
 """Simulated arm in real time: over TCP for other processes, or as nodes on a CAN bus."""
 
+import errno
 import selectors
 import signal
 import socket
@@ -148,7 +149,9 @@ class Server:
             self._listener.listen()
         except (OSError, OverflowError) as error:
             self._listener.close()
-            raise BusError(f"cannot serve the simulated arm on {host}:{port}: {error}") from error
+            used = getattr(error, "errno", 0) == errno.EADDRINUSE
+            why = "another program uses this port, choose another: --port" if used else error
+            raise BusError(f"cannot serve the simulated arm on {host}:{port}: {why}") from error
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._clients: dict[socket.socket, _Client] = {}

@@ -4,6 +4,7 @@ import math
 import socket
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -196,16 +197,21 @@ class FakeDaemon:
                     control.publish(state)
 
 
-@pytest.fixture
-def fake_daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
-    """A FakeDaemon that runs in a thread of its own until the test ends."""
-    daemon = FakeDaemon(tmp_path / "control")
+@contextmanager
+def running(daemon: FakeDaemon) -> Iterator[FakeDaemon]:
     thread = threading.Thread(target=daemon.run)
     thread.start()
     assert daemon.ready.wait(5)
     yield daemon
     daemon.stopped.set()
     thread.join()
+
+
+@pytest.fixture
+def fake_daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
+    """A FakeDaemon that runs in a thread of its own until the test ends."""
+    with running(FakeDaemon(tmp_path / "control")) as daemon:
+        yield daemon
 
 
 @pytest.fixture

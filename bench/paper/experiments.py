@@ -58,11 +58,7 @@ class Conditions:
             return msgspec.structs.replace(
                 settings, mismatch=same, velocity_noise=0.0, current_noise_permille=0.0
             )
-        return msgspec.structs.replace(
-            settings,
-            velocity_scale_error=0.002,
-            velocity_bias=0.001,
-        )
+        return msgspec.structs.replace(settings, velocity_scale_error=0.002, velocity_bias=0.001)
 
 
 def with_rivals(waves: Mapping[str, Sinusoid] | None = None) -> Callable[..., Configuration]:

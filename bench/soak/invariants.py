@@ -174,11 +174,7 @@ class Watch:
             check("not armed while latched", mode not in LATCHED, now, state.mode)
 
     def _lets_go(
-        self,
-        state: State,
-        mode: Mode,
-        setpoint: NDArray[np.float64],
-        measured: NDArray[np.float64],
+        self, state: State, mode: Mode, setpoint: NDArray[np.float64], measured: NDArray[np.float64]
     ) -> None:
         """A release is slow, bounded, and goes the way it was pushed when it began; else it only
         brakes."""

@@ -11,7 +11,7 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
     period_us = 1e6 / run.hz
     targets = [
         # A loop that counted its periods from its own wake-ups would lose whole periods.
-        Target(at + "drift over the run", run.drift_us, 0.1 * period_us, "us", "lower"),
+        Target(at + "drift over the run", run.drift_us, 0.1 * period_us, "us", "lower")
     ]
     if run.joints > 1:
         cpu = run.cpu_us.at(50) / 1e3

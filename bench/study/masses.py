@@ -125,13 +125,14 @@ class Subjects:
             log, model_of(c, self.robot.urdf), old, c.estimator, self.max_current
         )
         new = adopt(old, fits)
-        names = [name for name in Friction.__struct_fields__ if name != "stiction"]
+        names = [name for name in Friction.__struct_fields__ if name not in ("stiction", "load")]
         joints = [
             msgspec.structs.replace(
                 joint,
                 friction=Friction(
                     **{name: float(getattr(new, name)[i]) for name in names},
                     stiction=fits[i].stiction if fits[i].stiction_known else None,
+                    load=fits[i].load,
                 ),
                 rotor_inertia=float(new.rotor_inertia[i]),
             )

@@ -178,11 +178,7 @@ def named_link(touch: Touch, recording: Recording, found: Estimates) -> Named:
 
 
 def _trial(
-    step: Step,
-    recording: Recording,
-    found: Estimates,
-    raised: NDArray[Any],
-    c: Configuration,
+    step: Step, recording: Recording, found: Estimates, raised: NDArray[Any], c: Configuration
 ) -> Trial:
     """Cut the step out of the run."""
     per_tick, i = recording.per_tick, step.joint

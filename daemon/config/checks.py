@@ -56,7 +56,7 @@ def identified_checks(
 ) -> list[Problem]:
     """All problems that identified values may make in a configuration that has none without them:
     `cross_checks` less those of fields that no step identifies."""
-    findings = [*_joints(c), *floors(c, found), *counts(c), *_urdf(c, urdf, model)]
+    findings = [*_joints(c), *least_levels(c, found), *counts(c), *_urdf(c, urdf, model)]
     if isinstance(model, ModelError):
         return findings
     findings = findings or [*beyond(c, model), *_payloads(c, model)]
@@ -140,8 +140,8 @@ def _joints(c: Configuration) -> Iterator[Problem]:
             )
 
 
-def floors(c: Configuration, found: Identified | None = None) -> Iterator[Problem]:
-    """Floors above the contact level in force, or below a fifth of one of `config.yaml`."""
+def least_levels(c: Configuration, found: Identified | None = None) -> Iterator[Problem]:
+    """Least levels above the contact level in force, or below a fifth of one of `config.yaml`."""
     for i, joint in enumerate(c.joints):
         least, most = joint.thresholds.least, joint.thresholds.contact
         words = f"{LEAST_SHARE * most:g} to {most:g} Nm: {LEAST_SHARE:g} to 1 times contact"

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from common.errors import ConfigurationError
-from daemon.config.yaml_source import Source
+from common.yaml_source import Source
 
 T = TypeVar("T", bound=msgspec.Struct)
 # msgspec says "at `key` in `$.drives[...].rpdo`" of a mapping's key, "at `$.bus.port`" of a value.
@@ -54,11 +54,14 @@ def convert(source: Source, kind: type[T]) -> T:
             if choices := _choices_at(kind, keys, of_a_key):
                 allowed = ", ".join(choices)
                 if message.startswith(_NO_CHOICE):
-                    message = f"must be one of {allowed}, not {message.removeprefix(_NO_CHOICE)}"
+                    one = "one of " if len(choices) > 1 else ""
+                    message = f"must be {one}{allowed}, not {message.removeprefix(_NO_CHOICE)}"
                 else:
                     message += f" (allowed: {allowed})"
             else:
                 message += _value_at(keys, source.data)
+                if str(source.node(keys).value).startswith("0x"):
+                    message = re.sub(r"\d+", lambda number: hex(int(number[0])), message)
         raise ConfigurationError(f"{source.path}:{line}: {place}: {message}") from error
 
 
@@ -71,7 +74,8 @@ def _plain(message: str) -> str:
     words = " or ".join(_KINDS.get(kind, kind) for kind in kinds.split(" | "))
     words = words.replace(_KINDS["null"], "left out")
     if bound is not None:
-        words += f"{' of length' if length else ''} {_SIGNS[sign]} {bound.removesuffix('.0')}"
+        words += f" {_SIGNS[sign]} {bound.removesuffix('.0')}"
+        words += f" {'characters' if kinds == 'str' else 'entries'}" if length else ""
     # What has a short value is shown by that.
     return f"must be {words}" + (f", not {_KINDS[got]}" if got in _UNSHOWN else "")
 

@@ -40,11 +40,8 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[Problem]:
         sheet = load_data_sheet(folder / profile.eds)
     except ConfigurationError as error:
         return [_in_profile(name, ("eds",), str(error))]
-    setups = [
-        DriveSetup(drive_of(joint, profile), sheet, joint.limits.velocity, joint.limits.quick_stop)
-        for joint in c.joints
-        if joint.wiring.profile == name
-    ]
+    drives = [drive_of(joint, profile) for joint in c.joints if joint.wiring.profile == name]
+    setups = [DriveSetup(drive, sheet) for drive in drives]
     try:
         found = [p for s in setups for p in problems(s, c.period_ms, c.bus.master_node)]
     except LayoutError as error:

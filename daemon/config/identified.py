@@ -148,7 +148,7 @@ class ThresholdsEntry(Entry, frozen=True):
     discarded: tuple[DiscardedEntry, ...] = ()
 
     def applied(self, joint: Joint) -> Joint:
-        """Joint with these levels, above the floor that `config.yaml` states."""
+        """Joint with these levels, with the `least` that `config.yaml` states."""
         levels, least = self.thresholds, joint.thresholds.least
         if least is not None:
             levels = msgspec.structs.replace(levels, least=least)

@@ -11,14 +11,14 @@ import msgspec
 
 from common.errors import ConfigurationError, ModelError, TrajectoryError
 from common.regular_file import read_text
-from daemon.config.checks import cross_checks, floors, identified_checks
+from common.yaml_source import Source, parse_yaml, read_yaml
+from daemon.config.checks import cross_checks, identified_checks, least_levels
 from daemon.config.convert import convert
 from daemon.config.dynamics import model_of
 from daemon.config.identified import Identified, applied, identified_keys, identified_text
 from daemon.config.motion import recorded_path
 from daemon.config.problem import Keys, Problem
 from daemon.config.schema import Configuration
-from daemon.config.yaml_source import Source, parse_yaml, read_yaml
 from daemon.motion.sampled_path import SampledPath
 from estimator.model import Model
 
@@ -77,15 +77,15 @@ def load_robot(path: Path) -> Robot:
     try:
         urdf = read_text(urdf_path)
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(
-            f"{path}:{source.line(['urdf'])}: urdf: {urdf_path} cannot be read: {error}"
-        ) from error
+        why = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        where = f"{path}:{source.line(['urdf'])}: urdf: {urdf_path}"
+        raise ConfigurationError(f"{where} cannot be read: {why}") from error
     model = _model_or_error(configuration, urdf)
     identified = path.parent / configuration.identified
     alone = not os.path.lexists(identified)  # a link to nowhere is no reason to go on without
     findings = cross_checks(configuration, urdf, model, path.parent)
-    # Beside identified levels the floors are held against those.
-    findings += floors(configuration) if alone else ()
+    # Beside identified levels `thresholds.least` is held against those.
+    findings += least_levels(configuration) if alone else ()
     if findings or isinstance(model, ModelError):
         raise ConfigurationError("\n".join(_in_words(one, source, one.keys) for one in findings))
     try:

@@ -236,6 +236,12 @@ class Configuration(Settings, frozen=True):
         return [joint.name for joint in self.joints]
 
     @property
+    def least_levels(self) -> list[float]:
+        """Contact level of each joint that learning leaves at least [Nm]: all, if none learns."""
+        learns = self.estimator.learning
+        return [j.thresholds.contact * (j.least_share if learns else 1.0) for j in self.joints]
+
+    @property
     def bodies(self) -> dict[str, BodyInertia]:
         """Bodies that replace those of the URDF, by joint."""
         return {joint.name: joint.body for joint in self.joints if joint.body is not None}

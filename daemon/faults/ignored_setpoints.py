@@ -36,10 +36,7 @@ class IgnoredSetpoints:
         self._ticks = [0] * len(self._ticks)
 
     def joints(
-        self,
-        drives: Sequence[DriveStatus],
-        current: Vector,
-        fresh: NDArray[np.bool_],
+        self, drives: Sequence[DriveStatus], current: Vector, fresh: NDArray[np.bool_]
     ) -> list[int]:
         """Joints whose drives ignore their setpoints, from the fresh samples of one tick; current
         (n,) [A]."""

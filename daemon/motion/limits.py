@@ -34,12 +34,7 @@ class Limits:
         object.__setattr__(self, "_bounding", bounding)
 
     def bound_velocity(
-        self,
-        q: Vector,
-        desired: Vector,
-        before: Vector,
-        dt: float,
-        play: Vector | float = 0.0,
+        self, q: Vector, desired: Vector, before: Vector, dt: float, play: Vector | float = 0.0
     ) -> Vector:
         """Velocity (n,) [rad/s] nearest to `desired` that respects every limit.
 

@@ -107,7 +107,7 @@ def status_of(
         residual=estimate.residual.tolist() if estimate else zeros,
         threshold=estimate.threshold.tolist() if estimate else zeros,
         contact=[joint.thresholds.contact for joint in c.joints],
-        least=[joint.least_share * joint.thresholds.contact for joint in c.joints],
+        least=c.least_levels,
         level_share=estimate.level_share.tolist() if estimate else [],
         side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
         gain=tick.controller.motion.gains.goal.tolist(),

@@ -97,11 +97,7 @@ class ArmingChecks:
             self._late_s.append(time_s)
 
     def run(
-        self,
-        record: TickRecord | None,
-        mode: Mode,
-        objections: Sequence[Objection],
-        time_s: float,
+        self, record: TickRecord | None, mode: Mode, objections: Sequence[Objection], time_s: float
     ) -> ArmingResult:
         """Judge arming in `mode` at `time_s`, on the record of the last tick and the objections of
         the drives.

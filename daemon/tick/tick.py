@@ -202,12 +202,7 @@ class Tick:
         return min(self._time_s - decided_s, LONGEST_STEP * self._period_s)
 
     def _control_input(
-        self,
-        samples: Samples,
-        estimate: Estimate,
-        findings: tuple[Finding, ...],
-        *,
-        complete: bool,
+        self, samples: Samples, estimate: Estimate, findings: tuple[Finding, ...], *, complete: bool
     ) -> ControlInput:
         touched = hit = load = ""
         # Both count as long as they last: a contact that began while the arm was stopping still
@@ -315,10 +310,7 @@ class Tick:
         """Run all arming checks at `time_s`, on the last tick and the present state of the
         drives."""
         return self.arming_checks.run(
-            self.last,
-            self.controller.machine.mode,
-            self.drives.objections(),
-            time_s,
+            self.last, self.controller.machine.mode, self.drives.objections(), time_s
         )
 
 

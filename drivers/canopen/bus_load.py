@@ -53,10 +53,7 @@ def frame_table(
         FrameLoad("heartbeat of the master", HEARTBEAT + master_node, 1, 1.0 / beat_s, False),
     ]
     for drive in drives:
-        for kind, pdos in (
-            ("TPDO", transmit_pdos(drive)),
-            ("RPDO", receive_pdos(drive)),
-        ):
+        for kind, pdos in (("TPDO", transmit_pdos(drive)), ("RPDO", receive_pdos(drive))):
             table += [
                 FrameLoad(f"{drive.name} {kind}{pdo.number}", pdo.cob_id, pdo.layout.size, tick_hz)
                 for pdo in pdos

@@ -82,8 +82,6 @@ UNPOWERED: Final = frozenset(
     }
 )
 
-FAULT_STATES: Final = frozenset({_S.FAULT_REACTION_ACTIVE, _S.FAULT})
-
 _C = DriveCondition
 
 CONDITION_OF: Final = {

@@ -12,8 +12,8 @@ class Drive:
     name: str  # of the joint
     wiring: JointWiring
     profile: DriveProfile
-    velocity: float  # highest commanded speed [rad/s at the link]
-    quick_stop: float  # deceleration of its quick stop [rad/s2 at the link]
+    velocity: float  # highest commanded speed, > 0 [rad/s at the link]
+    quick_stop: float  # deceleration of its quick stop, > 0 [rad/s2 at the link]
     play: float = 0.0  # of its link about its motor: width of the gap [rad]
 
     @property

@@ -55,7 +55,7 @@ class DriveProfile(Settings, frozen=True):
     are fractions of the rated value, they count the same.
     """
 
-    eds: str
+    eds: Name
     link_position: Quantity  # rad at the link
     motor_velocity: Quantity  # rad/s of the motor shaft
     target_velocity: Quantity  # rad/s of the motor shaft

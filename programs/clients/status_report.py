@@ -125,10 +125,10 @@ def _ago(status: Status, then_s: float) -> str:
 
 
 def _levels(status: Status) -> list[str]:
-    """Configured contact levels, their floors and the shares in force, below a header."""
+    """Configured contact levels, the least of each and the shares in force, below a header."""
     rows = zip(status.contact, status.least, status.level_share, strict=False)
     lines = [f"{level:7.2f} Nm {least:5.2f} Nm {share:6.0%}" for level, least, share in rows]
-    return ["configured    floor  share", *lines] if lines else []
+    return ["configured    least  share", *lines] if lines else []
 
 
 def _trajectory(trajectory: Trajectory) -> str:

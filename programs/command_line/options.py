@@ -42,10 +42,7 @@ def _named(param: click.Parameter | None) -> str:
 # code that opens the file knows what it was for.
 PATH: Final = _Path(path_type=Path, readable=False)
 SOCKET: Final = click.option(
-    "--socket",
-    type=PATH,
-    metavar="PATH",
-    help="Control socket, instead of the default.",
+    "--socket", type=PATH, metavar="PATH", help="Control socket, instead of the default."
 )
 """Option --socket of `contactd` commands, after their name."""
 
@@ -125,15 +122,20 @@ def json_option(callback: Any = None) -> click.Option:
     )
 
 
-class Group(click.Group):
-    """Group that lists its commands in the order of a session, and turns an error of ours into one
-    line on stderr and its exit status."""
+class InOrder(click.Group):
+    """Group that lists its commands in the order in which a person needs them."""
 
-    command_class = Command
+    command_class = Signed
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Commands in the order in which they were defined."""
         return list(self.commands)
+
+
+class Group(InOrder):
+    """Group that turns an error of ours into one line on stderr and its exit status."""
+
+    command_class = Command
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; an error of ours sets the exit status."""

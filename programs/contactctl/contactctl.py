@@ -96,9 +96,7 @@ def arm(options: Options, lease_s: float) -> None:
 @main.command()
 @click.argument("file", required=False, type=PATH, metavar="[FILE.csv]")
 @click.option(
-    "--from-here",
-    is_flag=True,
-    help="Run the file as displacements, from wherever the arm stands.",
+    "--from-here", is_flag=True, help="Run the file as displacements, from wherever the arm stands."
 )
 @click.option(
     "--speed",

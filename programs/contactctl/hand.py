@@ -10,7 +10,7 @@ import click
 
 from common.errors import ControlError, UnreachableError
 from daemon.protocol.socket_path import default_hand_path
-from programs.command_line.options import PATH, Range, Signed
+from programs.command_line.options import PATH, InOrder, Range
 
 PATIENCE_S = 5.0
 
@@ -53,14 +53,7 @@ def ask_hand(door: Path, act: dict[str, Any]) -> str:
     return str(answer["text"])
 
 
-class _InOrder(click.Group):
-    command_class = Signed
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
-
-
-@click.group(cls=_InOrder)
+@click.group(cls=InOrder)
 @click.option("--hand-socket", "door", type=PATH, metavar="PATH",
               help="The simulator's socket, instead of the default.")  # fmt: skip
 @click.pass_context

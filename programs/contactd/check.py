@@ -205,9 +205,8 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 def _levels(c: Configuration, found: Identified | None) -> Table:
     """Table of contact levels in force, the least that learning leaves, and their source."""
     table = _table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
-    for joint in c.joints:
+    for joint, least in zip(c.joints, c.least_levels, strict=True):
         level = joint.thresholds.contact
-        least = level * (joint.least_share if c.estimator.learning else 1.0)
         table.add_row(joint.name, f"{level:g}", f"{least:.4g}", source(joint, found))
     return table
 

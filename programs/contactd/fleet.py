@@ -33,12 +33,7 @@ FRAME_S: Final = 0.5
 @click.option("--json", "as_json", is_flag=True, help="Answer in one line of JSON.")
 @zenoh_options
 def fleet(
-    arms: tuple[str, ...],
-    stop: bool,
-    every: bool,
-    watch: bool,
-    as_json: bool,
-    **router: Any,
+    arms: tuple[str, ...], stop: bool, every: bool, watch: bool, as_json: bool, **router: Any
 ) -> None:
     """Show all arms with a `contactd-zenoh` at a Zenoh router, or stop some or all of them.
 

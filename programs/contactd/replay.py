@@ -9,7 +9,6 @@ import click
 import msgspec
 
 from common.errors import LogError
-from daemon.protocol.state import Snapshot, State
 from programs.clients.replay import Replay, replay
 from programs.command_line.progress import reading
 from programs.recordings.contents import ContactSeen, Contents
@@ -21,15 +20,8 @@ def print_replay(file: Path, *, as_json: bool) -> bool:
     """Replay `file` and report; True if it is whole and every estimate came out the same. Raises
     LogError if there is nothing to read, or nothing that can be compared."""
     contents = Contents()
-
-    def heed(batch: Snapshot | list[State]) -> None:
-        if isinstance(batch, Snapshot):
-            contents.add_snapshot(batch)
-        else:
-            contents.add(batch)
-
     with reading(file, shown=not as_json) as progress:
-        result = replay(file, heed, progress)
+        result = replay(file, contents.take, progress)
     if as_json:
         report = {
             "identical": result.identical,

@@ -6,8 +6,8 @@ import click
 import msgspec
 
 from common.errors import ConfigurationError
+from common.yaml_source import Source, read_yaml
 from daemon.config.convert import convert
-from daemon.config.yaml_source import Source, read_yaml
 from drivers.can.bus import open_bus
 from drivers.can.settings import BusSettings
 from drivers.canopen.boot.data_sheet import load_data_sheet, makers_numbers

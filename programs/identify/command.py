@@ -8,19 +8,12 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from programs.command_line.options import SOCKET
+from programs.command_line.options import SOCKET, InOrder
 from programs.identify.step import CONFIG, Step
 from programs.identify.steps import STEPS
 
 
-class _InOrder(click.Group):
-    """Group that lists its commands in the order in which a person needs them."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
-
-
-@click.group(cls=_InOrder, invoke_without_command=True)
+@click.group(cls=InOrder, invoke_without_command=True)
 @CONFIG
 @SOCKET
 @click.pass_context

@@ -135,10 +135,7 @@ def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
 
 
 def _places(
-    path: Path,
-    joints: Sequence[str],
-    header: list[str],
-    named: NamedLog | None,
+    path: Path, joints: Sequence[str], header: list[str], named: NamedLog | None
 ) -> tuple[dict[str, Place], Rows | None]:
     """Columns of the quantities of these joints, and the rows that count: by the file of names, or
     by the columns' own names."""

@@ -1,5 +1,6 @@
 """Identification of one robot: what all steps of `contactd identify` share."""
 
+import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -7,6 +8,7 @@ from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import FrameType
 from typing import Self
 
 import click
@@ -24,7 +26,6 @@ from programs.identify.live_arm import LiveArm, open_session
 from programs.identify.measured import Measured, read_measured
 from programs.identify.merge import merged, merged_payloads
 from programs.identify.overview import overview
-from programs.identify.session import stop_once
 from programs.identify.show import print_outcome, print_overview
 from programs.identify.step import Outcome, now
 
@@ -153,6 +154,21 @@ def open_identification(
         arm = LiveArm(robot, session, console)
         refused.pop_all()
     return Identification(robot, console, arm=arm, dry=dry)
+
+
+def stop_once() -> None:
+    """Make the first Ctrl-C, SIGTERM or closed terminal a KeyboardInterrupt, and ignore all later
+    ones: bringing the arm to rest must not itself be stopped. Main thread only."""
+    stopped = False
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        nonlocal stopped
+        if not stopped:
+            stopped = True
+            raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, stop)
 
 
 def may_move(robot: Robot, *, off: bool) -> bool:

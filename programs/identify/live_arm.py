@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from common.arrays import Matrix, Vector
-from common.errors import ConfigurationError, ShortLogError
+from common.errors import ConfigurationError, ShortLogError, UnreachableError
 from daemon.config.identified import samples_alike
 from daemon.config.load import Robot
 from daemon.config.motion import row
@@ -51,9 +51,9 @@ class LiveArm:
                 f"{TO_READ_ANEW}, then this again"
             )
 
-    def link_position(self) -> Vector:
-        """Link positions of the arm (n,) [rad], once it holds. Raises ControlError."""
-        return np.array(self.session.hold().link_position)
+    def link_position(self, *, motors_only: bool = False) -> Vector:
+        """Link positions of the arm (n,) [rad], once it holds. Raises as `Session.hold` does."""
+        return np.array(self.session.hold(motors_only=motors_only).link_position)
 
     def excite(
         self,
@@ -148,7 +148,7 @@ class LiveArm:
     def close(self, *, well: bool, written: bool) -> None:
         """Close the connection. Drives that were enabled for the step are off then, with the arm
         where it stood, and what was written is taken up; of a step that did not end `well` the arm
-        stays as it is. Raises ContactdError."""
+        stays as it is, also where it cannot be reached. Raises ContactdError."""
         try:
             if self.session.here is None:
                 if written and well and self._mode == Mode.OFF:
@@ -166,6 +166,9 @@ class LiveArm:
                 self.show(f"the drives are off{', and it is taken up' if written else ''}")
             elif self._mode == Mode.HOLDING:
                 self.show("the drives stay on, and the arm holds; `contactctl disable` ends that")
+        except UnreachableError:
+            if well:  # else the step's own error names it
+                raise
         finally:
             self.session.close()
 
@@ -179,8 +182,8 @@ class LiveArm:
         if float(np.abs(there - here).max()) > MOVED:
             way = point_to_point(here, there, slow(bounds), self.configuration.period_s)
             text = "all joints go back to where they stood"
-            self.move("way-back", text, way, warning=discarded, touch_ends=True, to_go_on="")
-            self.forget("way-back")
+            self.move("return", text, way, warning=discarded, touch_ends=True, to_go_on="")
+            self.forget("return")
 
     def recover(self, *, on: bool) -> bool:
         """After a fault of a step that the drives were enabled for: enable them again, or have them

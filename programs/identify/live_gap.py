@@ -14,6 +14,7 @@ from programs.identify.live_arm import LiveArm
 from programs.identify.live_strokes import StrokesOfJoint, UnobservableError, searched
 from programs.identify.measured import Measured
 from programs.identify.motions import HAND_S, stand
+from programs.identify.session import distrust
 from programs.identify.show import histogram
 
 _HEAVY = 1.0  # [Nm]: a hand lifts less than this softly
@@ -52,7 +53,7 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
     step, i = f"gap-{joint}", arm.configuration.joint_names.index(joint)
     before = arm.before(step)
     _hang(arm, joint, i)
-    here = arm.link_position()
+    here = arm.link_position(motors_only=True)
     arm.show(
         f"The motor of {joint} stands still. Move its link softly by hand from side to side: "
         "lean on one border, rest a moment, lean on the other, both alike."
@@ -80,9 +81,9 @@ def gap_by_hand(arm: LiveArm, joint: str) -> Measured:
 
 def _hang(arm: LiveArm, joint: str, i: int) -> None:
     """Go to where a hand has no weight to carry, if there is such a pose: not where a person
-    enabled the arm, who has chosen this one."""
-    here = arm.link_position()
-    if arm.session.here is None:
+    enabled the arm, who has chosen this one, nor by links that are not trusted."""
+    here = arm.link_position(motors_only=True)
+    if arm.session.here is None or distrust(arm.session.client.ask_status()):
         return
     with suppress(UnobservableError):
         own = StrokesOfJoint.of(arm.configuration, arm.model, i, here)

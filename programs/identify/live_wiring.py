@@ -35,7 +35,7 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
     repeated = False
     while True:
         try:
-            here = arm.link_position()
+            here = arm.link_position(motors_only=True)
             arm.forget(step)  # so short a motion begins anew
             carried = repeated or _may_float(arm, i, here)
             path = wiring_motion(here, i, half_gap, c.period_s, speeding_up=carried)

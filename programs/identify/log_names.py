@@ -22,18 +22,13 @@ from typing import Literal
 import msgspec
 
 from common.errors import ConfigurationError, LogError
+from common.yaml_source import read_yaml
 from daemon.config.convert import convert
-from daemon.config.yaml_source import read_yaml
 from drivers.settings import Settings
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
-    "link_position": {
-        "rad": 1.0,
-        "mrad": 1e-3,
-        "deg": math.pi / 180.0,
-        "turn": 2.0 * math.pi,
-    },
+    "link_position": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi},
     "motor_velocity": {
         "rad/s": 1.0,
         "deg/s": math.pi / 180.0,

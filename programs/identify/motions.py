@@ -7,13 +7,7 @@ import numpy as np
 from common.arrays import Matrix, Vector
 from daemon.config.schema import Configuration
 from estimator.model import Model
-from identification.excitation import (
-    Bounds,
-    Fourier,
-    fourier_within,
-    point_to_point,
-    trajectory,
-)
+from identification.excitation import Bounds, Fourier, fourier_within, point_to_point, trajectory
 
 SHARE = 0.7
 """Share of the range, velocity and acceleration that the limits allow."""

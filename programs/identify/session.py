@@ -7,13 +7,11 @@ its own warning for a joint that is touched meanwhile.
 
 import itertools
 import math
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
@@ -40,23 +38,14 @@ _STILL_S, _STILL = 0.3, 0.002
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
 
-def stop_once() -> None:
-    """Make the first Ctrl-C, SIGTERM or closed terminal a KeyboardInterrupt, and ignore all later
-    ones: bringing the arm to rest must not itself be stopped. Main thread only."""
-    stopped = False
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        nonlocal stopped
-        if not stopped:
-            stopped = True
-            raise KeyboardInterrupt
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, stop)
-
-
 class InterruptedStepError(ContactdError):
     """Step that was stopped; its measurements are kept."""
+
+
+def distrust(status: Status) -> str:
+    """Reason why links are not trusted, and only motors may be moved; empty if they are."""
+    checks = (one for one in status.checks if one.name == "identification" and not one.passed)
+    return next((check.text for check in checks), "")
 
 
 def followed(
@@ -123,13 +112,16 @@ class Session:
         with Client(self.socket) as reader:
             return configuration_of(reader.subscribe()[0])
 
-    def hold(self) -> Status:
+    def hold(self, *, motors_only: bool = False) -> Status:
         """Wait until the arm holds, disarmed; the first time if the person agrees that it moves.
-        Raises ControlError where it does not hold, and while it runs a motion started elsewhere."""
+        Raises ControlError where it does not hold, while it runs a motion started elsewhere, and,
+        unless `motors_only` are to move, before drives are enabled whose links are not trusted."""
         status = self.client.ask_status()
         if status.mode == Mode.OFF:
             if self._held:
                 raise ControlError(f"the drives were switched off: {status.cause}")
+            if not motors_only and (why := distrust(status)):
+                raise ControlError(f"the drives stay off: {why}")
             if not self.may_move(True):
                 raise ControlError("the drives are off: look at the arm, then `contactctl enable`")
             self.here = np.array(status.link_position)
@@ -259,7 +251,7 @@ class Session:
                 attended_s = state.time_s
             return each(state) or bool(touched or failures)
 
-        status = self.hold()
+        status = self.hold(motors_only=motors_only)
         times = (period_s * np.arange(len(path))).tolist()
         self.client.load_trajectory(
             status.joints, times, path.tolist(), name=f"identify {step}", motors_only=motors_only
@@ -287,7 +279,8 @@ class Session:
                 ended = ended and f"{ended}; the arm is {mode}"
             self._runs = False
         if ended:
-            raise InterruptedStepError(f"{ended}. {to_go_on}")
+            what = step.replace("-", " of ")
+            raise InterruptedStepError(f"{what} did not finish: {ended}. {to_go_on}")
 
     def _refused(self, reply: Reply) -> str:
         """Reason of a refusal; for a fault in the moment before, also its cause."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from daemon.config import identified as file
-from daemon.config.checks import floors
+from daemon.config.checks import least_levels
 from daemon.config.problem import Problem, at
 from daemon.config.schema import Configuration, Joint
 from daemon.protocol.text import printable
@@ -40,12 +40,12 @@ def unused(c: Configuration, found: file.Identified | None) -> Iterator[Problem]
 
 
 def misfits(c: Configuration, found: file.Identified) -> dict[str, str]:
-    """Reasons why floors of `config.yaml`, which is `c`, do not fit identified levels, by joint."""
+    """Reasons why `least` in `config.yaml` (`c`) does not fit identified levels, by joint."""
     return {
         joint.name: f"thresholds.least of config.yaml: {problem.what}"
         for joint in c.joints
         if joint.name in found.joints
-        for problem in floors(
+        for problem in least_levels(
             file.applied(msgspec.structs.replace(c, joints=[joint]), found), found
         )
     }

@@ -6,12 +6,7 @@ import numpy as np
 
 from common.arrays import Matrix, Vector
 from daemon.protocol.state import State
-from identification.limit_cycle import (
-    ENDING_SHARE,
-    WINDOW_S,
-    LimitCycle,
-    limit_cycles,
-)
+from identification.limit_cycle import ENDING_SHARE, WINDOW_S, LimitCycle, limit_cycles
 from identification.motion_log import MotionLog
 
 _LOOKED_AT_S = 2.5 * WINDOW_S

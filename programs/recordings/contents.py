@@ -74,6 +74,13 @@ class Contents:
         self.joints, self.program = tuple(snapshot.joints), printable(snapshot.program)
         self.format, self.period_s = snapshot.format, snapshot.period_s
 
+    def take(self, batch: Snapshot | list[State]) -> None:
+        """Take what a recording holds next."""
+        if isinstance(batch, Snapshot):
+            self.add_snapshot(batch)
+        else:
+            self.add(batch)
+
     def add(self, states: Sequence[State]) -> None:
         """Take consecutive States, or those after a gap."""
         for state in states:

@@ -12,10 +12,10 @@ import yaml
 
 from common.eds import read_eds
 from common.errors import ConfigurationError
+from common.yaml_source import read_yaml
 from daemon.config.convert import convert
 from daemon.config.load import Robot
 from daemon.config.schema import Joint
-from daemon.config.yaml_source import read_yaml
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import DriveProfile, Quantity
 from simulator.description import ArmDescription, JointDescription

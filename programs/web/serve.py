@@ -170,10 +170,7 @@ async def serving(
 
 
 async def _serve(
-    settings: Settings,
-    listener: socket.socket,
-    say: Callable[[str], object],
-    others: Others | None,
+    settings: Settings, listener: socket.socket, say: Callable[[str], object], others: Others | None
 ) -> None:
     ended = asyncio.Event()
     # As few on any machine: the unit bounds them (TasksMax=). One records, others open files.

@@ -39,10 +39,7 @@ class Arming:
     does. Belongs to the thread of its service."""
 
     def __init__(
-        self,
-        connect: Callable[[], Line],
-        disarm: Act,
-        clock: Callable[[], float] = time.monotonic,
+        self, connect: Callable[[], Line], disarm: Act, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._connect, self._disarm, self._clock = connect, disarm, clock
         self._hold = Hold()

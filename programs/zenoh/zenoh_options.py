@@ -26,11 +26,7 @@ _OPTIONS = (
         help="Configuration of the Zenoh session (TLS, access control), instead of --connect.",
     ),
     click.option(
-        "--domain",
-        type=click.IntRange(0, 232),
-        default=0,
-        show_default=True,
-        help="ROS_DOMAIN_ID.",
+        "--domain", type=click.IntRange(0, 232), default=0, show_default=True, help="ROS_DOMAIN_ID."
     ),
     click.option(
         "--distro",

@@ -169,9 +169,7 @@ def begin(joint: Joint) -> float | None:
 
 
 def _record(
-    joints: Sequence[Joint],
-    asked: dict[int, Strokes],
-    settings: SimulationSettings,
+    joints: Sequence[Joint], asked: dict[int, Strokes], settings: SimulationSettings
 ) -> dict[int, MotionLog]:
     """Log of each joint's strokes, all of them branches of one arm."""
     paths = {

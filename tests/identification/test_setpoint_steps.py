@@ -42,10 +42,7 @@ def test_who_steps(more, error, steps):
         ([-0.04], [0.01]),
         ([0.04, 0.0, -0.1, 0.0], [0.0806, 0.01, 0.01, 0.01]),  # chance, or another make
         ([0.04, -0.1], [0.0806, 0.0806]),  # one of few
-        (
-            [0.04, 0.02, -0.1, 0.0],
-            [0.0806, 0.0412, 0.0412, 0.0412],
-        ),  # two show it
+        ([0.04, 0.02, -0.1, 0.0], [0.0806, 0.0412, 0.0412, 0.0412]),  # two show it
     ],
 )
 def test_what_may_be_hidden_is_stated(more, shares):

@@ -111,8 +111,7 @@ def test_damping_is_softened_to_the_limit() -> None:
 
 def test_guide_leads_at_its_speed_then_holds_until_release() -> None:
     one = hand(
-        Guide(at_s=0.0, to={"a": 0.2}, speed=0.25, stiffness=40.0, damping=0.0),
-        Release(at_s=1.0),
+        Guide(at_s=0.0, to={"a": 0.2}, speed=0.25, stiffness=40.0, damping=0.0), Release(at_s=1.0)
     )
     words: list[str] = []
     for k in range(200):

@@ -151,7 +151,8 @@ def test_lost_master_is_told_as_json(server: Server, events: io.BytesIO) -> None
 
 
 def test_taken_port_is_a_bus_error(server: Server, romeo: ArmDescription) -> None:
-    with pytest.raises(BusError, match=str(server.port)):
+    used = f"{server.port}: another program uses this port, choose another: --port"
+    with pytest.raises(BusError, match=used):
         Server(romeo, SimulationSettings(), port=server.port)
 
 

@@ -67,15 +67,7 @@ def test_rubbish_is_refused_and_forgotten(rubbish: bytes) -> None:
     assert isinstance(answers[-1], can.Message)
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        b"< send 123 1 ff >",
-        b"< rawmode >",
-        b"< open >",
-        b"hello>",
-    ],
-)
+@pytest.mark.parametrize("command", [b"< send 123 1 ff >", b"< rawmode >", b"< open >", b"hello>"])
 def test_order_matters(command: bytes) -> None:
     assert Conversation().feed(command) == [Reply(REFUSED)]
 

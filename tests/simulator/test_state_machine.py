@@ -4,14 +4,7 @@ import itertools
 
 import pytest
 
-from simulator.state_machine import (
-    TRANSITIONS,
-    State,
-    Trigger,
-    command,
-    on_controlword,
-    step,
-)
+from simulator.state_machine import TRANSITIONS, State, Trigger, command, on_controlword, step
 
 S, E = State, Trigger
 COMMANDS = {

@@ -11,15 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.system.owner import (
-    HAND,
-    HOME,
-    INSTALLED,
-    Owner,
-    content,
-    pid,
-    since_power_on_s,
-)
+from tests.system.owner import HAND, HOME, INSTALLED, Owner, content, pid, since_power_on_s
 from tests.system.stand import POLL_S, run, wait_for
 
 PAGE, PLAYBACK = "installing.md", "playback.md"

@@ -39,16 +39,10 @@ Group = Literal["communication", "stopping", "mode", "limits", "own objects", "P
 
 @dataclass(frozen=True, slots=True)
 class DriveSetup:
-    """One drive with its EDS, how fast it may turn and how hard it brakes.
-
-    velocity: the joint's limit [rad/s at the link], > 0. quick_stop: deceleration of a quick stop
-    [rad/s2 at the link], > 0.
-    """
+    """One drive with its EDS."""
 
     drive: Drive
     data_sheet: canopen.ObjectDictionary
-    velocity: float
-    quick_stop: float
 
     def __str__(self) -> str:
         return str(self.drive)
@@ -90,7 +84,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
     """Required objects but the PDOs, in order; `period_ms` is that of SYNC."""
     profile, wiring = setup.drive.profile, setup.drive.wiring
     braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
-    deceleration = round(setup.quick_stop * wiring.gear / braking.scale)
+    deceleration = round(setup.drive.quick_stop * wiring.gear / braking.scale)
     most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
     node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
     table = [
@@ -120,7 +114,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
                "it has no current limit of its own"),
     ]  # fmt: skip
     if fastest is not None:
-        counts = math.ceil(SPEED_MARGIN * setup.velocity * wiring.gear / fastest.scale)
+        counts = math.ceil(SPEED_MARGIN * setup.drive.velocity * wiring.gear / fastest.scale)
         table.append(
             Wanted("limits", fastest.object, fastest.subindex, counts, "speed limit",
                    setting=("max_motor_speed",))
@@ -261,8 +255,7 @@ def _pdo_problems(
     # Sub 0 of a mapping is the number of objects that are mapped, not of those that can be.
     elif find_object(sheet, mapping, len(pdo.fields)) is None:
         yield Contradiction(
-            at,
-            f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects",
+            at, f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects"
         )
     for number, field in enumerate(pdo.fields, start=1):
         fixed = find_object(sheet, mapping, number)

@@ -8,9 +8,9 @@ import numpy as np
 
 from common.arrays import Vector
 from common.errors import ConfigurationError, ModelError
+from common.yaml_source import quoted
 from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
-from daemon.config.yaml_source import quoted
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
 from programs.contactd.drafts.drive import DraftedDrive

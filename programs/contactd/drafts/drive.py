@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from common.errors import ConfigurationError
+from common.yaml_source import quoted
 from daemon.config.drive_mistakes import CYCLIC_VELOCITY
-from daemon.config.yaml_source import quoted
 from drivers.canopen.boot.data_sheet import DataSheet, find_object, value_range
 from drivers.canopen.boot.mandatory_objects import FOLLOWS
 from programs.contactd.drafts.choice import (

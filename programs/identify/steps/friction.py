@@ -103,12 +103,7 @@ def friction_outcome(
 
 
 def _entry(
-    robot: "Robot",
-    measured: "Measured",
-    date: str,
-    i: int,
-    fit: "FrictionFit",
-    new: "Transmission",
+    robot: "Robot", measured: "Measured", date: str, i: int, fit: "FrictionFit", new: "Transmission"
 ) -> "FrictionEntry":
     """Entry of joint i; `new` has its coefficients."""
     from daemon.config.identified import FrictionEntry

@@ -125,7 +125,7 @@ def thresholds_outcome(
         ],
         entries={name: joint.thresholds for name, joint in entries.items() if joint.thresholds},
         notes=tuple(notes),
-        # Asked whether it was the person, or for another floor, what was measured waits.
+        # Asked whether it was the person, or for another `least`, what was measured waits.
         unfinished=bool(refused) or any(one.verdict is LevelVerdict.UNLESS_YOU for one in levels),
     )
 

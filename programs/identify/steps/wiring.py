@@ -16,10 +16,7 @@ if TYPE_CHECKING:
     from programs.identify.measured import Measured
 
 
-@step(
-    JOINTS,
-    quality=lambda entry: f"link/motor {entry.follows:.3f}",
-)
+@step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}")
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
     """Check signs and scales by a small motion of each joint."""
     from programs.identify.live_wiring import ApartError, move_to_and_fro

@@ -49,10 +49,7 @@ BROKEN: list[tuple[str, list[State]]] = [
         "nobody guides an arm that is not armed",
         [state(1), state(2, mode="admittance", notices=notices("holding -> admittance: x"))],
     ),
-    (
-        "a release goes the way of the push",
-        [releasing(k, -0.02 * (k - 1)) for k in range(1, 4)],
-    ),
+    ("a release goes the way of the push", [releasing(k, -0.02 * (k - 1)) for k in range(1, 4)]),
     ("a release is slow", [releasing(k, 0.04 * (k - 1)) for k in range(1, 11)]),
     (
         "a release is bounded in distance",

@@ -281,7 +281,21 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "eds: other.eds",
         "eds: other.eds",
         "drives.two_encoder_drive.eds",
-        ("other.eds", "not a readable EDS"),
+        ("other.eds: cannot be read: No such file or directory",),
+    ),
+    "an EDS without a name": (
+        "eds: drive.eds",
+        'eds: ""',
+        "eds: ",
+        "drives.two_encoder_drive.eds",
+        ("must be text of at least 1 characters, not ''",),
+    ),
+    "an object below those of CiA 402": (
+        "object: 0x60E4, subindex: 1",
+        "object: 0x60E, subindex: 1",
+        "link_position: ",
+        "drives.two_encoder_drive.link_position.object",
+        ("must be a whole number of at least 0x1000, not 0x60e",),
     ),
     "object that the EDS lacks": (
         "object: 0x60E4, subindex: 1",
@@ -353,13 +367,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "trajectory.file",
         ("`move.csv`", "either a file or sinusoids"),
     ),
-    "another version": (
-        "version: 1",
-        "version: 2",
-        "version: 2",
-        "version",
-        ("must be one of 1, not 2",),
-    ),
+    "another version": ("version: 1", "version: 2", "version: 2", "version", ("must be 1, not 2",)),
     "a key that is a number": (
         '"1": [controlword, target_velocity]',
         "1: [controlword, target_velocity]",

@@ -182,10 +182,10 @@ def test_places_of_what_was_identified(tmp_path: Path) -> None:
 
     assert keys("half_gap") == ["joints", "joint", "gap", "half_gap"]
     assert keys("friction", "gap_viscous") == [
-        *("joints", "joint", "friction", "friction", "gap_viscous"),
+        *("joints", "joint", "friction", "friction", "gap_viscous")
     ]
     assert keys("thresholds", "contact") == [
-        *("joints", "joint", "thresholds", "thresholds", "contact"),
+        *("joints", "joint", "thresholds", "thresholds", "contact")
     ]
     assert keys("rotor_inertia") == []  # the current did not show it
     assert keys("torque_constant") == []

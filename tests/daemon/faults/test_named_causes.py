@@ -62,23 +62,22 @@ def test_two_drives_are_named_before_the_arm_is_enabled(on: BreakableArm) -> Non
     on.rig.reset()
 
 
-def test_a_drive_that_leaves_operation_without_supply_is_named_so(on: BreakableArm) -> None:
+@pytest.mark.parametrize(
+    ("trigger", "condition", "how"),
+    [
+        (Trigger.DISABLE_VOLTAGE, Condition.SUPPLY_LOST, " is in switch on disabled"),
+        (Trigger.FAULT_DETECTED, Condition.DRIVE_FAULT, ", without supply"),
+    ],
+)
+def test_a_drive_without_supply_is_named_so(
+    on: BreakableArm, trigger: Trigger, condition: Condition, how: str
+) -> None:
     start(on, armed=True)
     going = supply_gone(on)
     next(going)
-    on.simulated.axis.happen(Trigger.DISABLE_VOLTAGE)
+    on.simulated.axis.happen(trigger)
     on.tick()
-    assert cause(on) == f"{Condition.SUPPLY_LOST}: {on.drive.name} is in switch on disabled"
-    going.close()  # type: ignore[attr-defined]
-
-
-def test_a_drive_in_fault_without_supply_says_both(on: BreakableArm) -> None:
-    start(on, armed=True)
-    going = supply_gone(on)
-    next(going)
-    on.simulated.axis.happen(Trigger.FAULT_DETECTED)
-    on.tick()
-    assert cause(on) == f"{Condition.DRIVE_FAULT}: {on.drive.name}, without supply"
+    assert cause(on) == f"{condition}: {on.drive.name}{how}"
     going.close()  # type: ignore[attr-defined]
 
 

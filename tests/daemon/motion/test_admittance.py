@@ -48,11 +48,7 @@ def test_without_virtual_mass_it_follows_at_once() -> None:
     np.testing.assert_allclose(after, [0.08, 0.0, 0.0])
 
 
-@given(
-    before=st.floats(-0.5, 0.5),
-    push=st.floats(-1e6, 1e6),
-    dt=st.floats(1e-4, 10.0),
-)
+@given(before=st.floats(-0.5, 0.5), push=st.floats(-1e6, 1e6), dt=st.floats(1e-4, 10.0))
 def test_for_every_interval_it_ends_between_before_and_the_target(
     before: float, push: float, dt: float
 ) -> None:

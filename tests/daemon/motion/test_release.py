@@ -7,14 +7,7 @@ from hypothesis import strategies as st
 
 from common.arrays import Vector
 from daemon.motion.limits import Limits
-from daemon.motion.release import (
-    DEBOUNCE_TICKS,
-    PAUSE_S,
-    SLACK_S,
-    Ending,
-    Release,
-    ReleaseSettings,
-)
+from daemon.motion.release import DEBOUNCE_TICKS, PAUSE_S, SLACK_S, Ending, Release, ReleaseSettings
 
 DT = 0.01
 BOUNDS = ReleaseSettings(velocity=0.25, distance=0.3, ahead=np.full(2, 0.15))

@@ -125,10 +125,7 @@ def test_shapes_that_do_not_fit(
 
 
 @settings(max_examples=scaled(100), suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    cells=st.lists(st.lists(st.text(max_size=6), max_size=4), max_size=6),
-    header=st.booleans(),
-)
+@given(cells=st.lists(st.lists(st.text(max_size=6), max_size=4), max_size=6), header=st.booleans())
 def test_whatever_it_says_it_is_read_or_refused(
     tmp_path: Path, cells: list[list[str]], header: bool
 ) -> None:

@@ -1,13 +1,15 @@
 """Joints that sense contact, and what they feel, as the daemon's status says it."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from bench.rigs.faulty_wire import FaultyWire
-from bench.rigs.served_daemon import served_daemon
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.schema import Configuration
 from daemon.service.sensitivity import sensitivity_now
 from drivers.can.wire import Wire
@@ -20,14 +22,33 @@ def patient(c: Configuration) -> Configuration:
     return msgspec.structs.replace(c, supervisor=supervisor)
 
 
-def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("learning", "least"), [(True, 0.2), (False, 1.0)])
+def test_the_least_level_is_all_of_it_where_nothing_learns(
+    tmp_path: Path, learning: bool, least: float
+) -> None:
+    def learns(c: Configuration) -> Configuration:
+        estimator = msgspec.structs.replace(c.estimator, learning=learning)
+        return msgspec.structs.replace(c, estimator=estimator)
+
+    with served_daemon(tmp_path, configure=learns) as served:
+        status = json.loads(served.contactctl("--json", "status").stdout)
+    assert status["least"] == [pytest.approx(least * status["contact"][0])]
+
+
+@contextmanager
+def served_wire(folder: Path) -> Iterator[tuple[ServedDaemon, list[FaultyWire]]]:
     wires: list[FaultyWire] = []
 
     def between(wire: Wire) -> FaultyWire:
         wires.append(FaultyWire(wire))
         return wires[0]
 
-    with served_daemon(tmp_path, configure=patient, between=between) as served:
+    with served_daemon(folder, configure=patient, between=between) as served:
+        yield served, wires
+
+
+def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -> None:
+    with served_wire(tmp_path) as (served, wires):
         served.rig.enable()
         shown = served.contactctl("status").stdout
         assert "sensing       every joint, for 0:00:0" in shown
@@ -51,13 +72,7 @@ def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -
 
 
 def test_a_level_that_fades_after_missing_samples_is_told(tmp_path: Path) -> None:
-    wires: list[FaultyWire] = []
-
-    def between(wire: Wire) -> FaultyWire:
-        wires.append(FaultyWire(wire))
-        return wires[0]
-
-    with served_daemon(tmp_path, configure=patient, between=between) as served:
+    with served_wire(tmp_path) as (served, wires):
         served.rig.enable()
         served.run(0.3)
         before = sensitivity_now(served.rig.tick)

@@ -67,8 +67,7 @@ class Clamps:
         # Beyond what the plant's step resolves a damper would shake by itself.
         mass = float(parameters.lightest_link[joint])
         damping = min(
-            2.0 * DAMPING_RATIO * (stiffness * mass) ** 0.5,
-            0.3 * mass / self._arm.settings.step_s,
+            2.0 * DAMPING_RATIO * (stiffness * mass) ** 0.5, 0.3 * mass / self._arm.settings.step_s
         )
         place = float(self._arm.plant.q[joint]) + side * distance
         obstacle = Obstacle(joint, place, side, stiffness, damping)
@@ -181,11 +180,7 @@ def measure(case: Case) -> Squeeze:
 
 
 def squeeze(
-    clamps: Clamps,
-    stood_s: float | None,
-    contact: float,
-    collided: bool,
-    modes: tuple[str, ...],
+    clamps: Clamps, stood_s: float | None, contact: float, collided: bool, modes: tuple[str, ...]
 ) -> Squeeze:
     """Figures of the torques over time."""
     time_s = np.array([t for t, _ in clamps.trace]) - (np.inf if stood_s is None else stood_s)

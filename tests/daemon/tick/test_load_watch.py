@@ -238,18 +238,22 @@ def test_what_comes_to_a_load_that_was_told_is_advised_with_it(rig: Rig) -> None
     assert loads.advice == "`contactctl payload 0.25 --com 0.10 0.00 -0.03`"
 
 
-@pytest.mark.parametrize("torque", [2.5, -2.5])
-def test_a_hand_that_comes_while_a_told_load_settles_is_felt(rig: Rig, torque: float) -> None:
-    """What the residual still shows of the load for some 0.1 s covers no touch of a joint."""
-    rig.run(20.0)
-    assert not rig.permit()
-    give(rig, JUG)
+def until_it_holds(rig: Rig) -> None:
     for _ in range(1000):
         believe(rig, JUG)
         rig.step()
         if rig.mode is Mode.HOLDING and rig.estimate.thresholded.any():
             break
     assert rig.mode is Mode.HOLDING
+
+
+@pytest.mark.parametrize("torque", [2.5, -2.5])
+def test_a_hand_that_comes_while_a_told_load_settles_is_felt(rig: Rig, torque: float) -> None:
+    """What the residual still shows of the load for some 0.1 s covers no touch of a joint."""
+    rig.run(20.0)
+    assert not rig.permit()
+    give(rig, JUG)
+    until_it_holds(rig)
     assert not rig.tick.carry(JUG, "the test")
     rig.arm.external_torque[3] = torque
     rig.run(0.1)
@@ -272,12 +276,7 @@ def test_an_arm_that_holds_a_load_is_told_and_does_not_move(rig: Rig) -> None:
     assert not rig.permit()
     give(rig, JUG)
     believe(rig, JUG)
-    for _ in range(1000):
-        believe(rig, JUG)
-        rig.step()
-        if rig.mode is Mode.HOLDING and rig.estimate.thresholded.any():
-            break
-    assert rig.mode is Mode.HOLDING
+    until_it_holds(rig)
     q = rig.samples.link_position.copy()
     assert not rig.tick.carry(JUG, "the test")
     assert not rig.tick.controller.refusals(Event.START)

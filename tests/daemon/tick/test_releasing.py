@@ -120,8 +120,7 @@ def test_stopped_by_a_person_it_does_not_begin_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("condition", "mode"),
-    [(Condition.OVERRUN, M.STOPPING), (Condition.DRIVE_FAULT, M.FAULTED)],
+    ("condition", "mode"), [(Condition.OVERRUN, M.STOPPING), (Condition.DRIVE_FAULT, M.FAULTED)]
 )
 def test_a_finding_on_the_way(condition: Condition, mode: Mode) -> None:
     arm = released(tracking())

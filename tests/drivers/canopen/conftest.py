@@ -51,11 +51,7 @@ def joint_drives(profile: DriveProfile) -> list[Drive]:
 @pytest.fixture(scope="session")
 def setups(joint_drives: list[Drive]) -> list[DriveSetup]:
     sheet = load_data_sheet(ROBOT / "drive.eds")
-    limits = [j["limits"] for j in CONFIG["joints"]]
-    return [
-        DriveSetup(drive, sheet, limit["velocity"], limit["quick_stop"])
-        for drive, limit in zip(joint_drives, limits, strict=True)
-    ]
+    return [DriveSetup(drive, sheet) for drive in joint_drives]
 
 
 @dataclass

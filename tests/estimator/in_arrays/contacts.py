@@ -117,12 +117,7 @@ class ContactDetector:
     """
 
     def __init__(
-        self,
-        joints: Sequence[str],
-        thresholds: Thresholds,
-        *,
-        gain: float,
-        debounce: int = 1,
+        self, joints: Sequence[str], thresholds: Thresholds, *, gain: float, debounce: int = 1
     ) -> None:
         n = len(joints)
         self._joints = tuple(joints)

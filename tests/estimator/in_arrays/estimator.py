@@ -84,10 +84,7 @@ class Estimator:
         own = (_ADVANCE[settings.motor_position], _ROTOR, _TRANSMITTED)
         self.interval = Interval([*own, *self.residual.forms()], n)
         self.detector = ContactDetector(
-            model.names,
-            thresholds,
-            gain=settings.gain,
-            debounce=settings.debounce,
+            model.names, thresholds, gain=settings.gain, debounce=settings.debounce
         )
         self._contact, self._per_speed = thresholds.contact, thresholds.per_speed
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
@@ -212,12 +209,7 @@ class Estimator:
         )
 
     def _advance(
-        self,
-        dt: float,
-        gaps: Vector,
-        absent: NDArray[np.bool_] | None,
-        flags: Flag,
-        time_s: float,
+        self, dt: float, gaps: Vector, absent: NDArray[np.bool_] | None, flags: Flag, time_s: float
     ) -> Estimate:
         """Estimate dt [s] after the one before; gaps: since the last sample of each joint (n,) [s],
         0 for those that are `absent`."""

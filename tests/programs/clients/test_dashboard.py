@@ -199,7 +199,7 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     assert ("passed  samples         all fresh in this tick" in report) is not armed
     assert ("to arm anew  mode: the drives are off" in report) is armed
     assert ("not armed: the lease of uid 0 (pid 7) ran out (7 s ago)" in report) is not armed
-    assert "smallest touch  in motion    at rest  configured    floor  share\n" in report
+    assert "smallest touch  in motion    at rest  configured    least  share\n" in report
     assert "shoulder          1.00 Nm   12.00 Nm     0.80 Nm  0.16 Nm    20%\nin motion:" in report
     assert ("armed by root (pid 7) on behalf of anna for another 9 min 12 s" in report) is armed
     (joint,) = [line for line in lines if line.startswith(" LWristPitch")]

@@ -265,10 +265,7 @@ def test_a_killed_recorder_loses_less_than_a_second(
     assert chunk < 100  # a second
 
 
-@settings(
-    max_examples=scaled(60),
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+@settings(max_examples=scaled(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1, exclude_max=True))
 def test_cut_anywhere(recording: Path, tmp_path: Path, share: float) -> None:
     whole = list(read_log(recording))
@@ -280,10 +277,7 @@ def test_cut_anywhere(recording: Path, tmp_path: Path, share: float) -> None:
     assert found == whole[: len(found)]
 
 
-@settings(
-    max_examples=scaled(100),
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+@settings(max_examples=scaled(100), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
 @example(share=0.0001289244879497785, bit=2)  # a message of a channel that there is not
 def test_flipped_bit_never_changes_what_is_read(

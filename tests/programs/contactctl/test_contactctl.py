@@ -124,12 +124,7 @@ def test_a_stop_is_done_when_every_joint_is_seen_to_stand(
     ("command", "mode"), [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off")]
 )
 def test_a_stop_that_nobody_has_seen_is_a_failure(
-    run: Run,
-    fake_daemon: Any,
-    command: str,
-    mode: str,
-    no_wait: tuple[str, ...],
-    silenced: bool,
+    run: Run, fake_daemon: Any, command: str, mode: str, no_wait: tuple[str, ...], silenced: bool
 ) -> None:
     fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
     fake_daemon.silenced = silenced

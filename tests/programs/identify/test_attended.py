@@ -82,6 +82,18 @@ def test_it_ends_as_soon_as_nothing_is_recorded(
     assert not list(folder.glob("*.mcap"))
 
 
+def test_a_daemon_that_is_killed_leaves_a_step_that_did_not_finish(served: ServedDaemon) -> None:
+    first = TypedCommand(served, *FRICTION)
+    first.moves(1.0)
+    served.path.unlink()
+    served.service.control.drop_all()
+    status, said = first.ends()
+    assert status == 1
+    assert "friction did not finish: the daemon closed the connection. What was measured is" in said
+    folder = served.service.process.robot.path.parent / "identify"
+    assert [path.name for path in folder.glob("*.mcap")] == ["friction.part01.mcap"]
+
+
 def test_ctrl_c_in_the_moment_of_the_start_halts_it(
     served: ServedDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:

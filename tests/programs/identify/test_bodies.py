@@ -225,8 +225,7 @@ def test_a_name_that_means_something_else_is_refused_before_anything_is_read(fol
 
 
 @pytest.mark.parametrize(
-    ("mass", "says"),
-    [(2.5, "LWristPitch: the current was at its limit"), (0.7, "too heavy")],
+    ("mass", "says"), [(2.5, "LWristPitch: the current was at its limit"), (0.7, "too heavy")]
 )
 def test_a_load_that_the_motors_cannot_hold_is_not_written(
     folder, subjects, motion, monkeypatch, mass, says

@@ -341,12 +341,7 @@ def without_effort(messages: list[dict[str, object]]) -> None:
 @pytest.mark.parametrize(
     ("names", "change", "encoding", "says"),
     [
-        (
-            OF_A_TOPIC.replace("/arm", "/leg"),
-            None,
-            "json",
-            "no topic /leg; there are /arm",
-        ),
+        (OF_A_TOPIC.replace("/arm", "/leg"), None, "json", "no topic /leg; there are /arm"),
         (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', needed beside an MCAP"),
         (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr; only json can be read"),
         (OF_A_TOPIC, without_effort, "json", r"message 10 of /arm has no number effort\[0\]"),

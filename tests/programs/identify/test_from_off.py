@@ -156,6 +156,31 @@ def test_the_arm_goes_back_to_where_it_stood(
     assert float(served.rig.samples.link_position[0]) == pytest.approx(stood, abs=0.03)
 
 
+@pytest.mark.parametrize(
+    "words", [("gap",), ("masses",), ("friction",), ("payload", "cup"), ("thresholds",)]
+)
+def test_links_that_are_not_trusted_leave_the_drives_off(
+    arm: CommissionedArm, served: ServedDaemon, words: tuple[str, ...]
+) -> None:
+    (arm.folder / "identified.yaml").unlink()
+    assert served.contactctl("reload").exit_code == 0
+    result = served.contactd("identify", *words, "--yes")
+    assert result.exit_code == 1
+    said = "the drives stay off: the wiring of joint was never checked (`contactd identify wiring`)"
+    assert said in " ".join(result.output.split())
+    assert served.rig.mode is Mode.OFF
+
+
+def test_a_hand_may_move_a_link_that_is_not_trusted(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
+    (arm.folder / "identified.yaml").unlink()
+    assert served.contactctl("reload").exit_code == 0
+    status, said = stopped(served, "gap", "--by-hand", after_s=1.0)
+    assert status == 1
+    assert "gap of joint did not finish: stopped by you; the arm is holding" in said
+
+
 def test_a_wiring_check_that_somebody_disables_claims_nothing_that_passed(
     served: ServedDaemon,
 ) -> None:

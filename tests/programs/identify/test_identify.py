@@ -227,8 +227,7 @@ def test_friction_that_is_not_known_well_says_what_to_do(
     robot = load_robot(folder)
     if weighed:
         joint = msgspec.structs.replace(
-            robot.configuration.joints[0],
-            body=BodyInertia.of(robot.model.parameters()[0]),
+            robot.configuration.joints[0], body=BodyInertia.of(robot.model.parameters()[0])
         )
         c = msgspec.structs.replace(robot.configuration, joints=(joint,))
         robot = dataclasses.replace(robot, configuration=c)

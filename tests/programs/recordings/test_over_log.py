@@ -98,10 +98,7 @@ def test_samples_at_another_period_are_said_to_be(tmp_path, states):
 
 @pytest.mark.parametrize(
     ("without", "says", "status"),
-    [
-        ("current.joint", "no column current.joint", 65),
-        ("time", "no column time", 65),
-    ],
+    [("current.joint", "no column current.joint", 65), ("time", "no column time", 65)],
 )
 def test_what_it_needs_is_asked_for(tmp_path, states, without, says, status):
     result = replayed(saved(tmp_path / "log.csv", states[:200], without))

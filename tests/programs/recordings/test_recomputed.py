@@ -92,9 +92,7 @@ def test_it_is_opened_like_a_recording_at_its_fault(
     assert answer.output.startswith(f"{log}: ")
 
 
-def test_what_ended_the_daemon_after_the_last_frame_is_shown(
-    run: tuple[Path, list[State]],
-) -> None:
+def test_what_ended_the_daemon_after_the_last_frame_is_shown(run: tuple[Path, list[State]]) -> None:
     log, _ = run
     told = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
     assert [text for _, text in told.faults] == ["the bus is gone"]

@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from rosbags.typesys import Stores, get_typestore
+from zenoh_ros2_sdk.subscriber import ROS2Subscriber
+
 from contactd_client.paths import view_socket_path
 from programs.zenoh.names import Distro, Node
 from programs.zenoh.serve import Settings, serve
@@ -25,6 +28,23 @@ def until(true: Callable[[], Any]) -> Any:
             raise TimeoutError("it never came")
         time.sleep(0.005)
     return found
+
+
+def joint_state(topic: str, port: int) -> Any:
+    """First JointState of a topic, as zenoh-ros2-sdk at the router of this port reads it."""
+    got, store, kind = list[Any](), get_typestore(Stores.ROS2_JAZZY), "sensor_msgs/msg/JointState"
+    subscriber = ROS2Subscriber(
+        topic=topic,
+        msg_type=kind,
+        callback=got.append,
+        msg_definition=store.generate_msgdef(kind, ros_version=2)[0],
+        type_hash=store.hash_rihs01(kind),
+        router_ip="127.0.0.1",
+        router_port=port,
+    )
+    message = until(lambda: got and got[0])
+    subscriber.close()
+    return message
 
 
 class Bridge:

@@ -136,10 +136,7 @@ def test_calls_that_go_on_do_not_undo_what_a_person_does(ros: Ros, command: Any)
     ros.arm()
     ros.served.service.handle(bare(command), Peer(2, 9, 101))
     ros.served.run(0.5)
-    assert ros.say() == (
-        False,
-        f"{LET_GO} (renew: refused; not armed any more: `arm` it anew)",
-    )
+    assert ros.say() == (False, f"{LET_GO} (renew: refused; not armed any more: `arm` it anew)")
     for _ in range(20):
         ros.served.run(0.2)
         assert ros.say() == (False, LET_GO)

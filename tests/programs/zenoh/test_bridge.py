@@ -12,7 +12,6 @@ from rosbags.typesys import Stores, get_typestore
 from zenoh import ext
 from zenoh_ros2_sdk import discovery
 from zenoh_ros2_sdk.service_client import ROS2ServiceClient
-from zenoh_ros2_sdk.subscriber import ROS2Subscriber
 
 from common.errors import ConfigurationError
 from daemon.protocol.state import State
@@ -20,7 +19,7 @@ from programs.zenoh.messages import outcome
 from programs.zenoh.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
 from programs.zenoh.serve import Settings, serve
 from programs.zenoh.services import TRIGGER
-from tests.programs.zenoh.bridge import LONGEST_S, Bridge, until
+from tests.programs.zenoh.bridge import LONGEST_S, Bridge, joint_state, until
 from tests.programs.zenoh.zenoh_router import session_at
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -68,19 +67,7 @@ def test_joint_states_are_read_and_disarm_is_called(
 ) -> None:
     bridge = start(fake_daemon.path, sdk)
     bridge.joined()
-    got: list[Any] = []
-    definition, _ = STORE.generate_msgdef("sensor_msgs/msg/JointState", ros_version=2)
-    subscriber = ROS2Subscriber(
-        topic="/left_arm/joint_states",
-        msg_type="sensor_msgs/msg/JointState",
-        callback=got.append,
-        msg_definition=definition,
-        type_hash=STORE.hash_rihs01("sensor_msgs/msg/JointState"),
-        router_ip="127.0.0.1",
-        router_port=sdk,
-    )
-    message = until(lambda: got and got[0])
-    subscriber.close()
+    message = joint_state("/left_arm/joint_states", sdk)
     stamp_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
     state = make_state(round((stamp_s - 1.8e9) * 100))
     assert list(message.position) == state.link_position

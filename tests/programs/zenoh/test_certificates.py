@@ -102,8 +102,7 @@ def heard(session: zenoh.Session) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("who", "may"),
-    [("planner", {"stop", "disarm", "arm"}), ("screen", {"stop", "disarm"})],
+    ("who", "may"), [("planner", {"stop", "disarm", "arm"}), ("screen", {"stop", "disarm"})]
 )
 def test_each_may_what_is_theirs(
     arm: Bridge, session: Callable[[str], zenoh.Session], who: str, may: set[str], fake_daemon: Any

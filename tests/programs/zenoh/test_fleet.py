@@ -3,7 +3,6 @@
 import contextlib
 import json
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ from programs.zenoh.messages import Diagnosis, Level, diagnostic_array, outcome
 from programs.zenoh.names import Distro, Endpoint, Kind, Node, Qos
 from programs.zenoh.services import TRIGGER
 from programs.zenoh.supervisor import Supervisor
+from tests.fake_daemon import running
 from tests.programs.zenoh.bridge import Bridge, until
 from tests.programs.zenoh.zenoh_router import session_at
 
@@ -137,13 +137,8 @@ def test_the_table_shows_text_as_text() -> None:
 def second(fake_daemon: Any, tmp_path: Path) -> Iterator[Any]:
     """Another daemon."""
     (tmp_path / "second").mkdir()
-    daemon = type(fake_daemon)(tmp_path / "second/control")
-    thread = threading.Thread(target=daemon.run)
-    thread.start()
-    assert daemon.ready.wait(5)
-    yield daemon
-    daemon.stopped.set()
-    thread.join()
+    with running(type(fake_daemon)(tmp_path / "second/control")) as daemon:
+        yield daemon
 
 
 @pytest.fixture

@@ -167,9 +167,7 @@ CALLS = st.tuples(
 
 
 @given(st.lists(CALLS, max_size=40))
-def test_no_lease_outlasts_the_caller(
-    calls: list[tuple[bytes, bool, float, float, bool]],
-) -> None:
+def test_no_lease_outlasts_the_caller(calls: list[tuple[bytes, bool, float, float, bool]]) -> None:
     """Whatever is said in whatever order: a lease ends HOLD_S after its call was sent, counted with
     the fastest way of those calls by which this caller has held it, and what clocks drift."""
     hold, now_s = Hold(), 0.0

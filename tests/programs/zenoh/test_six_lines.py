@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rosbags.typesys import Stores, get_typestore
 from zenoh_ros2_sdk.service_client import ROS2ServiceClient
-from zenoh_ros2_sdk.subscriber import ROS2Subscriber
 
 from contactd_client.paths import view_socket_path
-from tests.programs.zenoh.bridge import LONGEST_S, until
+from tests.programs.zenoh.bridge import LONGEST_S, joint_state, until
 
 ROOT = Path(__file__).parents[3]
 PAGE = "docs/ros.md"
@@ -71,20 +69,7 @@ def test_topic_list(page: str, sdk: int) -> None:
 
 def test_topic_echo(page: str, sdk: int) -> None:
     (name,) = line(page, "ros2", "topic", "echo")
-    store = get_typestore(Stores.ROS2_JAZZY)
-    definition, _ = store.generate_msgdef("sensor_msgs/msg/JointState", ros_version=2)
-    got: list[Any] = []
-    subscriber = ROS2Subscriber(
-        topic=name,
-        msg_type="sensor_msgs/msg/JointState",
-        callback=got.append,
-        msg_definition=definition,
-        type_hash=store.hash_rihs01("sensor_msgs/msg/JointState"),
-        router_ip="127.0.0.1",
-        router_port=sdk,
-    )
-    message = until(lambda: got and got[0])
-    subscriber.close()
+    message = joint_state(name, sdk)
     assert len(message.effort) == len(message.name) == 7
 
 

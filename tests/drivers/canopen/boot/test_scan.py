@@ -8,8 +8,8 @@ import pytest
 from bench.rigs.generated_arms import generate
 from bench.rigs.lines import virtual_line
 from common.errors import BusError, ConfigurationError
+from common.yaml_source import parse_yaml
 from daemon.config.load import load_robot
-from daemon.config.yaml_source import parse_yaml
 from drivers.canopen.boot.scan import FoundNode, scan
 from programs.contactd.scan import bus_of, data_sheets, fitting, table
 from programs.simulate.simulated_robot import true_arm

@@ -158,7 +158,7 @@ def test_whatever_it_answers_what_is_raised_is_a_drive_error(setups, answers):
 
 @settings(max_examples=scaled(8))
 @given(
-    harm=st.dictionaries(st.integers(0, 150), st.one_of(st.none(), ANSWER), min_size=1, max_size=4),
+    harm=st.dictionaries(st.integers(0, 150), st.one_of(st.none(), ANSWER), min_size=1, max_size=4)
 )
 def test_a_boot_up_that_is_garbled_comes_up_or_says_why(make_bench, setups, harm):
     bench = make_bench()

@@ -5,7 +5,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
@@ -86,6 +86,10 @@ class Source:
 
     def line(self, keys: list[str | int]) -> int:
         """Line of the value behind `keys`, or of the deepest part of that path that exists."""
+        return int(self.node(keys).start_mark.line) + 1
+
+    def node(self, keys: list[str | int]) -> yaml.Node:
+        """Value behind `keys` as it is written, or the deepest part of that path that exists."""
         node: yaml.Node = self.root
         for key in keys:
             found: yaml.Node | None = None
@@ -96,7 +100,7 @@ class Source:
             if found is None:
                 break
             node = found
-        return int(node.start_mark.line) + 1
+        return node
 
 
 def quoted(text: str) -> str:
@@ -128,11 +132,45 @@ def parse_yaml(text: str, path: Path) -> Source:
         root = loader.get_single_node()
         data = None if root is None else loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f":{mark.line + 1}" if mark else ""
-        raise ConfigurationError(f"{path}{line}: {error.problem or error}") from error
+        raise ConfigurationError(f"{path}:{_in_words(error)}") from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        what = f"the character U+{ord(text[error.position]):04X} is not allowed"
+        raise ConfigurationError(f"{path}:{line}: {what}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path}: is not valid YAML: {error}") from error
     if root is None:
         raise ConfigurationError(f"{path}: is empty")
     return Source(path, text, data, root)
+
+
+# The library's words, whether the line is that where it began to read what it describes, ours.
+_WORDS: Final = (
+    (r"mapping values are not", False, "`: ` where no name is expected: put text that holds it in "
+     "quotes, and indent the lines of a group alike"),
+    (r"sequence entries are not", False, "`- ` begins an entry of a list, on a line of its own"),
+    (r"expected ',' or '(.)'", True, "a bracket is not closed by `{}` before the next name"),
+    (r"found character '\\t'", False, "a tab: indent with spaces"),
+    (r"found character '(.)'", False, "text that begins with `{}` must be in quotes"),
+    (r"found unexpected end of", True, "a quote is not closed"),
+    (r"could not find expected ':'", True, "`NAME: VALUE` is expected"),
+    (r"expected <block end>", False, "not in line with its group: check the indentation, and that "
+     "quotes are closed above"),
+    (r"found undefined alias '(.+)'", False, "`*{0}` without `&{0}` before it; text that begins "
+     "with `*` must be in quotes"),
+    (r"could not determine a constr", False, "text that begins with `!` must be in quotes"),
+    (r"expected alphabetic or num", True, "text that begins with `*` or `&` must be in quotes"),
+    (r"but found another document", False, "`---` begins a second document, only one is allowed"),
+    (r"found unknown escape char.+'(.)'", False, "`\\{}` is no escape: use single quotes"),
+)  # fmt: skip
+
+
+def _in_words(error: yaml.MarkedYAMLError) -> str:
+    """Line of an error, and the error in a writer's words instead of a parser's."""
+    problem, mark = error.problem or str(error), error.problem_mark
+    for pattern, at_beginning, words in _WORDS:
+        if found := re.match(pattern, problem):
+            mark = error.context_mark if at_beginning else mark
+            problem = words.format(*found.groups())
+            break
+    return f"{mark.line + 1}: {problem}" if mark else f" {problem}"
