@@ -152,9 +152,9 @@ def described(act: AnyAct) -> str:
             words = "hold " + ", ".join(act.joints)
         case Guide():
             ways = (f"{name} to {goal:g} rad" for name, goal in act.to.items())
-            words = "guide " + ", ".join(ways)
+            words = "lead " + ", ".join(ways)
         case Give():
-            words = f"give {act.mass:g} kg" if act.mass > 0.0 else "take its load"
+            words = f"carry {act.mass:g} kg"
         case Release():
             words = "release"
     return words
