@@ -52,8 +52,7 @@ class Levels(Settings, frozen=True):
     collision: Positive
     per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
     # Contact level that learning leaves at least, a fifth of `contact` to all [Nm]; by default all
-    # where `known` states it, else a fifth. `estimator.learning: false` leaves all: nothing wrong
-    # is learned, but a touch takes more, and changed friction is reported as contacts.
+    # where `known` states it, else a fifth. `estimator.learning: false` leaves all.
     least: Positive | None = None
 
 
