@@ -12,7 +12,7 @@ from drivers.canopen.drive import Drive
 from drivers.canopen.settings import DriveProfile, JointWiring
 from drivers.settings import Name, Settings
 from estimator.body_inertia import BodyInertia
-from estimator.payload import Mass, Place
+from estimator.payload import Coordinate, Mass
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import LEAST_SHARE
 
@@ -183,7 +183,7 @@ class PayloadEntry(Settings, frozen=True):
 
     mass: Mass  # [kg]
     # centre of mass in the frame of the URDF's last link [m]
-    com: tuple[Place, Place, Place] | None = None
+    com: tuple[Coordinate, Coordinate, Coordinate] | None = None
 
 
 JointPosition = Annotated[float, Meta(ge=-100, le=100)]  # of a link [rad]

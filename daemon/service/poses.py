@@ -7,7 +7,7 @@ import numpy as np
 from common.arrays import Vector
 from common.errors import TrajectoryError
 from daemon.config.load import Robot
-from daemon.config.motion import limits_of
+from daemon.config.vectors import limits_of
 from daemon.motion.limits import Limits
 from daemon.motion.pose_path import PosePath, run_time_s
 from daemon.protocol.replies import Way
