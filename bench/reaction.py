@@ -38,7 +38,7 @@ from bench.report import Target, print_report
 from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.bus_faults import pdos_stale
 from bench.rigs.drive_faults import heartbeat_lost, runaway, samples_repeat, stone_deaf
-from bench.rigs.faults import PLACES, SHOWN, Case, Place
+from bench.rigs.faults import PLACES, SHOWN, Case, MakeOnWire
 from bench.rigs.measurement_faults import all_frozen, encoder_frozen
 from bench.study.fault_pairs import PAIRS, judged_each, sampled
 from common.errors import ProgramError
@@ -171,7 +171,7 @@ def one_reset(on: BreakableArm) -> bool:
     return True
 
 
-def program_error(place: Place) -> dict[str, Any]:
+def program_error(place: MakeOnWire) -> dict[str, Any]:
     """An exception in the tick, in full motion."""
     logging.getLogger("contactd").addHandler(logging.NullHandler())  # its traceback is no news here
     with place.stage() as on:
@@ -195,7 +195,7 @@ def program_error(place: Place) -> dict[str, Any]:
     )
 
 
-def killed(place: Place) -> dict[str, Any]:
+def killed(place: MakeOnWire) -> dict[str, Any]:
     """Without the daemon: found is when the last drive has missed its heartbeat."""
     with place.stage() as on:
         start(on, armed=True)
@@ -256,7 +256,7 @@ def line(row: dict[str, Any]) -> str:
     )
 
 
-def measured(place: Place) -> list[dict[str, Any]]:
+def measured(place: MakeOnWire) -> list[dict[str, Any]]:
     """Every fault that can be shown at a place, each on an arm of its own."""
     rows = []
     for case in (each.case for each in SHOWN if each.place == place):

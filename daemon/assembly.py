@@ -11,8 +11,8 @@ from common.arrays import Vector
 from daemon.config.evidence import objections, parameters_known, parameters_missing
 from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
-from daemon.config.motion import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.config.schema import Configuration
+from daemon.config.vectors import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
@@ -201,7 +201,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
     law = AdmittanceLaw(
         virtual_mass_s=virtual_mass_of(c), velocity=np.full(len(c.joints), c.admittance.velocity)
     )
-    path = robot.recorded or sinusoids_of(c)
+    path = robot.trajectory or sinusoids_of(c)
     return Motion(
         manner=manner,
         limits=limits_of(c),

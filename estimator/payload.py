@@ -13,7 +13,7 @@ FURTHEST_M = 2.0
 """[m] from the origin of the hand's frame, along each axis"""
 
 Mass = Annotated[float, Meta(gt=0, le=HEAVIEST_KG)]
-Place = Annotated[float, Meta(ge=-FURTHEST_M, le=FURTHEST_M)]
+Coordinate = Annotated[float, Meta(ge=-FURTHEST_M, le=FURTHEST_M)]
 
 
 class Payload(msgspec.Struct, frozen=True, kw_only=True):
@@ -21,7 +21,7 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
 
     mass: Mass  # [kg]
     # its centre in the frame of the hand, the URDF's last link [m]
-    com: Annotated[list[Place], Meta(min_length=3, max_length=3)]
+    com: Annotated[list[Coordinate], Meta(min_length=3, max_length=3)]
     name: str = ""  # in the configuration
 
     @classmethod

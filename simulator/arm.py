@@ -72,6 +72,7 @@ class SimulatedArm:
             parameters.torque_constant
             * np.array([joint.max_current_A for joint in description.joints]),
             parameters.coulomb[:n] + parameters.coulomb[n:],
+            (parameters.lower, parameters.upper),
         )
         self.external_torque = np.zeros(n)
         """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""

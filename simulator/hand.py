@@ -47,9 +47,11 @@ class Hand:
         weight: Callable[[Vector], Vector] = np.zeros_like,
         strongest: Vector | float = 100.0,
         friction: Vector | float = np.inf,
+        stops: tuple[Vector | float, Vector | float] = (-np.inf, np.inf),
     ) -> None:
         """give: puts a load into the arm's hand. weight: torque that holds the links, at q (n,).
         strongest: largest torque of the motors, friction: that of the joints (n,) [Nm].
+        stops: end stops of the joints, (n,) each [rad].
         Raises ConfigurationError when the script names an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
@@ -57,6 +59,7 @@ class Hand:
             self._refuse_unknown(act, "hand script: ")
         n = len(names)
         self._damping_limit = damping_limit
+        self._lower, self._upper = (np.broadcast_to(stop, n) for stop in stops)
         self._next = 0
         self._began_at: float | None = None
         self._pushes: list[tuple[Push | Lean, float]] = []
@@ -83,8 +86,14 @@ class Hand:
 
     def take(self, act: AnyAct) -> str:
         """Begin an act that is requested now, whatever its `at_s`; returns it in words. Raises
-        ConfigurationError for an unknown joint."""
+        ConfigurationError for an unknown joint, and for a position beyond its end stops."""
         self._refuse_unknown(act)
+        for name, goal in act.to.items() if isinstance(act, Guide) else ():
+            lower, upper = self._lower[self._index[name]], self._upper[self._index[name]]
+            if not lower <= goal <= upper:
+                raise ConfigurationError(
+                    f"{name}: {goal:g} rad is beyond its end stops, {lower:g} to {upper:g} rad"
+                )
         self._asked.append(act)
         if not isinstance(act, Guide):
             return described(act)
@@ -226,4 +235,4 @@ class Hand:
         self._rate[:] = move / period_s
         if not self._rate.any():
             self._guiding = False
-            words.append("end guide, holding still")
+            words.append("end lead, holding still")

@@ -17,7 +17,7 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 Torque = Annotated[float, Meta(ge=-500.0, le=500.0)]  # [Nm]
 Strength = Annotated[float, Meta(gt=0.0, le=500.0)]  # [Nm]
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]  # of a link [rad]
-Place = Annotated[float, Meta(ge=-2.0, le=2.0)]  # [m]
+Coordinate = Annotated[float, Meta(ge=-2.0, le=2.0)]  # [m]
 
 
 class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="act"):
@@ -98,7 +98,7 @@ class Give(Act, frozen=True, kw_only=True, tag="give"):
     without one where a hand would hold it (`Plant.held_at`); 0 takes it away again."""
 
     mass: Annotated[float, Meta(ge=0.0, le=100.0)]
-    com: tuple[Place, Place, Place] | None = None
+    com: tuple[Coordinate, Coordinate, Coordinate] | None = None
 
 
 AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give
@@ -152,9 +152,9 @@ def described(act: AnyAct) -> str:
             words = "hold " + ", ".join(act.joints)
         case Guide():
             ways = (f"{name} to {goal:g} rad" for name, goal in act.to.items())
-            words = "guide " + ", ".join(ways)
+            words = "lead " + ", ".join(ways)
         case Give():
-            words = f"give {act.mass:g} kg" if act.mass > 0.0 else "take its load"
+            words = f"carry {act.mass:g} kg"
         case Release():
             words = "release"
     return words

@@ -7,6 +7,7 @@ number of examples of its own writes `max_examples=scaled(50)`, so that `make fu
 """
 
 import logging
+import os
 import signal
 from collections.abc import Iterator
 
@@ -20,6 +21,7 @@ from tests.slow import listed
 
 # Before anything loads numpy: threads of BLAS beside those of other workers take six times as long.
 single_threaded()
+os.environ.pop("COLUMNS", None)  # xdist has one, and output that is no terminal's keeps to it
 
 
 def pytest_sessionstart() -> None:

@@ -275,7 +275,7 @@ EXCLUDED: dict[tuple[str, str], str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class MakeOnWire:
     """Drives of one make, and the wire of one interface to them."""
 
     make: Make
@@ -293,7 +293,7 @@ class Place:
 class Trial:
     """A case at one place."""
 
-    place: Place
+    place: MakeOnWire
     case: Case
 
     def __str__(self) -> str:
@@ -309,8 +309,8 @@ class Trial:
 
 
 PLACES = (
-    *(Place(make, "virtual") for make in MAKES),
-    *(Place(MAKES[0], wire) for wire in LINES if wire != "virtual"),
+    *(MakeOnWire(make, "virtual") for make in MAKES),
+    *(MakeOnWire(MAKES[0], wire) for wire in LINES if wire != "virtual"),
 )
 TRIALS = tuple(Trial(place, case) for place in PLACES for case in CASES)
 SHOWN = tuple(shown for shown in TRIALS if not shown.excluded)

@@ -9,8 +9,8 @@ from bench.soak.record import Ledger
 from bench.soak.sensing_rules import SensingRules
 from bench.soak.stop_rules import StopRules
 from daemon.assembly import build_transmission
-from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
+from daemon.config.vectors import limits_of
 from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, YIELDING, Mode
 from daemon.motion.release import SLACK_S
 from daemon.protocol.state import State

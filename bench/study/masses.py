@@ -16,8 +16,8 @@ from common.arrays import Matrix, Vector
 from daemon.assembly import build_estimator, build_transmission
 from daemon.config.dynamics import model_of
 from daemon.config.load import load_robot
-from daemon.config.motion import row
 from daemon.config.schema import Configuration, Friction
+from daemon.config.vectors import row
 from estimator.body_inertia import BodyInertia
 from estimator.estimate import SampleRows
 from estimator.model import Model

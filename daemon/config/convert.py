@@ -174,6 +174,18 @@ def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
     return [f.encode_name for f in node.fields] if hasattr(node, "fields") else []
 
 
+def choices(kind: Any, path: str) -> list[str]:
+    """Values of a field, or keys of one that is a mapping, that are allowed; empty if they are not
+    enumerated. Its path is without indices and names of the owner's: `joints.end`."""
+    keys: list[str | int] = []
+    for name in path.split("."):
+        while hasattr(inside := _type_at(kind, keys), "item_type") or hasattr(inside, "value_type"):
+            keys.append(0)
+        keys.append(name)
+    of_a_key = isinstance(_type_at(kind, keys), msgspec.inspect.DictType)
+    return _choices_at(kind, keys, of_a_key)
+
+
 def _choices_at(kind: Any, keys: list[str | int], of_a_key: bool) -> list[str]:
     """Values, or keys, that are allowed at the end of `keys`; empty if they are not enumerated."""
     node = _type_at(kind, keys)

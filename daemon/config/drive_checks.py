@@ -9,7 +9,7 @@ from daemon.config.counts import unrepresentable
 from daemon.config.problem import Keys, Problem, at
 from daemon.config.schema import Configuration, Joint, drive_of
 from drivers.canopen.boot.data_sheet import load_data_sheet
-from drivers.canopen.boot.required_objects import DriveSetup, Place, problems
+from drivers.canopen.boot.required_objects import DriveSetup, ProfileKeys, problems
 from drivers.canopen.bus_load import refuse_overload
 from drivers.canopen.codec import LayoutError
 from drivers.canopen.settings import PdoEntry
@@ -49,7 +49,7 @@ def _data_sheet(c: Configuration, name: str, folder: Path) -> list[Problem]:
     return [_in_profile(name, p.at, f"{profile.eds}: {p.what}") for p in dict.fromkeys(found)]
 
 
-def _in_profile(name: str, place: Place, what: str) -> Problem:
+def _in_profile(name: str, place: ProfileKeys, what: str) -> Problem:
     keys: Keys = ["drives", name, *place]
     where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
     return Problem(keys, where.removeprefix("."), what)

@@ -21,7 +21,7 @@ from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Leve
 from drivers.canopen.settings import Harmonic, JointWiring
 from drivers.settings import Name, Settings, Sign
 from estimator.body_inertia import BodyInertia
-from estimator.payload import Mass, Place
+from estimator.payload import Coordinate, Mass
 
 NotNegative = Annotated[float, Meta(ge=0)]
 
@@ -188,7 +188,7 @@ class IdentifiedPayload(Entry, frozen=True):
     depends = Dependence.BODIES
 
     mass: Mass
-    com: tuple[Place, Place, Place]
+    com: tuple[Coordinate, Coordinate, Coordinate]
     mass_error: NotNegative
     com_error: NotNegative
 

@@ -16,9 +16,9 @@ from daemon.config.checks import cross_checks, identified_checks, least_levels
 from daemon.config.convert import convert
 from daemon.config.dynamics import model_of
 from daemon.config.identified import Identified, applied, identified_keys, identified_text
-from daemon.config.motion import recorded_path
 from daemon.config.problem import Keys, Problem
 from daemon.config.schema import Configuration
+from daemon.config.vectors import trajectory_of
 from daemon.motion.sampled_path import SampledPath
 from estimator.model import Model
 
@@ -32,7 +32,7 @@ class Robot:
     text: str  # content of config.yaml
     urdf: str  # text of the URDF
     model: Model  # of its links with the bodies of `configuration`, shared by all that need it
-    recorded: SampledPath | None = None  # of trajectory.file
+    trajectory: SampledPath | None = None  # of trajectory.file
     identified: Identified | None = None  # its values are in `configuration` already
     identified_text: str = ""  # of identified.yaml
     by_hand: "Robot | None" = None  # without identified.yaml, where there is one
@@ -89,11 +89,11 @@ def load_robot(path: Path) -> Robot:
     if findings or isinstance(model, ModelError):
         raise ConfigurationError("\n".join(_in_words(one, source, one.keys) for one in findings))
     try:
-        recorded = recorded_path(configuration, path.parent)
+        trajectory = trajectory_of(configuration, path.parent)
     except TrajectoryError as error:
         where = f"{path}:{source.line(['trajectory', 'file'])}: trajectory.file"
         raise ConfigurationError(f"{where}: {error}") from error
-    robot = Robot(path, configuration, source.text, urdf, model, recorded)
+    robot = Robot(path, configuration, source.text, urdf, model, trajectory)
     return robot if alone else _with(robot, read_yaml(identified))
 
 

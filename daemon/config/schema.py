@@ -12,7 +12,7 @@ from drivers.canopen.drive import Drive
 from drivers.canopen.settings import DriveProfile, JointWiring
 from drivers.settings import Name, Settings
 from estimator.body_inertia import BodyInertia
-from estimator.payload import Mass, Place
+from estimator.payload import Coordinate, Mass
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import LEAST_SHARE
 
@@ -62,8 +62,7 @@ class Levels(Settings, frozen=True):
     collision: Positive
     per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
     # Contact level that learning leaves at least, a fifth of `contact` to all [Nm]; by default all
-    # where `known` states it, else a fifth. `estimator.learning: false` leaves all: nothing wrong
-    # is learned, but a touch takes more, and changed friction is reported as contacts.
+    # where `known` states it, else a fifth. `estimator.learning: false` leaves all.
     least: Positive | None = None
 
 
@@ -194,7 +193,7 @@ class PayloadEntry(Settings, frozen=True):
 
     mass: Mass  # [kg]
     # centre of mass in the frame of the URDF's last link [m]
-    com: tuple[Place, Place, Place] | None = None
+    com: tuple[Coordinate, Coordinate, Coordinate] | None = None
 
 
 JointPosition = Annotated[float, Meta(ge=-100, le=100)]  # of a link [rad]

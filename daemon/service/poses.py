@@ -7,7 +7,7 @@ import numpy as np
 from common.arrays import Vector
 from common.errors import TrajectoryError
 from daemon.config.load import Robot
-from daemon.config.motion import limits_of
+from daemon.config.vectors import limits_of
 from daemon.motion.limits import Limits
 from daemon.motion.pose_path import PosePath, run_time_s
 from daemon.protocol.replies import Way
@@ -88,12 +88,22 @@ class Poses:
         if request.pose is None:
             values = request.targets or {}
             return " ".join(f"{joint}={value:g}" for joint, value in values.items()), values
+        if request.pose in self.joints and request.pose not in self.named:
+            raise TrajectoryError(
+                f"{request.pose} is a joint: JOINT=VALUE is expected, with its position in rad, "
+                f"such as {request.pose}={self._inside(request.pose):g}"
+            )
         if request.pose not in self.named:
             known = f"there are: {', '.join(self.named)}" if self.named else "there is none"
             raise TrajectoryError(
                 f"no pose {request.pose!r} under `poses` in the configuration; {known}"
             )
         return request.pose, self.named[request.pose]
+
+    def _inside(self, joint: str) -> float:
+        """Position within a joint's limits [rad], for an example."""
+        i = self.joints.index(joint)
+        return round(0.5 * float(self._limits.lower[i] + self._limits.upper[i]), 1)
 
     def _refuse_elsewhere(self, request: Go, q: Vector) -> None:
         planned = request.planned_from

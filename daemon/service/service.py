@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from msgspec.structs import replace
 
 from common.errors import ModelError, TrajectoryError
-from daemon.config.motion import limits_of
+from daemon.config.vectors import limits_of
 from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
 from daemon.motion.path import Place

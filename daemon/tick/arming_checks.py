@@ -110,6 +110,7 @@ class ArmingChecks:
             return ArmingResult((_failed("mode", text),), (text,))
         failures = [
             *([] if mode in ARMABLE else [_failed("mode", refusal(mode, "arm"))]),
+            *([_failed("faults", refusal(mode, "arm"))] if mode is Mode.FAULTED else []),
             *self._of_findings(record.findings),
             *(_failed(objection.check, objection.text) for objection in objections),
             *(check for check in self._settled if not check.passed),

@@ -14,9 +14,11 @@ _FILLED_UP = re.compile(r" +(?=\n)")
 
 
 def on_stdout(width: int = FOR_PIPES) -> Console:
-    """Console on stdout, in `width` columns where it is no terminal."""
+    """Console on stdout, where it is no terminal in $COLUMNS or else `width` columns."""
     if sys.stdout.isatty():
         return _StrictConsole()
+    asked = os.environ.get("COLUMNS", "")
+    width = int(asked) if asked.isdecimal() and int(asked) else width
     return _StrictConsole(width=width, file=cast(TextIO, _Unfilled(sys.stdout)))
 
 

@@ -131,6 +131,13 @@ class InOrder(click.Group):
         """Commands in the order in which they were defined."""
         return list(self.commands)
 
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Resolve the command that is named first. Raises UsageError with those that there are."""
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            known = ", ".join(self.list_commands(ctx))
+            raise click.UsageError(f"no command {args[0]!r}; there are: {known}", ctx)
+        return super().resolve_command(ctx, args)
+
 
 class Group(InOrder):
     """Group that turns an error of ours into one line on stderr and its exit status."""

@@ -117,7 +117,7 @@ def balance_of(c: "Configuration", urdf: str) -> "Balance":
     import numpy as np
 
     from daemon.config.dynamics import model_of
-    from daemon.config.motion import row, virtual_mass_of
+    from daemon.config.vectors import row, virtual_mass_of
     from daemon.motion.balance import balanced, levers
     from programs.contactctl.sensitivity_poses import poses_within
 
@@ -137,7 +137,7 @@ def _rows(snapshot: "Snapshot", status: "Status") -> dict[str, dict[str, float]]
     import numpy as np
 
     from daemon.config.load import parse_configuration
-    from daemon.config.motion import row
+    from daemon.config.vectors import row
     from daemon.motion.balance import leading_torque
 
     c = parse_configuration(snapshot.configuration, "the daemon's", snapshot.identified)

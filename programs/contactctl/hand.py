@@ -1,6 +1,7 @@
 """`contactctl hand`: a person's hand at a simulated arm, live, by the simulator's own socket."""
 
 import json
+import math
 import re
 import socket
 from pathlib import Path
@@ -18,16 +19,20 @@ PATIENCE_S = 5.0
 class Measure(click.ParamType):  # type: ignore[type-arg]
     """Number with its unit behind it, or without: `3Nm`, `0.5 rad`, `-2`."""
 
-    def __init__(self, unit: str) -> None:
+    def __init__(self, unit: str, low: float = -math.inf, high: float = math.inf) -> None:
         self.name = self._unit = unit
+        self._low, self._high = low, high
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number. Raises BadParameter for another unit."""
+        """The number. Raises BadParameter for another unit, and beyond the bounds."""
         found = re.fullmatch(rf"([-+]?\d*\.?\d+(?:[eE][-+]?\d+)?) ?(?:{self._unit})?", str(value))
         if found is None:
             self.fail(f"{value!r} is no number of {self._unit}, such as 3{self._unit}.", param, ctx)
+        if not self._low <= float(found[1]) <= self._high:
+            allowed = f"{self._low:g} to {self._high:g} {self._unit}"
+            self.fail(f"{value!r} is not allowed: {allowed}.", param, ctx)
         return float(found[1])
 
 
@@ -131,8 +136,8 @@ def clamp(door: Path, joints: tuple[str, ...]) -> None:
     _do(door, act="clamp", joints=list(joints))
 
 
-@hand.command()
-@click.argument("mass", type=Measure("kg"))
+@hand.command(context_settings=_SIGNED)
+@click.argument("mass", type=Measure("kg", 0.0, 100.0))
 @click.option(
     "--com",
     nargs=3,

@@ -4,8 +4,8 @@ import numpy as np
 
 from common.arrays import Matrix
 from daemon.assembly import build_estimator
-from daemon.config.motion import limits_of
 from daemon.config.schema import Configuration
+from daemon.config.vectors import limits_of
 from estimator.model import Model
 from estimator.tool_force import ToolSense, tool_sense
 

@@ -9,6 +9,7 @@ from rich.table import Table
 from common import compiled
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
+from daemon.config.convert import choices
 from daemon.config.evidence import unarmable
 from daemon.config.explanations import explain
 from daemon.config.identified import Identified
@@ -40,10 +41,11 @@ QUANTITY_UNITS = {
 }
 FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
 TRAVEL_WORDS = (
-    "in all: a drive that ignores commands; until the fault is detected, during the stops by "
-    "setpoint, SDO and NMT, until the drive misses the master's heartbeat, and its quick stop. own "
-    "way: a drive faster than its setpoint by speed_margin; until that is detected, and its quick "
-    "stop from there. dies: patience and braking, if the daemon dies"
+    "until found: until the fault is detected. in the stops: while they are commanded by setpoint, "
+    "SDO and NMT. master missed: until the drive misses the master's heartbeat. in all: the sum, "
+    "of a drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
+    "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
+    "stop"
 )
 # Substitutes for quantities that a drive profile does not have.
 WITHOUT = {
@@ -117,6 +119,8 @@ def print_explanation(field: str) -> None:
     ConfigurationError."""
     for place, about in explain(field).items():
         say(f"{place}: {about.what}")
+        if allowed := choices(Configuration, place):
+            say(f"  allowed: {', '.join(allowed)}")
         say(f"  how to find it: {about.find}")
         say(f"  typical: {about.typical}")
 
@@ -214,19 +218,10 @@ def _levels(c: Configuration, found: Identified | None) -> Table:
 def _travels(c: Configuration) -> Table:
     """Table of travels of the joints: if the daemon dies, and if their drives ignore commands."""
     table = _table(
-        "\ntravel in rad, at worst, from a fault at full speed until the joint stands",
-        *(
-            "joint",
-            "rad/s",
-            "rad/s2",
-            "found",
-            "stages",
-            "patience",
-            "braking",
-            "in all",
-            "own way",
-            "dies",
-        ),
+        "\ntravel, at worst, from a fault at full speed until the joint stands",
+        *("joint", "speed\nrad/s", "braking\nrad/s2", "until\nfound\nrad", "in the\nstops\nrad"),
+        *("master\nmissed\nrad", "quick\nstop\nrad", "in all\nrad", "too\nfast\nrad"),
+        "daemon\ndies\nrad",
         gap=1,
     )
     for drive, travel in zip(c.joint_drives, travels(c), strict=True):

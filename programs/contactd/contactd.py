@@ -46,6 +46,8 @@ class _Group(click.Group):
             ctx.exit(error.exit_code)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
+        except KeyboardInterrupt:
+            ctx.exit(ENDED_BY_CTRL_C)
         except Exception as error:
             if isinstance(error, OSError) and (text := could_not_say(error)):
                 say(f"contactd: {text}", err=True)

@@ -12,7 +12,7 @@ from common.errors import LogError
 from common.regular_file import open_text
 from daemon.protocol.text import printable
 from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
-from programs.identify.log_names import NamedLog, Place, Rows, beside, read_names
+from programs.identify.log_names import Conversion, NamedLog, Rows, beside, read_names
 from programs.identify.mcap_log import read_rows
 from programs.recordings.raster import on_raster
 
@@ -136,7 +136,7 @@ def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
 
 def _places(
     path: Path, joints: Sequence[str], header: list[str], named: NamedLog | None
-) -> tuple[dict[str, Place], Rows | None]:
+) -> tuple[dict[str, Conversion], Rows | None]:
     """Columns of the quantities of these joints, and the rows that count: by the file of names, or
     by the columns' own names."""
     known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
@@ -144,7 +144,7 @@ def _places(
         if "time" not in header:
             there = printable(", ".join(header)[:200])
             raise LogError(f"{path}: no column time; there are {there or 'none'}, by commas")
-        return {name: Place(name) for name in known if name in header}, None
+        return {name: Conversion(name) for name in known if name in header}, None
     places = {name: place for name, place in named.places.items() if name in known}
     which = named.rows
     wanted = {name: place.column for name, place in places.items() if place.column}

@@ -17,7 +17,7 @@ from common.arrays import Matrix, Vector
 from common.errors import ConfigurationError, ShortLogError, UnreachableError
 from daemon.config.identified import samples_alike
 from daemon.config.load import Robot
-from daemon.config.motion import row
+from daemon.config.vectors import row
 from daemon.modes.table import Mode
 from daemon.protocol.state import State
 from identification.excitation import point_to_point

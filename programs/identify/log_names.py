@@ -74,7 +74,7 @@ class LogNames(Settings, frozen=True, kw_only=True):
     rows: Rows | None = None
 
 
-class Place(msgspec.Struct, frozen=True):
+class Conversion(msgspec.Struct, frozen=True):
     """Column of a CSV, or one value if there is none, and what makes SI of it."""
 
     column: str
@@ -85,7 +85,7 @@ class Place(msgspec.Struct, frozen=True):
 class NamedLog(msgspec.Struct, frozen=True):
     """Places of `time` and of each `QUANTITY.JOINT`, which rows count, and the topic of an MCAP."""
 
-    places: dict[str, Place]
+    places: dict[str, Conversion]
     rows: Rows | None
     topic: str
 
@@ -122,7 +122,7 @@ def read_names(log: Path) -> NamedLog | None:
     return NamedLog(places, names.rows, names.topic)
 
 
-def _place(path: Path, where: str, quantity: str, named: Named) -> Place:
+def _place(path: Path, where: str, quantity: str, named: Named) -> Conversion:
     if bool(named.column) == (named.value is not None):
         raise LogError(f"{path}: {where}: give either a column or a value")
     units = UNITS[_ALIKE.get(quantity, quantity)]
@@ -134,5 +134,5 @@ def _place(path: Path, where: str, quantity: str, named: Named) -> Place:
         raise LogError(f"{path}: {where}: scale {named.scale}, offset {named.offset}: both must be "
                        "numbers, and scale not 0")  # fmt: skip
     if named.value is None:
-        return Place(named.column, factor, named.offset)
-    return Place("", 0.0, named.value * factor + named.offset)
+        return Conversion(named.column, factor, named.offset)
+    return Conversion("", 0.0, named.value * factor + named.offset)

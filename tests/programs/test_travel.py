@@ -108,7 +108,12 @@ def test_no_joint_goes_further_whatever_its_drive_obeys(
 def test_check_prints_it(capsys) -> None:
     print_check(ROMEO)
     printed = capsys.readouterr().out
-    assert "travel in rad, at worst, from a fault at full speed until the joint stands" in printed
+    begin = printed.index("travel, at worst, from a fault at full speed until the joint stands\n")
+    assert [" ".join(line.split()) for line in printed[begin:].splitlines()[1:4]] == [
+        "until in the master quick too daemon",
+        "speed braking found stops missed stop in all fast dies",
+        "joint rad/s rad/s2 rad rad rad rad rad rad rad",
+    ]
     row = next(line for line in printed.splitlines() if re.match(r"LElbowRoll +1\.2 ", line))
     figures = ["1.2", "12", "0.336", "0.108", "0.120", "0.060", "0.624", "0.984", "0.180"]
     assert row.split()[1:] == figures

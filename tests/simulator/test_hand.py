@@ -79,7 +79,7 @@ def test_a_hand_leads_with_four_times_the_friction_at_most_and_says_so() -> None
     one = Hand((), NAMES, np.full(2, 10.0), strongest=np.array([30.0, 8.0]),
                friction=np.array([0.1, 0.0]))  # fmt: skip
     words = one.take(Guide(at_s=0.0, to={"a": 2.0, "b": 2.0}, speed=1000.0, max_torque=None))
-    assert words == "guide a to 2 rad, b to 2 rad, with at most 0.4 Nm, 1.6 Nm"
+    assert words == "lead a to 2 rad, b to 2 rad, with at most 0.4 Nm, 1.6 Nm"
     one.update(0.0, Q)
     one.update(1.0, Q)
     assert torque(one) == pytest.approx([0.4, 1.6])
@@ -121,7 +121,7 @@ def test_guide_leads_at_its_speed_then_holds_until_release() -> None:
     for k in range(200, 999):
         words += one.update(100.0 + 0.001 * k, Q)
     assert torque(one, np.array([0.2, 0.0])) == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert words == ["begin guide a to 0.2 rad", "end guide, holding still"]
+    assert words == ["begin lead a to 0.2 rad", "end lead, holding still"]
     assert one.update(101.0, Q) == ["begin release"]
     assert not one.touching
     assert torque(one, Q + 1.0) == [0.0, 0.0]
@@ -227,7 +227,7 @@ def test_hand_meets_arm(master: Callable[..., Any]) -> None:
     one.arm.advance(one.arm.now + 2.0)
     reports = [(event.kind, event.text) for event in one.events if event.kind == "hand"]
     assert reports[0] == ("hand", "begin push LWristPitch 0.3 Nm")
-    assert reports[-1] == ("hand", "end guide, holding still")
+    assert reports[-1] == ("hand", "end lead, holding still")
     assert one.events[0].at_s == pytest.approx(began + 0.02 + 0.2, abs=0.011)
     assert one.arm.plant.q[2] == pytest.approx(0.3, abs=0.03)
     assert np.abs(one.arm.plant.q_dot).max() < 0.5
@@ -243,10 +243,10 @@ def test_it_gives_something_and_takes_it_away(tmp_path: Path) -> None:
     given: list[Give] = []
     one = Hand(acts, NAMES, np.ones(2), given.append)
     one.begin(100.0)
-    assert one.update(101.0, Q) == ["begin give 0.3 kg"]
+    assert one.update(101.0, Q) == ["begin carry 0.3 kg"]
     assert given == [acts[0]]
     assert not one.touching
-    assert one.update(102.0, Q) == ["begin take its load"]
+    assert one.update(102.0, Q) == ["begin carry 0 kg"]
     assert given == list(acts)
     assert one.done
 

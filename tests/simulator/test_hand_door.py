@@ -13,7 +13,7 @@ from programs.contactctl.contactctl import main
 from programs.simulate.simulate import _live_hand
 from simulator.hand import TAKING_S, VISIT_S, Hand
 from simulator.hand_door import HandDoor
-from simulator.hand_script import Clamp, Gap, Give, Lean, Push, Release
+from simulator.hand_script import Clamp, Gap, Give, Guide, Lean, Push, Release
 
 NAMES = ("shoulder", "elbow")
 Q, STILL = np.array([0.1, -0.2]), np.zeros(2)
@@ -42,6 +42,15 @@ def test_what_is_asked_for_begins_at_once_and_without_a_script():
     assert not hand.busy
     with pytest.raises(ConfigurationError, match=r"^no joint 'thumb'; there are: shoulder, elbow$"):
         hand.take(Lean(at_s=0.0, joint="thumb", torque=1.0))
+
+
+def test_a_position_beyond_the_end_stops_is_refused():
+    hand = a_hand(stops=(np.array([-1.0, -2.0]), 1.5))
+    with pytest.raises(
+        ConfigurationError, match=r"^elbow: -2.1 rad is beyond its end stops, -2 to"
+    ):
+        hand.take(Guide(at_s=0.0, to={"shoulder": 1.5, "elbow": -2.1}, speed=0.3))
+    assert not hand.busy
 
 
 def test_leaning_rises_and_stays_until_release():
@@ -139,8 +148,8 @@ def test_a_command_is_an_act(door, words, act):
     [
         (["push", "thumb", "3"], 1, "no thumb"),
         (["push", "elbow", "3kg"], 2, "no number of Nm"),
-        (["carry", "--", "-1"], 1, "Expected `float` >= 0.0"),
-        (["nudge", "elbow"], 2, "No such command"),
+        (["carry", "--", "-1"], 2, "'-1' is not allowed: 0 to 100 kg"),
+        (["nudge", "elbow"], 2, "no command 'nudge'; there are: push, lean, "),
     ],
 )
 def test_what_a_hand_cannot_do_is_refused(door, words, status, says):

@@ -32,7 +32,7 @@ PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 _NAME_ANOTHER: Final = ", and contactd cannot use the drive without: name one that its EDS has"
 _IN_STEPS: Final = "it follows setpoints as its maker chose"
 
-Place = tuple[str | int, ...]
+ProfileKeys = tuple[str | int, ...]
 """Keys within a profile: `("tpdo", "1")`."""
 Group = Literal["communication", "stopping", "mode", "limits", "own objects", "PDO mapping"]
 
@@ -64,7 +64,7 @@ class Wanted:
     meaning: str
     without: str = ""
     mask: int = -1
-    setting: Place = ("eds",)
+    setting: ProfileKeys = ("eds",)
 
     @property
     def where(self) -> str:
@@ -171,7 +171,7 @@ class Contradiction:
     """Something that the configuration needs and an EDS lacks; `at` is the place in the profile
     that asks for it."""
 
-    at: Place
+    at: ProfileKeys
     what: str
 
 
@@ -268,7 +268,7 @@ def _pdo_problems(
             )
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
         # Statusword and controlword have no entry of their own.
-        place: Place = at if field.entry in WORDS else (field.entry,)
+        place: ProfileKeys = at if field.entry in WORDS else (field.entry,)
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
             meant = _meant(sheet, field.index, field.subindex) or _NAME_ANOTHER

@@ -47,7 +47,7 @@ def friction_outcome(
     import numpy as np
 
     from daemon.assembly import build_transmission
-    from daemon.config.motion import row
+    from daemon.config.vectors import row
     from identification.friction import identify_friction
     from identification.friction_fit import adopt
     from identification.friction_verdict import Verdict

@@ -50,7 +50,7 @@ def masses_outcome(
     """
     from daemon.assembly import build_transmission
     from daemon.config.identified import MassesEntry
-    from daemon.config.motion import row
+    from daemon.config.vectors import row
     from estimator.body_inertia import BodyInertia
     from identification.limit_cycle import limit_cycles
     from identification.log_checks import refuse_implausible

@@ -72,7 +72,7 @@ def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outc
     from daemon.assembly import build_transmission
     from daemon.config.identified import IdentifiedPayload
     from daemon.config.marks import marks
-    from daemon.config.motion import row
+    from daemon.config.vectors import row
     from daemon.config.worst_loads import Carrying
     from estimator.payload import Payload
     from identification.log_checks import refuse_implausible

@@ -71,7 +71,7 @@ def thresholds_outcome(
     """Identify two levels per joint from contact-free motion; it_was_me: a person confirms
     every stretch that looks like a touch. Raises LogError without residuals."""
     from daemon.config.identified import Identified, IdentifiedJoint
-    from daemon.config.motion import row
+    from daemon.config.vectors import row
     from daemon.tick.arming_checks import RAISED
     from identification.limit_cycle import limit_cycles
     from identification.thresholds import LevelVerdict, identify_levels
@@ -205,7 +205,7 @@ def _settings(
     import numpy as np
 
     from daemon.assembly import build_transmission
-    from daemon.config.motion import row
+    from daemon.config.vectors import row
     from daemon.tick.arming_checks import RAISED
     from identification.thresholds import LevelSettings
 

@@ -10,8 +10,8 @@ from bench.rigs import upright_arm
 from bench.rigs.lockstep import Rig, lockstep_rig
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
-from daemon.config.motion import row
 from daemon.config.schema import Configuration
+from daemon.config.vectors import row
 from estimator.model import Model
 from identification.limit_cycle import ENDING_SHARE, limit_cycles
 from programs.identify.measured import Measured, from_states

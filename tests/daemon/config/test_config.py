@@ -197,9 +197,9 @@ def test_a_trajectory_file_is_judged_with_the_configuration(
     if text is not None:
         (folder / "move.csv").write_text(text)
     if not words:
-        recorded = load_robot(folder).recorded
-        assert recorded is not None
-        assert recorded.name == "move.csv"
+        trajectory = load_robot(folder).trajectory
+        assert trajectory is not None
+        assert trajectory.name == "move.csv"
         return
     with pytest.raises(ConfigurationError) as caught:
         load_robot(folder)

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import pytest
 
 from bench.rigs.breakable_arm import MAKES, BreakableArm, restore, start
-from bench.rigs.faults import CASES, EXCLUDED, PLACES, SHOWN, TRIALS, Case, Place, Trial
+from bench.rigs.faults import CASES, EXCLUDED, PLACES, SHOWN, TRIALS, Case, MakeOnWire, Trial
 from bench.rigs.lines import LINES
 from common.errors import ProgramError
 from daemon.ending import REPEATS, stop_on_error
@@ -66,25 +66,25 @@ def test_what_is_not_shown_has_its_reason_and_exists() -> None:
 
 
 @pytest.fixture(scope="module")
-def stages() -> Iterator[dict[Place, BreakableArm]]:
+def stages() -> Iterator[dict[MakeOnWire, BreakableArm]]:
     """The stage at each place, for all that leave it in order."""
     with ExitStack() as stack:
         yield Stages(stack)
 
 
-class Stages(dict[Place, BreakableArm]):
+class Stages(dict[MakeOnWire, BreakableArm]):
     """Opens what is missing."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
 
-    def __missing__(self, place: Place) -> BreakableArm:
+    def __missing__(self, place: MakeOnWire) -> BreakableArm:
         self[place] = self._stack.enter_context(place.stage())
         return self[place]
 
 
 @pytest.fixture
-def on(stages: dict[Place, BreakableArm], place: Place) -> Iterator[BreakableArm]:
+def on(stages: dict[MakeOnWire, BreakableArm], place: MakeOnWire) -> Iterator[BreakableArm]:
     """Off, undisturbed and at its first pose; whoever leaves it in disorder was the last."""
     shared = stages.pop(place, None) or stages[place]
     stages.pop(place, None)
@@ -94,7 +94,7 @@ def on(stages: dict[Place, BreakableArm], place: Place) -> Iterator[BreakableArm
 
 
 @pytest.fixture
-def own(place: Place) -> Iterator[BreakableArm]:
+def own(place: MakeOnWire) -> Iterator[BreakableArm]:
     """For faults after which contactd must be started again."""
     with place.stage() as on:
         yield on

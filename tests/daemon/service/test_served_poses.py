@@ -95,6 +95,7 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
     ("words", "code", "text"),
     [
         (["go", "nowhere", "--yes"], 1, "no pose 'nowhere' under `poses` in the configuration; th"),
+        (["go", "joint", "--yes"], 1, "JOINT=VALUE is expected, with its position in rad, such as"),
         (["go", "elbow=1", "--yes"], 1, "no joint 'elbow'; there are: joint"),
         (["go", "joint=1.5", "--yes"], 1, "joint=1.5 is outside its limits [-1.4, 1.4] rad"),
         (["go", "joint=x", "--yes"], 2, "'x' is not a position in rad"),

@@ -96,6 +96,12 @@ def test_off_only_the_mode_is_wrong() -> None:
         assert failed(off) == ["mode"]
 
 
+def test_a_latched_fault_fails_its_check_also_when_nothing_is_found_any_more(calm: Rig) -> None:
+    result = calm.tick.arming_checks.run(calm.last, Mode.FAULTED, (), calm.time_s)
+    assert failing(result) == ["mode", "faults"]
+    assert len(result.reasons) == 1
+
+
 def touch(rig: Rig) -> None:
     rig.arm.external_torque[0] = 2.0
 

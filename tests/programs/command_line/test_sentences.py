@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daemon.protocol.trend_row import trends_folder
+from programs.command_line.console import on_stdout
 from programs.command_line.sentences import folded, say
 from programs.contactctl import contactctl
 from programs.trends.day import write_day
@@ -82,3 +83,11 @@ def test_a_closed_pipe_is_no_answer(fake_daemon: Any, tmp_path: Path, words: lis
             check=False,
         )
     assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.parametrize(("columns", "width"), [("60", 60), ("200", 200), ("", 120), ("0", 120)])
+def test_a_pipe_has_the_columns_that_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch, columns: str, width: int
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    assert on_stdout().width == width

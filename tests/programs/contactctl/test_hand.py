@@ -54,6 +54,20 @@ def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str
     assert typed("push", "-h").exit_code == 0
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("carry", "-1kg"), "'-1kg' is not allowed: 0 to 100 kg."),
+        (("carry", "101"), "'101' is not allowed: 0 to 100 kg."),
+        (("poke",), "no command 'poke'; there are: push, lean, lead, gap, clamp, carry, release"),
+    ],
+)
+def test_what_is_allowed_is_said(words: tuple[str, ...], said: str) -> None:
+    result = typed(*words)
+    assert result.exit_code == 2
+    assert said in result.output
+
+
 def test_a_misspelt_option_of_payload_is_no_name() -> None:
     for words in (["--cmo"], ["0.3", "--cmo", "1", "2", "3"]):
         result = CliRunner().invoke(contactctl.main, ["payload", *words])

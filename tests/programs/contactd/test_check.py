@@ -2,12 +2,16 @@
 
 import re
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from programs.contactd import check as check_module
 from programs.contactd.check import print_check
 from programs.contactd.contactd import main
 
@@ -44,6 +48,35 @@ def test_a_field_is_explained():
     assert typical.startswith("  typical: 30 to 200")
     assert CliRunner().invoke(main, ["check", "--explain", "nose"]).exit_code == 78
     assert CliRunner().invoke(main, ["check"]).exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("field", "allowed"),
+    [
+        ("known", "friction, gap, masses, thresholds, wiring"),
+        ("end", "brake, hold, limp"),
+        ("drives.tpdo", "1, 2, 3, 4"),
+        ("version", "1"),
+    ],
+)
+def test_the_values_of_a_field_are_named(field: str, allowed: str) -> None:
+    result = CliRunner().invoke(main, ["check", "--explain", field])
+    assert f"\n  allowed: {allowed}\n" in result.output
+
+
+def test_ctrl_c_is_quiet(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(check_module, "print_check", interrupted)
+    result = CliRunner().invoke(main, ["check", str(DESK_ARM)])
+    assert (result.exit_code, result.output) == (130, "")
+
+
+def test_ctrl_c_is_quiet_while_modules_are_imported() -> None:
+    code = "import programs; raise KeyboardInterrupt"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert (ended.returncode, ended.stderr) == (-signal.SIGINT, b"")
 
 
 def test_what_is_most_likely_not_meant_is_told_and_good(tmp_path):
@@ -108,7 +141,7 @@ def test_no_figure_is_cut_on_a_narrow_terminal(columns, monkeypatch, capsys):
     assert "…" not in printed
     for row in (
         "quick_stop_deceleration 0x6085:00 UNSIGNED32 0.010472    +1   0      rad/s2",
-        "LElbowRoll     1.2   12     0.336 0.108  0.120    0.060   0.624  0.984   0.180",
+        "LElbowRoll     1.2   12      0.336 0.108  0.120  0.060 0.624  0.984 0.180",
     ):
         assert row in printed
 
@@ -239,10 +272,7 @@ def test_the_source_of_each_level_is_shown(tmp_path):
 
 def test_the_tables_of_the_arm_fit_into_80_columns():
     lines = check(ROMEO).output.splitlines()
-    for title in (
-        "wiring",
-        "joints",
-        "travel in rad, at worst, from a fault at full speed until the joint stands",
-    ):
+    travel = "travel, at worst, from a fault at full speed until the joint stands"
+    for title in ("wiring", "joints", travel):
         start = next(i for i, line in enumerate(lines) if line.strip() == title)
         assert max(len(line.rstrip()) for line in lines[start : start + 9]) <= 80

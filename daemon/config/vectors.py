@@ -47,7 +47,7 @@ def sinusoids_of(c: Configuration) -> Sinusoids:
     )
 
 
-def recorded_path(c: Configuration, folder: Path) -> SampledPath | None:
+def trajectory_of(c: Configuration, folder: Path) -> SampledPath | None:
     """Trajectory of `trajectory.file`, or None without one. Raises TrajectoryError, with the line
     and the reason, if it cannot be run."""
     if c.trajectory.file is None:
