@@ -75,7 +75,8 @@ def _plain(message: str) -> str:
     words = words.replace(_KINDS["null"], "left out")
     if bound is not None:
         words += f" {_SIGNS[sign]} {bound.removesuffix('.0')}"
-        words += f" {'characters' if kinds == 'str' else 'entries'}" if length else ""
+        one, more = ("character", "characters") if kinds == "str" else ("entry", "entries")
+        words += f" {one if bound == '1' else more}" if length else ""
     # What has a short value is shown by that.
     return f"must be {words}" + (f", not {_KINDS[got]}" if got in _UNSHOWN else "")
 

@@ -77,8 +77,8 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     """Columns that any step may need, by name, in SI."""
     named = read_names(path)
     header, rows = read_rows(path, named.topic if named else "") if is_mcap(path) else _rows(path)
-    places, which = _places(path, joints, header, named)
-    columns = sorted({place.column for place in places.values() if place.column})
+    conversions, which = _conversions(path, joints, header, named)
+    columns = sorted({one.column for one in conversions.values() if one.column})
     columns += [which.column] if which else []
     if twice := [name for name in columns if header.count(name) > 1]:
         raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
@@ -88,10 +88,10 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     if which is not None:
         table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
     return {
-        name: place.offset + place.factor * table[:, columns.index(place.column)]
-        if place.column
-        else np.full(len(table), place.offset)
-        for name, place in places.items()
+        name: one.offset + one.factor * table[:, columns.index(one.column)]
+        if one.column
+        else np.full(len(table), one.offset)
+        for name, one in conversions.items()
     }
 
 
@@ -134,7 +134,7 @@ def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
     return header, whole()
 
 
-def _places(
+def _conversions(
     path: Path, joints: Sequence[str], header: list[str], named: NamedLog | None
 ) -> tuple[dict[str, Conversion], Rows | None]:
     """Columns of the quantities of these joints, and the rows that count: by the file of names, or
@@ -145,9 +145,11 @@ def _places(
             there = printable(", ".join(header)[:200])
             raise LogError(f"{path}: no column time; there are {there or 'none'}, by commas")
         return {name: Conversion(name) for name in known if name in header}, None
-    places = {name: place for name, place in named.places.items() if name in known}
+    conversions = {name: one for name, one in named.conversions.items() if name in known}
     which = named.rows
-    wanted = {name: place.column for name, place in places.items() if place.column}
+    wanted = {
+        name: conversion.column for name, conversion in conversions.items() if conversion.column
+    }
     if which is not None:
         wanted["rows"] = which.column
     for name, column in wanted.items():
@@ -155,7 +157,7 @@ def _places(
             there = printable(", ".join(header)[:200])
             raise LogError(f"{beside(path)}: {name}: no column {printable(column)} in {path}; "
                            f"there are {there}")  # fmt: skip
-    return places, which
+    return conversions, which
 
 
 def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:

@@ -85,7 +85,7 @@ class Conversion(msgspec.Struct, frozen=True):
 class NamedLog(msgspec.Struct, frozen=True):
     """Places of `time` and of each `QUANTITY.JOINT`, which rows count, and the topic of an MCAP."""
 
-    places: dict[str, Conversion]
+    conversions: dict[str, Conversion]
     rows: Rows | None
     topic: str
 
@@ -110,19 +110,19 @@ def read_names(log: Path) -> NamedLog | None:
         names = convert(read_yaml(path), LogNames)
     except ConfigurationError as error:
         raise LogError(str(error)) from error
-    places = {"time": _place(path, "time", "time", names.time)}
+    conversions = {"time": _conversion(path, "time", "time", names.time)}
     for joint, quantities in names.joints.items():
         for quantity, named in quantities.items():
             where = f"joints.{joint}.{quantity}"
-            places[f"{quantity}.{joint}"] = _place(path, where, quantity, named)
+            conversions[f"{quantity}.{joint}"] = _conversion(path, where, quantity, named)
     of_mcap = log.suffix == ".mcap"
     if of_mcap is not bool(names.topic):
         about = "needed beside an MCAP" if of_mcap else "only an MCAP has any"
         raise LogError(f"{path}: topic: {names.topic!r}, {about}")
-    return NamedLog(places, names.rows, names.topic)
+    return NamedLog(conversions, names.rows, names.topic)
 
 
-def _place(path: Path, where: str, quantity: str, named: Named) -> Conversion:
+def _conversion(path: Path, where: str, quantity: str, named: Named) -> Conversion:
     if bool(named.column) == (named.value is not None):
         raise LogError(f"{path}: {where}: give either a column or a value")
     units = UNITS[_ALIKE.get(quantity, quantity)]

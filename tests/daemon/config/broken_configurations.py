@@ -288,7 +288,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         'eds: ""',
         "eds: ",
         "drives.two_encoder_drive.eds",
-        ("must be text of at least 1 characters, not ''",),
+        ("must be text of at least 1 character, not ''",),
     ),
     "an object below those of CiA 402": (
         "object: 0x60E4, subindex: 1",
