@@ -53,7 +53,7 @@ def test_friction_per_load_is_found_beside_that_without(arm, course, driving, dr
         assert fit.load[1] - fit.load[0] < 0.5 * driven
         assert fit.values["K_theta_s"] == pytest.approx(true, rel=0.08), fit
     adopted = adopt(arm.transmission, fits)
-    assert adopted.load_friction == pytest.approx(0.5 * (driving + driven), rel=0.15)
+    assert adopted.load_friction == pytest.approx(0.5 * (driving + driven), rel=0.25)
     assert (adopted.load_friction_error >= 0.005).all()
 
 
