@@ -179,8 +179,16 @@ def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
     )
     t = build_transmission(c)
     contact = row(c, lambda j: j.thresholds.contact)
-    witness = HandWitness(contact, t.engaged_coulomb, t.motor_viscous + t.link_viscous)
+    coulomb = largest_coulomb(t, row(c, lambda j: j.wiring.max_current_A))
+    witness = HandWitness(contact, coulomb, t.motor_viscous + t.link_viscous)
     return Controller(tuning, build_motion(robot, links_trusted=links_trusted), witness)
+
+
+def largest_coulomb(t: Transmission, max_current: Vector) -> Vector:
+    """Coulomb friction (n,) [Nm] at the largest torque that each motor gives, by its highest
+    current [A]: what was identified cannot pretend a hand that exceeds it."""
+    load = t.load_friction + t.load_friction_error
+    return t.engaged_coulomb + load * t.torque_constant * max_current
 
 
 def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:

@@ -22,7 +22,7 @@ class Distance:
     driven: float
     """Path by its own power, less that against it; below 0 only where it resisted [rad]."""
     velocity: float
-    """That was last known [rad/s]."""
+    """Velocity that was last known [rad/s]."""
     _from: tuple[float, float]  # positions of link and motor [rad]
     _turned: float  # integral of its velocity, as far as it is more than bias [rad]
 
@@ -39,7 +39,7 @@ class Distance:
 
     @property
     def speed(self) -> float:
-        """That was last known [rad/s]."""
+        """Size of the velocity that was last known [rad/s]."""
         return abs(self.velocity)
 
     @property

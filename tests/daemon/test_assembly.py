@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from bench.rigs.lockstep import ROMEO
-from daemon.assembly import build_motion
+from daemon.assembly import build_motion, build_transmission, largest_coulomb
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 
@@ -35,3 +35,14 @@ def test_the_virtual_mass_of_a_joint_replaces_that_of_all(
     tau_s = np.full(len(joints), 0.05)
     tau_s[2] = expected_s
     np.testing.assert_allclose(motion.velocity, goal * T / (tau_s + T), rtol=1e-9)
+
+
+def test_a_hand_exceeds_friction_of_the_largest_load_too() -> None:
+    """Taken off without being there, friction per load would push as far as that."""
+    c = load_robot(ROMEO).configuration
+    current = np.array([joint.wiring.max_current_A for joint in c.joints])
+    t = build_transmission(c)
+    np.testing.assert_array_equal(largest_coulomb(t, current), t.engaged_coulomb)
+    loaded = changed(t, load_friction=0.1, load_friction_error=0.02)
+    more = largest_coulomb(loaded, current) - t.engaged_coulomb
+    np.testing.assert_allclose(more, 0.12 * t.torque_constant * current)
