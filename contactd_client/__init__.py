@@ -6,9 +6,10 @@ and brings none of contactd along (decision 0001). Messages are plain dictionari
 the messages, and has examples.
 """
 
-from contactd_client.client import Client, Joined, Lost, follow
+from contactd_client.client import Client, Joined, Lost, watch
 from contactd_client.errors import ContactdError, ControlError, HungUpError, UnreachableError
 from contactd_client.paths import usual_socket_path, view_socket_path
+from contactd_client.stream import Stream
 
 __all__ = [
     "Client",
@@ -17,8 +18,9 @@ __all__ = [
     "HungUpError",
     "Joined",
     "Lost",
+    "Stream",
     "UnreachableError",
-    "follow",
     "usual_socket_path",
     "view_socket_path",
+    "watch",
 ]

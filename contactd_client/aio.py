@@ -147,10 +147,10 @@ class AsyncClient:
             yield decode_state(await self._connection.packet(self._timeout_s))
 
 
-async def follow(
+async def watch(
     path: Path | None = None, *, timeout_s: float = ANSWER_S, retry_s: float = RETRY_S
 ) -> AsyncIterator[Joined | Lost | State]:
-    """Every State for ever, as `contactd_client.follow`."""
+    """Every State for ever, as `contactd_client.watch`."""
     last = ""
     while True:
         try:

@@ -11,6 +11,7 @@ from contactd_client.errors import ContactdError
 from contactd_client.messages import Reply, Request, Snapshot, State, Status
 from contactd_client.packets import decode_reply, decode_state, encode, snapshot_of, status_of
 from contactd_client.paths import usual_socket_path, view_socket_path
+from contactd_client.stream import Stream
 
 RETRY_S: Final = 0.25
 
@@ -61,6 +62,10 @@ class Client:
         """The daemon's Status. Raises ControlError where it is refused."""
         return status_of(self.ask({"command": "status"}))
 
+    def follow(self) -> Stream:
+        """Stream of targets for the arm to follow; needs the control socket."""
+        return Stream(self._connection, self._timeout_s)
+
     def states(self) -> tuple[Snapshot, Iterator[State]]:
         """Snapshot, and an iterator over every State from then on.
 
@@ -75,7 +80,7 @@ class Client:
             yield decode_state(self._connection.packet())
 
 
-def follow(
+def watch(
     path: Path | None = None, *, timeout_s: float = ANSWER_S, retry_s: float = RETRY_S
 ) -> Iterator[Joined | Lost | State]:
     """Every State for ever, over as many connections as it takes, tried each `retry_s` [s].

@@ -40,6 +40,15 @@ class Connection:
         """Close the connection."""
         self._socket.close()
 
+    def send(self, request: bytes) -> None:
+        """Send a request whose answer is read later, by `packet`."""
+        try:
+            self._socket.send(request)
+        except TimeoutError:
+            raise UnreachableError("the daemon is silent: it reads no requests") from None
+        except OSError as error:
+            raise HungUpError(f"the daemon closed the connection ({error.strerror})") from None
+
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
         """Send a request and wait for its answer, for `timeout_s` [s] at most. The connection is
         closed where none comes."""

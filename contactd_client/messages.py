@@ -63,6 +63,23 @@ class Way(TypedDict):
     duration_s: float  # from standstill to standstill, unless a contact comes in between
 
 
+class StreamState(TypedDict):
+    """Stream of targets that the arm follows, and what came of it."""
+
+    sender: str
+    phase: Literal["following", "joining", "stalled", "waiting"]
+    target: list[float]  # newest [rad]
+    age_s: float  # since it came
+    rate_hz: float | None  # of the sender, by its own times; None before the second target
+    jitter_s: float  # largest lateness of the last seconds
+    delay_s: float  # by which the arm follows behind the sender
+    lost: int  # targets that never came
+    dropped: int  # targets out of order, repeated, or too late
+    bounded: int  # targets outside the joint limits
+    refused: int  # targets that were no numbers
+    contact: NotRequired[str]  # description of the contact that lasts; empty without one
+
+
 class Permit(TypedDict):
     """Owner of the lease on the armed arm, and the time it has left."""
 
@@ -124,6 +141,7 @@ class Status(TypedDict):
     since_s: NotRequired[float | None]  # when that led to this mode, as `uptime_s` counts
     advice: NotRequired[str]  # what to do about the cause, if that is a fault
     trajectory: Trajectory
+    stream: NotRequired[StreamState | None]  # while the trajectory is one
     checks: list[Check]  # what arming needs
     ticks: int
     missed: int
@@ -198,6 +216,7 @@ class Reply(TypedDict):
     # to a limit than a joint may get
     warnings: NotRequired[list[str]]
     way: NotRequired[Way | None]  # of `go` that is done, or planned
+    stream: NotRequired[StreamState | None]  # of `follow` and `target`
     status: NotRequired[Status | None]
     snapshot: NotRequired[Snapshot | None]
 
@@ -276,3 +295,4 @@ class State(TypedDict):
     permit: NotRequired[Permit | None]
     payload: NotRequired[Payload | None]  # included in the model in this tick
     recognised: NotRequired[Payload | None]  # unannounced payload; nothing is learned in this tick
+    stream: NotRequired[StreamState | None]  # while a stream is followed, or waits after a contact

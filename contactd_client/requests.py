@@ -6,8 +6,8 @@ Made from the code by `make reference`: change them in `daemon/protocol/`.
 from typing import Literal, NotRequired, TypedDict
 
 Command = Literal[
-    "enable", "load", "start", "go", "pause", "arm", "renew", "disarm", "stop", "disable", "reset",
-    "gain", "payload", "reload", "status", "subscribe",
+    "enable", "load", "start", "go", "follow", "target", "pause", "arm", "renew", "disarm", "stop",
+    "disable", "reset", "gain", "payload", "reload", "status", "subscribe",
 ]  # fmt: skip
 
 
@@ -40,6 +40,11 @@ class Request(TypedDict):
     plan: NotRequired[bool]  # `go`: answer only what it would do
     # `go`: positions for which it was planned; refused if the arm is elsewhere by now [rad]
     planned_from: NotRequired[list[float] | None]
+    q: NotRequired[list[float]]  # `follow`, `target`: of all joints [rad]
+    sent_s: NotRequired[float]  # `follow`, `target`: as of `follow` [s]
+    number: NotRequired[int]  # `follow`, `target`: as of `follow`
+    # `target`: of all joints [rad/s]; measured from the targets unless given
+    velocity: NotRequired[list[float] | None]
     lease_s: NotRequired[float | None]  # `arm`, `renew`: from now; 0.5 s unless given
     # `arm`: the lease outlives this connection, and any process of this user may arm again
     detached: NotRequired[bool]

@@ -65,12 +65,12 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = sum(len(text.splitlines()) > LONG_FILE for text in python)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 53_900, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 12_700, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 16_600, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 57_000, 45_000),
+        Measure("lines of the product", lines(PRODUCT, root), 56_000, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 13_500, 12_500),
+        Measure("lines of bench/", lines(["bench"], root), 17_200, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 59_000, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", long, 9, 0),
-        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 56_950, 50_000),
+        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 58_600, 50_000),
         Measure("decision records", decisions, 30, 30),
         Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
         Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in product), 10, 10),

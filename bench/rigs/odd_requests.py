@@ -84,6 +84,8 @@ class OddRequests:
         joint = json.dumps(chance.choice(list(self.joints)))
         small = f"{chance.uniform(0.0, 0.3):.3f}"
         columns = ",".join("0.0" for _ in range(2))
+        pose = "[" + ",".join("0.0" for _ in self.joints) + "]"
+        time_s = f"{chance.uniform(0.0, 100.0):.3f}"
         ways: dict[str, list[dict[str, str]]] = {
             "go": [
                 {"targets": f"{{{joint}:{small}}}", "speed": "0.5"},
@@ -99,6 +101,8 @@ class OddRequests:
                     "rows": f"[[0,{columns}],[{1 + chance.random()},{columns}]]",
                 },
             ],
+            "follow": [{"q": pose, "sent_s": time_s}],
+            "target": [{"q": pose, "sent_s": time_s, "number": "7"}],
             "start": [{}, {"loaded": "true"}, {"loaded": "true", "attended": "true"}],
             "arm": [{}, {"lease_s": "2"}, {"detached": "true"}],
             "renew": [{}, {"lease_s": "2"}],
@@ -122,6 +126,8 @@ class OddRequests:
             "pose": lambda: self._name(chance, self.poses),
             "com": lambda: _numbers(chance, chance.choice([3, 3, 3, 2, 4])),
             "planned_from": lambda: _numbers(chance, len(self.joints)),
+            "q": lambda: _numbers(chance, len(self.joints)),
+            "velocity": lambda: _numbers(chance, len(self.joints)),
             "targets": lambda: self._targets(chance),
         }
         if make := some.get(field):

@@ -52,7 +52,7 @@ class Step:
 Person = Generator[Step, View, None]
 
 NOTHING = ""
-STRAY = [command for command in COMMANDS if command not in ("load", "subscribe")]
+STRAY = [one for one in COMMANDS if one not in ("load", "subscribe", "follow", "target")]
 # What a lease begins or goes on with.
 LEASED = (Arm, Renew)
 # What a person wishes for in each mode, and how much more often than something else.

@@ -6,6 +6,7 @@ import msgspec
 from msgspec import Meta
 
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
+from daemon.motion.target_stream import AfterContact
 from daemon.protocol.bounds import MAX_GAIN
 from drivers.can.settings import BusSettings
 from drivers.canopen.drive import Drive
@@ -163,6 +164,15 @@ class Trajectory(Settings, frozen=True):
     ramp_s: Annotated[float, Meta(ge=0.1, le=30)] = 2.0  # from standstill to full speed
 
 
+class Stream(Settings, frozen=True):
+    """Stream of targets that a client sends while the arm moves (following.md)."""
+
+    # How it goes on after a contact: `hold` waits until the stream is near, or is asked for anew.
+    after_contact: AfterContact = AfterContact.HOLD
+    reach: Annotated[float, Meta(gt=0, le=3.2)] = 0.5  # furthest target that the arm goes to [rad]
+    join_velocity: Speed = 0.2  # of the way to the stream [rad/s]
+
+
 class FaultSettings(Settings, frozen=True):
     """Bounds and times beyond which something is a fault (faults.md)."""
 
@@ -218,6 +228,7 @@ class Configuration(Settings, frozen=True):
     admittance: Admittance = Admittance()
     reactions: ReactionSettings = ReactionSettings()
     trajectory: Trajectory = Trajectory()
+    stream: Stream = Stream()
     supervisor: FaultSettings = FaultSettings()
     payloads: dict[Name, PayloadEntry] = msgspec.field(default_factory=dict)  # by name
     # By name, for `contactctl go NAME`: positions of the links by joint [rad]; others stay where

@@ -11,6 +11,7 @@ from daemon.config.schema import Configuration, Joint
 from daemon.motion.limits import Limits
 from daemon.motion.path import Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
+from daemon.motion.target_stream import StreamSettings
 from daemon.motion.trajectory_file import read_trajectory
 
 
@@ -36,6 +37,11 @@ def limits_of(c: Configuration) -> Limits:
         reaction_s=1.5 * c.period_s + c.control.drive_lag_ms / 1000.0,
         tolerance=c.supervisor.position_margin,
     )
+
+
+def stream_settings_of(c: Configuration) -> StreamSettings:
+    """Behaviour of streams of targets."""
+    return StreamSettings(c.stream.after_contact, c.stream.reach, c.stream.join_velocity)
 
 
 def sinusoids_of(c: Configuration) -> Sinusoids:

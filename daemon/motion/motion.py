@@ -12,6 +12,7 @@ from daemon.motion.limits import Limits
 from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
+from daemon.motion.target_stream import TargetStream
 
 # Distance from the line's end at which a joint has arrived [rad].
 ARRIVED_RAD = 0.01
@@ -59,10 +60,20 @@ class Motion:
         """Stay at q [rad]."""
         self.reference = np.minimum(np.maximum(q, self.limits.lower), self.limits.upper)
 
-    def follow(self, anchor: Vector) -> None:
-        """Run the trajectory, at its present path time, from `anchor` [rad]."""
+    def follow(self, anchor: Vector, *, again: bool = False) -> None:
+        """Run the trajectory, at its present path time, from `anchor` [rad]; again: after a
+        contact."""
         self.reference = anchor.copy()
-        self.follower.anchor(self.reference)
+        if stream := self.stream:
+            stream.go_on(self.reference, again=again)
+        else:
+            self.follower.anchor(self.reference)
+
+    @property
+    def stream(self) -> TargetStream | None:
+        """Trajectory, if it is a stream of targets."""
+        path = self.follower.place.path
+        return path if isinstance(path, TargetStream) else None
 
     def retract(self, q: Vector, thresholded: Vector) -> None:
         """Back away from q [rad] in the direction of the thresholded residual [Nm]."""
@@ -172,7 +183,8 @@ class Motion:
                 self.hold(q)
                 return self.giving_way.velocity(q)
             case Mode.TRACKING:
-                wanted = self.follower.step(dt)
+                stream = self.stream
+                wanted = stream.reference(dt) if stream else self.follower.step(dt)
                 if self.follower.place.path.motors_only:
                     self.reference = q
                     return wanted.velocity

@@ -5,7 +5,7 @@ from typing import Literal
 import msgspec
 
 from daemon.modes.table import Mode
-from daemon.protocol.state import PerJoint, Permit, SideName, Snapshot
+from daemon.protocol.state import PerJoint, Permit, SideName, Snapshot, StreamState
 from estimator.payload import Payload
 
 
@@ -71,6 +71,7 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     # nearer to a limit than a joint may get
     warnings: list[str] = []
     way: Way | None = None  # of `go` that is done, or planned
+    stream: StreamState | None = None  # of `follow` and `target`
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
 
@@ -123,6 +124,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     since_s: float | None = None  # when that led to this mode, as `uptime_s` counts
     advice: str = ""  # what to do about the cause, if that is a fault
     trajectory: Trajectory
+    stream: StreamState | None = None  # while the trajectory is one
     checks: list[Check]  # what arming needs
     ticks: int
     missed: int

@@ -22,6 +22,8 @@ def _within(least: float, most: float) -> msgspec.Meta:
 
 
 Plausible = Annotated[float, _within(-PLAUSIBLE, PLAUSIBLE)]
+Pose = Annotated[list[Plausible], msgspec.Meta(max_length=32)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 LeaseS = Annotated[float, msgspec.Meta(ge=SHORTEST_S, le=LONGEST_S)]
 
 
@@ -82,9 +84,26 @@ class Go(_Bare, frozen=True, tag="go"):
     speed: Annotated[float, msgspec.Meta(ge=SLOWEST, le=FASTEST)] | None = None
     plan: bool = False  # answer only what it would do
     # positions for which it was planned; refused if the arm is elsewhere by now [rad]
-    planned_from: Annotated[list[Plausible], msgspec.Meta(max_length=32)] | None = None
+    planned_from: Pose | None = None
     # it halts when this connection ends, or sends nothing for 2 s, and is forgotten
     attended: bool = False
+
+
+class Follow(_Bare, frozen=True, tag="follow"):
+    """Follow a stream of targets, of which this is the first; or rejoin it after a contact."""
+
+    q: Pose  # of all joints [rad]
+    sent_s: Plausible  # the sender's time, of a clock that never runs back [s]
+    number: Count = 0  # the sender's count of its targets
+
+
+class Target(_Bare, frozen=True, tag="target"):
+    """Next target of the stream that this connection began."""
+
+    q: Pose  # of all joints [rad]
+    sent_s: Plausible  # as of `follow` [s]
+    number: Count  # as of `follow`
+    velocity: Pose | None = None  # of all joints [rad/s]; measured from the targets unless given
 
 
 class Pause(_Bare, frozen=True, tag="pause"):
@@ -152,20 +171,20 @@ class Subscribe(_Bare, frozen=True, tag="subscribe"):
 
 
 Request = (
-    Enable | Load | Start | Go | Pause | Arm | Renew | Disarm | Stop | Disable | Reset | SetGain
-    | SetPayload | Reload | GetStatus | Subscribe
+    Enable | Load | Start | Go | Follow | Target | Pause | Arm | Renew | Disarm | Stop | Disable
+    | Reset | SetGain | SetPayload | Reload | GetStatus | Subscribe
 )  # fmt: skip
 ModeRequest = Enable | Pause | Disarm | Stop | Disable | Reset
 """Requests for an event of the table of modes, without arguments."""
 Command = Literal[
-    "enable", "load", "start", "go", "pause", "arm", "renew", "disarm", "stop", "disable", "reset",
-    "gain", "payload", "reload", "status", "subscribe",
+    "enable", "load", "start", "go", "follow", "target", "pause", "arm", "renew", "disarm", "stop",
+    "disable", "reset", "gain", "payload", "reload", "status", "subscribe",
 ]  # fmt: skip
 COMMANDS: Final[tuple[Command, ...]] = get_args(Command)
 KINDS: Final[dict[Command, type[Any]]] = dict(zip(COMMANDS, get_args(Request), strict=True))
 
 # Commands that let the arm move: dropped if the client closed the connection before the answer.
-AWAITED: Final[frozenset[Command]] = frozenset({"enable", "start", "go", "arm"})
+AWAITED: Final[frozenset[Command]] = frozenset({"enable", "start", "go", "follow", "target", "arm"})
 # Commands that are served before all others, and those that must not be carried out any more if
 # they came before them, or with them, and still wait for their turn.
 OUTDATED_BY: Final[dict[Command, frozenset[Command]]] = {

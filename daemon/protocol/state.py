@@ -29,6 +29,23 @@ class Permit(msgspec.Struct, frozen=True, kw_only=True):
     on_behalf_of: str = ""  # as stated by the owner
 
 
+class StreamState(msgspec.Struct, frozen=True, kw_only=True):
+    """Stream of targets that the arm follows, and what came of it."""
+
+    sender: str
+    phase: Literal["joining", "following", "stalled", "waiting"]
+    target: PerJoint  # newest [rad]
+    age_s: float  # since it came
+    rate_hz: float | None  # of the sender, by its own times; None before the second target
+    jitter_s: float  # largest lateness of the last seconds
+    delay_s: float  # by which the arm follows behind the sender
+    lost: int  # targets that never came
+    dropped: int  # targets out of order, repeated, or too late
+    bounded: int  # targets outside the joint limits
+    refused: int  # targets that were no numbers
+    contact: str = ""  # description of the contact that lasts; empty without one
+
+
 class Contact(msgspec.Struct, frozen=True, kw_only=True):
     """Contact: the residual of a joint passed one of its levels."""
 
@@ -105,6 +122,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     permit: Permit | None = None  # while armed; None also in recordings from before it existed
     payload: Payload | None = None  # included in the model in this tick
     recognised: Payload | None = None  # unannounced payload; nothing is learned in this tick
+    stream: StreamState | None = None  # while a stream is followed, or waits after a contact
 
 
 STATE_FORMAT = 6

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from msgspec.structs import replace
 
 from common.errors import ModelError, TrajectoryError
-from daemon.config.vectors import limits_of
+from daemon.config.vectors import limits_of, stream_settings_of
 from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
 from daemon.motion.path import Place
@@ -27,6 +27,7 @@ from daemon.service.sensitivity import sensitivity_now
 from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, snapshot_of, status_of
+from daemon.service.streams import Streams
 from daemon.service.trend_line import TrendLine
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
@@ -81,6 +82,7 @@ class Service:
     upload: TrajectoryUpload = field(init=False)
     permission: Permission = field(init=False)
     set_up: SetUp = field(init=False)
+    streams: Streams = field(init=False)
     attendance: Attendance = field(default_factory=Attendance)
     _limit: LogLimit = field(default_factory=LogLimit)
 
@@ -88,6 +90,7 @@ class Service:
         c = self.process.robot.configuration
         self.upload = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
         self.permission = Permission(self.loop.tick)
+        self.streams = Streams(c.joint_names, limits_of(c), stream_settings_of(c))
         self.set_up = SetUp(
             self.drives,
             self.loop.tick,
@@ -180,6 +183,10 @@ class Service:
                 reply = self._load(request, peer)
             case requests.Go():
                 reply = self._go(request, peer, who)
+            case requests.Follow():
+                reply = self._follow(request, peer, who)
+            case requests.Target():
+                reply = self._target(request, peer)
             case requests.SetGain():
                 reply = self._gain(request, who)
             case requests.SetPayload():
@@ -272,6 +279,34 @@ class Service:
             if reply.ok:
                 self._set_out(request, peer, seen)
         return replace(reply, way=way, warnings=warnings) if reply.ok else reply
+
+    def _follow(self, request: requests.Follow, peer: Peer, who: str) -> Reply:
+        """Begin to follow a stream, or rejoin the one that this connection sends."""
+        controller, last = self.loop.tick.controller, self.loop.tick.last
+        if last is None or last.decision is None:
+            return self._reply(request, ["no samples of the drives yet"])
+        q = last.samples.link_position
+        if own := self.streams.of(peer.connection, controller.stream):
+            target = self.streams.target(request)
+            own.put(target)
+            self.streams.refuse_far(target, q)
+            own.rejoin()
+            return replace(self._reply(request), stream=controller.stream_state())
+        stream = self.streams.begun(request, q, who)
+        reply = self._reply(request, self.set_up.request(Event.START, who, stream))
+        if reply.ok:
+            self.streams.own(stream, peer.connection)
+            self.attendance.begin(peer.connection, self.loop.time_s)
+        return replace(reply, stream=controller.stream_state())
+
+    def _target(self, request: requests.Target, peer: Peer) -> Reply:
+        controller = self.loop.tick.controller
+        stream = self.streams.of(peer.connection, controller.stream)
+        if stream is None:
+            cause = f"the arm does not follow this connection: {controller.machine.cause}"
+            return self._reply(request, [cause])
+        stream.put(self.streams.target(request))
+        return replace(self._reply(request), stream=controller.stream_state())
 
     def _arm(self, request: requests.Arm, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

@@ -93,6 +93,7 @@ def status_of(
         since_s=machine.entered_s,
         advice=_advice(tick, unproved, attended=attended),
         trajectory=_trajectory(tick.controller, attended=attended),
+        stream=last.stream if last else None,
         checks=list(tick.check_arming(loop.time_s).checks),
         ticks=tick.number + 1,
         missed=loop.missed,

@@ -17,11 +17,14 @@ from daemon.motion.admittance import Allowance
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
+from daemon.motion.target_stream import ENDED_S, TargetStream
 from daemon.protocol.bounds import LEAST_GAIN, MAX_GAIN
+from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
 from daemon.tick.own_events import OwnEvents
 from daemon.tick.refusals import lacking, not_energisable, not_startable, touched
+from daemon.tick.telemetry import stream_state
 from drivers.api import PowerTarget
 
 # Time for a reset, after which a drive's fault counts as a new one [s].
@@ -56,6 +59,18 @@ class Controller:
     def pressed(self) -> str:
         """Contact still present after the arm stopped for it; empty without one."""
         return "" if self._observed is None else self._contacts.pressed(self._observed)
+
+    @property
+    def stream(self) -> TargetStream | None:
+        """Stream that the arm follows, or follows again after a contact or a halt."""
+        return self.motion.stream if self.machine.moving or self.machine.paused else None
+
+    def stream_state(self) -> StreamState | None:
+        """State of the stream, with the contact that lasts; None without a stream."""
+        if (stream := self.stream) is None:
+            return None
+        observed = self._observed
+        return stream_state(stream, (observed.hit or observed.touched) if observed else "")
 
     @property
     def faulted(self) -> bool:
@@ -148,11 +163,20 @@ class Controller:
         self.doubt(time_s, observed.findings)
         self._follow(self._contacts.trigger(time_s, observed), time_s)
         self._follow(self._own.trigger(time_s, dt, observed), time_s)
+        self._hear(dt, time_s)
         motion = self.motion
         push = self._push(observed, dt)
         motion.step(self.machine.mode, observed.q, observed.age_s, push, dt, observed.play)
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
+
+    def _hear(self, dt: float, time_s: float) -> None:
+        """Count dt [s] for a stream, and forget one that has ended."""
+        if stream := self.stream:
+            stream.tick(dt)
+            if stream.ended:
+                cause = f"the stream of {stream.sender} fell silent for {ENDED_S:g} s"
+                self._apply(Event.ABANDON, cause, time_s)
 
     def _push(self, observed: ControlInput, dt: float) -> Vector:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
@@ -183,7 +207,7 @@ class Controller:
         """End of the way back to the trajectory (n,) [rad]: the pose at which a contact took the
         arm from it, or the pose nearest to q from which it fits. The latter lies between q and
         home, as it fits from home."""
-        if self._tuning.after_quiet is AfterQuiet.RETURN:
+        if self._own.after_quiet is AfterQuiet.RETURN:
             return home
         limits = self.motion.limits
         return self.motion.follower.place.nearest(q, limits.lower, limits.upper)
@@ -211,7 +235,7 @@ class Controller:
             allowance.take(motion.reference)
             motion.yield_to(observed.thresholded, observed.motor_velocity)
         if mode in GUIDED:
-            if self._tuning.after_quiet is AfterQuiet.HOLD and self.machine.moving:
+            if self._own.after_quiet is AfterQuiet.HOLD and self.machine.moving:
                 self.machine.moving, self.machine.paused = False, True
             self.quiet.restart(time_s)
         home = motion.reference if allowance.home is None else allowance.home
@@ -222,7 +246,8 @@ class Controller:
         elif mode is Mode.RETURNING:
             motion.go_back(observed.q, self._way_back(observed.q, home))
         elif mode is Mode.TRACKING:
-            motion.follow(motion.reference if event is Event.ARRIVED else observed.q)
+            anchor = motion.reference if event is Event.ARRIVED else observed.q
+            motion.follow(anchor, again=event is not Event.START)
         elif before is Mode.STOPPING and self._contacts.stage is ReleaseStage.LET_GO:
             push = observed.pressing
             motion.hold(motion.giving_way.rest(observed.q, motion.reference, push))

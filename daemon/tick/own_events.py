@@ -61,11 +61,17 @@ class OwnEvents:
         event, reasons = self._when_quiet(observed)
         return Trigger(event, "; ".join([f"quiet for {self._quiet.quiet_s:.2f} s", *reasons]))
 
+    @property
+    def after_quiet(self) -> AfterQuiet:
+        """Continuation of the trajectory after a contact; a stream has settings of its own for the
+        way back to it."""
+        return AfterQuiet.RESUME if self._motion.stream else self._settings.after_quiet
+
     def _when_quiet(self, observed: ControlInput) -> tuple[Event, list[str]]:
         """Event after the quiet time, with the reasons why the trajectory does not go on here."""
         if not self._machine.moving:
             return Event.SETTLE, []
-        if self._settings.after_quiet is AfterQuiet.RETURN:
+        if self.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
         q, place, limits = observed.q, self._motion.follower.place, self._motion.limits
         reasons = leaves_limits(self._settings.joints, q, limits, place)

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.modes.table import Mode
-from daemon.protocol.state import Contact, Notice, PerJoint, Permit, SideName, State, Timing
+from daemon.motion.target_stream import TargetStream
+from daemon.protocol.state import (
+    Contact,
+    Notice,
+    PerJoint,
+    Permit,
+    SideName,
+    State,
+    StreamState,
+    Timing,
+)
 from daemon.tick.decision import Decision
 from drivers.api import Samples
 from estimator import contact as estimator_contact
@@ -85,6 +95,7 @@ class TickRecord:
     payload: Payload | None = None  # included in the model
     recognised: Payload | None = None  # unannounced payload; learning is suspended meanwhile
     silenced: bool = False  # last stage of a stop: nothing is sent to the drives
+    stream: StreamState | None = None  # that the arm follows
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it
 
 
@@ -121,6 +132,7 @@ def state_of(record: TickRecord, permit: Permit | None = None) -> State:
         permit=permit,
         payload=record.payload,
         recognised=record.recognised,
+        stream=record.stream,
         timing=Timing(
             wall_s=wakeup.wall_s,
             monotonic_s=wakeup.monotonic_s,
@@ -141,6 +153,25 @@ def estimated(estimate: Estimate) -> dict[str, Any]:
         "beside": {name: values.tolist() for name, values in estimate.beside.items()},
         "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
     }
+
+
+def stream_state(stream: TargetStream, contact: str) -> StreamState:
+    """State of a stream; contact: description of the one that lasts."""
+    playout = stream.playout
+    return StreamState(
+        sender=stream.sender,
+        phase=stream.phase.value,
+        target=playout.newest.q.tolist(),
+        age_s=stream.silent_s,
+        rate_hz=1.0 / playout.period_s if playout.period_s else None,
+        jitter_s=playout.jitter_s,
+        delay_s=playout.delay_s,
+        lost=playout.lost,
+        dropped=playout.dropped,
+        bounded=stream.bounded,
+        refused=stream.refused,
+        contact=contact,
+    )
 
 
 def contact_notice(contact: estimator_contact.Contact) -> Notice:

@@ -131,6 +131,7 @@ class Tick:
             payload=self.payload,
             recognised=recognised,
             silenced=self.drives.silenced,
+            stream=self.controller.stream_state(),
             notices=self._notices(
                 findings,
                 news,

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 from contactd_client import Joined, Lost
-from contactd_client.aio import AsyncClient, follow
+from contactd_client.aio import AsyncClient, watch
 
 
 async def main() -> None:
     """Wait for a contact, and stop the arm."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-    async for news in follow(path):
+    async for news in watch(path):
         if isinstance(news, Lost):
             print(f"nothing is known of the arm: {news.why}", file=sys.stderr, flush=True)
         if isinstance(news, Joined | Lost):

@@ -7,13 +7,13 @@ python contacts_client.py [VIEW_SOCKET]
 import sys
 from pathlib import Path
 
-from contactd_client import Joined, Lost, follow
+from contactd_client import Joined, Lost, watch
 
 
 def main() -> None:
     """Print every contact, for ever."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-    for news in follow(path):
+    for news in watch(path):
         match news:
             case Joined(snapshot):
                 print(f"joined {snapshot['program']}: {', '.join(snapshot['joints'])}", flush=True)

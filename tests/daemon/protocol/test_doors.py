@@ -14,6 +14,8 @@ TAKEN = {
     "load": {Door.CONTROL},
     "start": {Door.CONTROL},
     "go": {Door.CONTROL},
+    "follow": {Door.CONTROL},
+    "target": {Door.CONTROL},
     "pause": {Door.CONTROL},
     "arm": {Door.CONTROL},
     "renew": {Door.CONTROL},

@@ -20,7 +20,7 @@ from programs.clients.client import Client
 from tests.examples import scaled
 
 # `reload` sets the drives up anew, and `enable` reads them all: they are tried elsewhere.
-QUICK = ("start", "go", "arm", "renew", "load", "gain", "payload") * 3 + (
+QUICK = ("start", "go", "follow", "target", "arm", "renew", "load", "gain", "payload") * 3 + (
     *("status", "subscribe", "pause", "disarm", "stop", "disable", "reset"),
 )
 CARRIED_OUT = ("start", "go", "load", "gain", "payload", "status")
@@ -129,7 +129,7 @@ def test_every_number_of_a_request_has_bounds_in_the_schema() -> None:
         return own + [found for part in node.values() for found in numbers(part)]
 
     found = numbers(msgspec.json.schema(Request))
-    assert len(found) == 9
+    assert len(found) == 16
     assert all("minimum" in one and "maximum" in one for one in found), found
 
 

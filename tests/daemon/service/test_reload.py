@@ -13,7 +13,7 @@ import yaml
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ContactdError, ControlError
-from contactd_client.client import Joined, Lost, follow
+from contactd_client.client import Joined, Lost, watch
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
 from estimator.model import Model
@@ -282,8 +282,8 @@ def test_whoever_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -
     """The page, the door to ROS 2 and programs follow so."""
     followed: list[str] = []
 
-    def watch() -> None:
-        for seen in follow(served.path, retry_s=0.01):
+    def listen() -> None:
+        for seen in watch(served.path, retry_s=0.01):
             match seen:
                 case Joined():
                     followed.append("0.111" if "0.111" in seen.snapshot["configuration"] else "old")
@@ -292,7 +292,7 @@ def test_whoever_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -
             if followed[-1:] == ["0.111"]:
                 return
 
-    thread = threading.Thread(target=watch)
+    thread = threading.Thread(target=listen)
     thread.start()
     while "old" not in followed:
         served.tick()

@@ -50,8 +50,9 @@ def look(control: ControlSocket) -> Iterator[Dial]:
 
 
 def ask(client: socket.socket, command: str) -> None:
-    more = {"joint": "joint", "gain": 0.1} if command == "gain" else {}
-    client.send(json.dumps({"command": command, **more}).encode())
+    target = {"q": [0.0], "sent_s": 0.0, "number": 1}
+    more = {"gain": {"joint": "joint", "gain": 0.1}, "follow": target, "target": target}
+    client.send(json.dumps({"command": command, **more.get(command, {})}).encode())
 
 
 def said(client: socket.socket) -> Reply:

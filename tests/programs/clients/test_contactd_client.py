@@ -17,9 +17,9 @@ import pytest
 
 import contactd_client
 from common.errors import ContactdError
-from contactd_client import Client, ControlError, Joined, Lost, UnreachableError, follow
+from contactd_client import Client, ControlError, Joined, Lost, UnreachableError, watch
 from contactd_client.aio import AsyncClient
-from contactd_client.aio import follow as follow_async
+from contactd_client.aio import watch as watch_async
 from contactd_client.paths import view_socket_path
 from daemon.protocol.replies import Reply
 from daemon.protocol.state import State
@@ -247,7 +247,7 @@ def kinds(news: list[Any]) -> list[str]:
 
 def test_it_joins_again(fake_daemon: Any, view: Path) -> None:
     """The daemon closes its sockets, and opens them again at the same place."""
-    stream = follow(view, retry_s=0.01)
+    stream = watch(view, retry_s=0.01)
     news = list(islice(stream, 5))
     fake_daemon.stopped.set()
     while not (isinstance(news[-1], Lost) and "no contactd serves" in news[-1].why):
@@ -280,7 +280,7 @@ def test_each_loss_is_told(listener: socket.socket, make_snapshot: Any) -> None:
 
     thread = threading.Thread(target=serve)
     thread.start()
-    news = list(islice(follow(Path(listener.getsockname()), retry_s=0.001), 6))
+    news = list(islice(watch(Path(listener.getsockname()), retry_s=0.001), 6))
     thread.join()
     assert [type(one).__name__ for one in news] == ["Joined", "Lost"] * 3
     assert {one.why for one in news[1::2]} == {"the daemon closed the connection"}
@@ -288,13 +288,13 @@ def test_each_loss_is_told(listener: socket.socket, make_snapshot: Any) -> None:
 
 def test_it_waits_for_a_daemon_that_is_not_there_yet(tmp_path: Path) -> None:
     async def first() -> object:
-        async for news in follow_async(tmp_path / "nothing"):
+        async for news in watch_async(tmp_path / "nothing"):
             return news
         return None
 
     said = f"no contactd serves {tmp_path / 'nothing'}: is it running? (`contactd run CONFIG`)"
     expected = Lost(said)
-    assert next(follow(tmp_path / "nothing")) == expected
+    assert next(watch(tmp_path / "nothing")) == expected
     assert asyncio.run(first()) == expected
 
 

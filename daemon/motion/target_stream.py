@@ -1,0 +1,192 @@
+"""Stream of targets that the arm follows: a trajectory that a client makes while it runs.
+
+Its phases are a table: the arm joins the stream slowly, follows it, brakes while no target comes,
+and waits where it stands after a contact, or where the target is out of reach. What reaches the
+limits is still bounded by `Limits`, as all setpoints.
+
+Pure; the time is counted by ticks. As a JointPath it is a path without an end, on which no joint
+has to be anywhere, so that it may begin and go on from each pose.
+"""
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Vector
+from daemon.motion.limits import Limits
+from daemon.motion.path import Reference
+from daemon.motion.playout import Playout, Target
+from daemon.motion.tracker import Tracker
+
+# Share of the acceleration limit that the stream may use; the position loop has the rest.
+STREAM_SHARE: Final = 0.8
+# Distance of the furthest joint from its target at which the arm has joined the stream, and at
+# which it joins again by itself after a contact [rad].
+NEAR_RAD: Final = 0.05
+# Silence after which the arm brakes [s]; at 20 Hz more than two targets lost in a row.
+STALLED_S: Final = 0.14
+# Silence after which the stream has ended [s].
+ENDED_S: Final = 0.5
+
+
+class AfterContact(StrEnum):
+    """Continuation of a stream when a contact is over, and quiet."""
+
+    HOLD = "hold"  # holds until the stream is near the arm again, or is asked for anew
+    REJOIN = "rejoin"  # goes slowly to where the stream is
+
+
+class Phase(StrEnum):
+    """Phase of the arm on a stream."""
+
+    JOINING = "joining"  # goes slowly to the target
+    FOLLOWING = "following"
+    STALLED = "stalled"  # brakes and stands: no target came for STALLED_S
+    WAITING = "waiting"  # stands until the stream is near, or is asked for anew
+
+
+@dataclass(frozen=True, slots=True)
+class StreamSettings:
+    """Configured behaviour of streams."""
+
+    after_contact: AfterContact
+    reach: float  # furthest target that the arm goes to [rad]
+    join_velocity: float  # [rad/s]
+
+
+def next_phase(phase: Phase, *, silent: bool, near: bool, far: bool) -> Phase:
+    """Phase of the next tick. silent: no target comes; near, far: the furthest joint is within
+    NEAR_RAD of its target, or beyond the reach."""
+    match phase:
+        case Phase.WAITING:
+            return Phase.JOINING if near and not silent else phase
+        case _ if silent:
+            return Phase.STALLED
+        case _ if far:
+            return Phase.WAITING
+        case Phase.STALLED:
+            return Phase.JOINING
+        case Phase.JOINING:
+            return Phase.FOLLOWING if near else phase
+        case Phase.FOLLOWING:
+            return phase
+
+
+@dataclass(slots=True)
+class TargetStream:
+    """Stream of one sender, as a JointPath; vectors (n,)."""
+
+    sender: str
+    settings: StreamSettings
+    limits: Limits
+    first: Target
+    phase: Phase = Phase.JOINING
+    bounded: int = 0  # targets outside the joint limits
+    refused: int = 0  # targets that are no numbers
+    name: str = "a stream"
+    duration: float = math.inf
+    begin: Vector | None = None
+    motors_only: bool = False
+    halts_at_contact: bool = False
+    playout: Playout = field(init=False)
+    _tracker: Tracker | None = None
+    _now_s: float = 0.0
+    _heard_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.playout = Playout(self._within(self.first), 0.0)
+
+    # --- from the sender ------------------------------------------------------------------------
+
+    def put(self, target: Target) -> None:
+        """Take a target that came since the last tick. One outside the joint limits is moved to
+        the limit; one that is no number is left out."""
+        numbers = (target.q, *([] if target.velocity is None else [target.velocity]))
+        if not (math.isfinite(target.sent_s) and all(np.isfinite(x).all() for x in numbers)):
+            self.refused += 1
+            return
+        if self.playout.put(self._within(target), self._now_s):
+            self._heard_s = self._now_s
+
+    def rejoin(self) -> None:
+        """Go to where the stream is, after a contact."""
+        if self.phase is Phase.WAITING:
+            self.phase = Phase.JOINING
+
+    def _within(self, target: Target) -> Target:
+        limits = self.limits
+        q = np.minimum(np.maximum(target.q, limits.lower), limits.upper)
+        if (q == target.q).all() and target.velocity is None:
+            return target
+        velocity = target.velocity
+        if velocity is not None:
+            velocity = np.minimum(np.maximum(velocity, -limits.velocity), limits.velocity)
+        self.bounded += int((q != target.q).any())
+        return Target(target.number, target.sent_s, q, velocity)
+
+    # --- one tick -------------------------------------------------------------------------------
+
+    @property
+    def silent_s(self) -> float:
+        """Time since the last target that counted [s]."""
+        return self._now_s - self._heard_s
+
+    @property
+    def ended(self) -> bool:
+        """True once it has been silent for too long."""
+        return self.silent_s > ENDED_S
+
+    def tick(self, dt: float) -> None:
+        """Count dt [s]: in every tick, in each mode, from the start to the end of the stream."""
+        self._now_s += dt
+        self.playout.step(self._now_s, dt)
+
+    def go_on(self, q: Vector, *, again: bool) -> None:
+        """Begin at q (n,) [rad], at standstill; again: after a contact, or a halt."""
+        self._tracker = Tracker(q.copy(), STREAM_SHARE * self.limits.acceleration)
+        waits = again and self.settings.after_contact is AfterContact.HOLD
+        self.phase = Phase.WAITING if waits else Phase.JOINING
+
+    def reference(self, dt: float) -> Reference:
+        """Reference dt [s] later. Raises RuntimeError before `go_on`."""
+        tracker = self._tracker
+        if tracker is None:
+            raise RuntimeError("the stream has no pose to begin from")
+        target, speed = self.playout.read()
+        apart = float(np.abs(target - tracker.q).max())
+        self.phase = next_phase(
+            self.phase,
+            silent=self.silent_s > STALLED_S,
+            near=apart < NEAR_RAD,
+            far=apart > self.settings.reach,
+        )
+        most = self.limits.velocity
+        match self.phase:
+            case Phase.STALLED | Phase.WAITING:
+                return tracker.brake(self.limits.acceleration, dt)
+            case Phase.JOINING:
+                most = np.minimum(most, self.settings.join_velocity)
+            case Phase.FOLLOWING:
+                pass
+        return tracker.step(target, speed, most, dt)
+
+    # --- as a JointPath -------------------------------------------------------------------------
+
+    def led_to(self, q: Vector) -> "TargetStream":
+        """Itself: it goes on from any pose."""
+        del q
+        return self
+
+    def offset(self, s: float) -> Vector:
+        """Zero: its way is not known before."""
+        del s
+        return np.zeros_like(self.limits.lower)
+
+    slope = fastest = offset
+
+    def extent(self, s: float) -> tuple[Vector, Vector]:
+        """Zero, as `offset`."""
+        return self.offset(s), self.offset(s)

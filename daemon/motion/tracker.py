@@ -1,0 +1,66 @@
+"""Tracker of a moving target within velocity, acceleration and jerk. Pure.
+
+The wanted velocity is the target's, and what closes the distance to it: proportional to a short
+distance, and for a long one that from which half of the acceleration still stops in time. The
+velocity goes there within the limits, so a target that jumps is approached as a joint may move, and
+one that moves within the limits is followed without a lag of its own.
+"""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Vector
+from daemon.motion.path import Reference
+
+# Gain on a short distance to the target [1/s].
+GAIN: Final = 10.0
+# Time constant of the velocity [s], and time to full acceleration [s].
+LAG_S: Final = 0.03
+JERK_S: Final = 0.06
+# Share of the acceleration with which the approach to a target is planned.
+BRAKING_SHARE: Final = 0.5
+
+
+@dataclass(slots=True)
+class Tracker:
+    """Position q (n,) [rad] that tracks a target within `most_acceleration` (n,) [rad/s2]; at
+    standstill at the beginning."""
+
+    q: Vector
+    most_acceleration: Vector
+    velocity: Vector = field(init=False)
+    acceleration: Vector = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.velocity = np.zeros_like(self.q)
+        self.acceleration = np.zeros_like(self.q)
+
+    def step(self, target: Vector, speed: Vector, most: Vector, dt: float) -> Reference:
+        """Advance by dt [s] towards `target` (n,) [rad], which moves at `speed` (n,) [rad/s], at
+        `most` (n,) [rad/s] or slower."""
+        apart = target - self.q
+        distance = np.abs(apart)
+        braking = np.sqrt(2.0 * BRAKING_SHARE * self.most_acceleration * distance)
+        wanted = speed + np.copysign(np.minimum(GAIN * distance, braking), apart)
+        wanted = np.minimum(np.maximum(wanted, -most), most)
+        fullest = self.most_acceleration
+        change = fullest * (dt / JERK_S)
+        push = (wanted - self.velocity) / max(LAG_S, dt)
+        push = np.minimum(np.maximum(push, self.acceleration - change), self.acceleration + change)
+        push = np.minimum(np.maximum(push, -fullest), fullest)
+        return self._go_on(self.velocity + push * dt, dt)
+
+    def brake(self, fullest: Vector, dt: float) -> Reference:
+        """Advance by dt [s] towards standstill, with the acceleration `fullest` (n,) [rad/s2] at
+        once."""
+        most = fullest * dt
+        slower = self.velocity - np.minimum(np.maximum(self.velocity, -most), most)
+        return self._go_on(slower, dt)
+
+    def _go_on(self, velocity: Vector, dt: float) -> Reference:
+        self.acceleration = (velocity - self.velocity) / dt
+        self.q = self.q + 0.5 * (self.velocity + velocity) * dt
+        self.velocity = velocity
+        return Reference(self.q, velocity)

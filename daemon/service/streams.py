@@ -1,0 +1,63 @@
+"""Streams of targets: the connection that sends one, and its targets as the arm takes them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.arrays import Vector
+from common.errors import TrajectoryError
+from daemon.motion.limits import Limits
+from daemon.motion.playout import Target
+from daemon.motion.target_stream import StreamSettings, TargetStream
+from daemon.protocol import requests
+
+
+@dataclass(slots=True)
+class Streams:
+    """Stream of one arm: it belongs to the connection that began it."""
+
+    joints: Sequence[str]
+    limits: Limits
+    settings: StreamSettings
+    _owner: int = 0
+    _stream: TargetStream | None = None
+
+    def of(self, connection: int, present: TargetStream | None) -> TargetStream | None:
+        """Stream that the arm follows at `present`, if this connection sends it."""
+        return present if connection == self._owner and present is self._stream else None
+
+    def begun(self, request: requests.Follow, q: Vector, who: str) -> TargetStream:
+        """Stream that begins with a request, while the arm is at q (n,) [rad]. Raises
+        TrajectoryError for a target of other joints, or out of reach."""
+        first = self.target(request)
+        self.refuse_far(first, q)
+        return TargetStream(who, self.settings, self.limits, first)
+
+    def refuse_far(self, target: Target, q: Vector) -> None:
+        """Raise TrajectoryError, with each joint, if a target is out of reach from q (n,) [rad]."""
+        apart = np.abs(target.q - q)
+        far = [
+            f"{joint} stands at {q[i]:.3f} rad, {apart[i]:.3f} rad from the target "
+            f"({target.q[i]:.3f}; `stream.reach` allows {self.settings.reach:g})"
+            for i, joint in enumerate(self.joints)
+            if not apart[i] <= self.settings.reach
+        ]
+        if far:
+            raise TrajectoryError("; ".join(far))
+
+    def own(self, stream: TargetStream, connection: int) -> None:
+        """Record the connection that sends a stream, once the arm follows it."""
+        self._stream, self._owner = stream, connection
+
+    def target(self, request: requests.Follow | requests.Target) -> Target:
+        """Target of a request. Raises TrajectoryError for one of other joints."""
+        velocity = request.velocity if isinstance(request, requests.Target) else None
+        for name, values in (("q", request.q), ("velocity", velocity)):
+            if values is not None and len(values) != len(self.joints):
+                raise TrajectoryError(
+                    f"`{name}` has {len(values)} numbers; this arm has {len(self.joints)} joints: "
+                    f"{', '.join(self.joints)}"
+                )
+        speed = None if velocity is None else np.array(velocity, dtype=float)
+        return Target(request.number, request.sent_s, np.array(request.q, dtype=float), speed)

@@ -1,0 +1,175 @@
+"""Stream of targets: its phases, and what reaches the arm of targets that no arm can follow."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from daemon.motion.playout import Target
+from daemon.motion.target_stream import (
+    ENDED_S,
+    STALLED_S,
+    AfterContact,
+    Phase,
+    StreamSettings,
+    TargetStream,
+    next_phase,
+)
+from tests.ideal_arm import LIMITS
+
+DT = 0.01
+REACH = 0.5
+J, F, S, W = Phase.JOINING, Phase.FOLLOWING, Phase.STALLED, Phase.WAITING
+
+
+def stream(after: AfterContact = AfterContact.HOLD, *first: float) -> TargetStream:
+    settings = StreamSettings(after, REACH, join_velocity=0.2)
+    made = TargetStream("me", settings, LIMITS, Target(0, 0.0, np.array(first or (0.0, 0.0))))
+    made.go_on(np.zeros(2), again=False)
+    return made
+
+
+class Sender:
+    """Sender of one target a tick."""
+
+    def __init__(self, to: TargetStream) -> None:
+        self.to, self.number = to, 0
+
+    def send(self, *q: float, ticks: int = 1) -> np.ndarray:
+        """Send the same pose for some ticks; returns the last reference."""
+        for _ in range(ticks):
+            self.number += 1
+            self.to.put(Target(self.number, self.number * DT, np.array(q)))
+            last = self.silence()
+        return last
+
+    def silence(self, ticks: int = 1) -> np.ndarray:
+        for _ in range(ticks):
+            self.to.tick(DT)
+            last = self.to.reference(DT).q
+        return last
+
+
+@pytest.mark.parametrize(
+    ("phase", "silent", "near", "far", "after"),
+    [
+        (J, False, False, False, J),
+        (J, False, True, False, F),
+        (J, True, True, False, S),
+        (J, False, False, True, W),
+        (F, False, False, False, F),
+        (F, False, True, False, F),
+        (F, True, True, False, S),
+        (F, False, False, True, W),
+        (S, True, True, False, S),
+        (S, False, True, False, J),
+        (S, False, False, True, W),
+        (W, False, False, False, W),
+        (W, False, True, False, J),
+        (W, True, True, False, W),
+        (W, False, False, True, W),
+    ],
+)
+def test_phases(phase: Phase, silent: bool, near: bool, far: bool, after: Phase) -> None:
+    assert next_phase(phase, silent=silent, near=near, far=far) is after
+
+
+def test_it_joins_slowly_and_then_follows() -> None:
+    made = stream()
+    sender, before = Sender(made), np.zeros(2)
+    for _ in range(100):
+        q = sender.send(0.4, -0.1)
+        assert made.phase is not Phase.JOINING or np.abs(q - before).max() <= 0.2 * DT * 1.2
+        before = q
+    sender.send(0.4, -0.1, ticks=200)
+    assert made.phase is Phase.FOLLOWING
+    np.testing.assert_allclose(sender.send(0.4, -0.1), [0.4, -0.1], atol=1e-3)
+
+
+def test_silence_brakes_it_and_a_target_takes_it_on() -> None:
+    made = stream()
+    sender = Sender(made)
+    for k in range(100):
+        sender.send(0.3 * math.sin(0.03 * k), 0.0)
+    sender.silence(math.ceil(STALLED_S / DT) + 1)
+    assert made.phase is Phase.STALLED
+    sender.silence(25)
+    stands = sender.silence()
+    assert (stands == sender.silence(3)).all()
+    assert not made.ended
+    sender.number += 40  # it sent on, while nothing came
+    sender.send(float(stands[0]) + 0.02, 0.0, ticks=200)
+    assert made.phase is Phase.FOLLOWING
+    sender.silence(math.ceil(ENDED_S / DT) + 1)
+    assert made.ended
+
+
+def test_after_a_contact_it_waits_for_the_stream_or_goes_there() -> None:
+    for after, phase in ((AfterContact.HOLD, W), (AfterContact.REJOIN, J)):
+        made = stream(after)
+        sender = Sender(made)
+        sender.send(0.0, 0.0, ticks=50)
+        made.go_on(np.array([0.3, 0.0]), again=True)
+        q = sender.send(0.0, 0.0, ticks=40)
+        assert made.phase is phase
+        assert (q[0] == 0.3) == (phase is W)
+    made = stream()
+    sender = Sender(made)
+    sender.send(0.0, 0.0, ticks=50)
+    made.go_on(np.array([0.3, 0.0]), again=True)
+    assert sender.send(0.0, 0.0, ticks=40)[0] == 0.3
+    made.rejoin()
+    assert sender.send(0.0, 0.0, ticks=300)[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_target_out_of_reach_is_not_gone_to() -> None:
+    made = stream()
+    sender = Sender(made)
+    sender.send(0.0, 0.0, ticks=50)
+    q = sender.send(0.9, 0.0, ticks=200)
+    assert made.phase is Phase.WAITING
+    assert abs(q[0]) < 0.1
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_targets_that_are_no_numbers_are_left_out(bad: float) -> None:
+    made = stream()
+    sender = Sender(made)
+    sender.send(0.1, 0.0, ticks=10)
+    made.put(Target(99, 1.0, np.array([bad, 0.0])))
+    made.put(Target(99, bad, np.zeros(2)))
+    made.put(Target(99, 1.0, np.zeros(2), np.array([0.0, bad])))
+    assert made.refused == 3
+    assert made.playout.newest.q[0] == 0.1
+
+
+def test_targets_beyond_the_joint_limits_are_moved_to_them() -> None:
+    made = stream()
+    made.put(Target(1, 0.01, np.array([7.0, -7.0]), np.array([9.0, 0.0])))
+    assert made.bounded == 1
+    np.testing.assert_array_equal(made.playout.newest.q, [1.0, -1.0])
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.integers(-2, 3), st.floats(-0.1, 0.2), st.floats(-9.0, 9.0), st.integers(0, 9)
+        ),
+        max_size=60,
+    )
+)
+def test_no_stream_makes_the_reference_jump(
+    arrivals: list[tuple[int, float, float, int]],
+) -> None:
+    made, before = stream(), np.zeros(2)
+    number, sent_s = 0, 0.0
+    for count, elapsed_s, q, ticks in arrivals:
+        number, sent_s = number + count, sent_s + elapsed_s
+        made.put(Target(number, sent_s, np.array([q, -q])))
+        for _ in range(ticks):
+            made.tick(DT)
+            reference = made.reference(DT)
+            assert (np.abs(reference.q - before) <= 1.3 * LIMITS.velocity * DT).all()
+            before = reference.q

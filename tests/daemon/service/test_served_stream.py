@@ -1,0 +1,167 @@
+"""Stream of targets through the control socket, in lockstep with a simulated arm."""
+
+import math
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from contactd_client.client import Client
+from contactd_client.connection import Connection
+from contactd_client.errors import ControlError
+from contactd_client.packets import encode
+from contactd_client.stream import Stream
+from daemon.modes.table import Mode
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[ServedDaemon]:
+    with served_daemon(tmp_path) as served:
+        served.rig.enable()
+        yield served
+
+
+def here(served: ServedDaemon) -> float:
+    return float(served.rig.samples.link_position[0])
+
+
+class Leader:
+    """Client that sends a target a tick, by the daemon's time."""
+
+    def __init__(self, served: ServedDaemon) -> None:
+        self.served = served
+        self.connection = Connection(served.path, 5.0)
+        self.stream = Stream(self.connection, 5.0, clock=lambda: served.rig.time_s)
+
+    def to(self, q: float, ticks: int = 1) -> None:
+        if self.stream.reply is None:
+            self.served.until(lambda: self.stream.to([q]))
+        for _ in range(ticks):
+            self.stream.to([q])  # waits for no answer
+            self.served.tick()
+
+    @property
+    def phase(self) -> str:
+        """Phase that the latest answer reports."""
+        assert self.stream.state is not None
+        return self.stream.state["phase"]
+
+    def close(self) -> None:
+        self.connection.close()
+
+
+@pytest.fixture
+def leader(served: ServedDaemon) -> Iterator[Leader]:
+    with closing(Leader(served)) as leader:
+        yield leader
+
+
+def test_the_arm_follows_the_client_and_halts_when_it_is_done(
+    served: ServedDaemon, leader: Leader
+) -> None:
+    begun = here(served)
+    leader.to(begun, 5)
+    for k in range(200):
+        leader.to(begun + 0.2 * math.sin(0.02 * k))
+    assert leader.phase == "following"
+    reference = float(served.rig.decision.reference[0])  # the link floats in a wide gap
+    assert reference == pytest.approx(begun + 0.2 * math.sin(0.02 * 196), abs=0.01)
+    state = served.service.loop.tick.last
+    assert state is not None
+    assert state.stream is not None
+    assert 0.0 < state.stream.delay_s <= 0.06
+    status = served.contactctl("status", "--json")
+    assert '"phase":"following"' in status.stdout.replace(" ", "")
+    served.until(lambda: leader.stream.__exit__(None, None, None))
+    assert served.rig.mode is Mode.STOPPING
+
+
+def test_a_client_that_is_gone_stops_the_arm_at_once(served: ServedDaemon, leader: Leader) -> None:
+    leader.to(here(served), 20)
+    leader.close()
+    served.run(0.02)
+    assert served.rig.mode in (Mode.STOPPING, Mode.HOLDING)
+    assert "its client is gone" in served.rig.tick.controller.machine.cause
+    assert served.rig.tick.controller.stream is None
+
+
+@pytest.mark.parametrize(
+    ("far", "reason"),
+    [
+        ([0.9], "joint stands at "),
+        ([0.1, 0.2], "`q` has 2 numbers; this arm has 1 joints: joint"),
+        ([], "`q` has 0 numbers"),
+    ],
+)
+def test_a_first_target_that_is_refused(
+    served: ServedDaemon, leader: Leader, far: list[float], reason: str
+) -> None:
+    with pytest.raises(ControlError, match=reason.replace("(", "\\(")):
+        served.until(lambda: leader.stream.to(far))
+    assert served.rig.mode is Mode.HOLDING
+
+
+def test_a_second_stream_is_refused_and_its_targets_too(
+    served: ServedDaemon, leader: Leader
+) -> None:
+    leader.to(here(served), 5)
+    with closing(Leader(served)) as other:
+        with pytest.raises(ControlError, match="the trajectory is running"):
+            other.to(here(served))
+        with pytest.raises(ControlError, match="the arm does not follow this connection"):
+            served.until(
+                lambda: other.stream._exchange(
+                    {"command": "target", "q": [0.0], "sent_s": 9.0, "number": 1}
+                )
+            )
+    leader.to(here(served), 5)
+    assert served.rig.mode is Mode.TRACKING
+
+
+def test_stopped_by_a_person_the_stream_is_told_why(served: ServedDaemon, leader: Leader) -> None:
+    leader.to(here(served), 5)
+    assert served.contactctl("stop").exit_code == 0
+    with pytest.raises(ControlError, match="does not follow this connection: stop by uid"):
+        leader.to(here(served), 5)
+
+
+def test_a_touch_is_reported_to_the_sender_and_it_rejoins_when_asked(
+    served: ServedDaemon, leader: Leader
+) -> None:
+    begun = here(served)
+    leader.to(begun, 30)
+    assert served.rig.permit() == []
+    served.rig.arm.external_torque[0] = 6.0
+    seen = set()
+    for _ in range(100):
+        leader.to(begun)
+        assert leader.stream.state is not None
+        seen.add(leader.stream.state.get("contact", ""))
+    assert any(text.startswith("contact of ") for text in seen)
+    assert served.rig.mode is Mode.ADMITTANCE
+    served.rig.arm.external_torque[0] = 0.0
+    leader.to(begun, 260)
+    assert (served.rig.mode, leader.phase) == (Mode.TRACKING, "waiting")
+    left = here(served)
+    assert abs(left - begun) > 0.5
+    with pytest.raises(ControlError, match=r"`stream.reach` allows 0\.5"):
+        served.until(lambda: leader.stream.rejoin([begun]))
+    begun = left - math.copysign(0.3, left - begun)
+    leader.to(begun, 10)
+    served.until(lambda: leader.stream.rejoin([begun]))
+    leader.to(begun, 300)
+    assert leader.phase == "following"
+    assert here(served) == pytest.approx(begun, abs=0.02)
+
+
+def test_a_flood_of_targets_does_not_delay_a_stop(served: ServedDaemon, leader: Leader) -> None:
+    leader.to(here(served), 5)
+    target = encode({"command": "target", "q": [0.0], "sent_s": 1.0, "number": 9})
+    served.until(lambda: [leader.connection.send(target) for _ in range(100)])
+    with Client(served.path) as client:
+        before = served.rig.tick.number
+        assert served.until(lambda: client.ask({"command": "stop"}))["ok"]
+    assert served.rig.mode is Mode.STOPPING
+    assert served.rig.tick.number - before < 50
