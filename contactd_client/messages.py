@@ -67,7 +67,9 @@ class StreamState(TypedDict):
     """Stream of targets that the arm follows, and what came of it."""
 
     sender: str
-    phase: Literal["following", "joining", "stalled", "waiting"]
+    phase: Literal[
+    "following", "interrupted", "joining", "paused", "stalled", "waiting",
+]  # fmt: skip
     target: list[float]  # newest [rad]
     age_s: float  # since it came
     rate_hz: float | None  # of the sender, by its own times; None before the second target

@@ -80,13 +80,13 @@ class Stream:
         if self._missing > _MOST_MISSING:
             raise UnreachableError("the daemon does not answer the stream")
 
-    def rejoin(self, q: Sequence[float]) -> None:
-        """Let the arm go slowly to q (of all joints, [rad]) and follow again, after a contact."""
+    def rejoin(self, q: Sequence[float], sent_s: float | None = None) -> None:
+        """Let the arm go slowly to q (of all joints, [rad]) and follow again, after a contact;
+        sent_s as of `to`."""
         self._await_answers()
+        now_s = self._clock() if sent_s is None else sent_s
         number, self._number = self._number, self._number + 1
-        self._exchange(
-            {"command": "follow", "q": list(q), "sent_s": self._clock(), "number": number}
-        )
+        self._exchange({"command": "follow", "q": list(q), "sent_s": now_s, "number": number})
 
     def _await_answers(self) -> None:
         while self._missing:

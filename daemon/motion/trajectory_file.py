@@ -8,6 +8,7 @@ Empty lines and lines that begin with # are ignored. Read without numpy, for cli
 start quickly; `daemon.motion.sampled_path` checks the rows against the arm's limits.
 """
 
+import bisect
 import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -41,6 +42,17 @@ class TrajectoryFile:
     def rows(self) -> list[list[float]]:
         """Rows for a PathBuilder: [t, q of each joint, q_dot of each joint]."""
         return rows_of(self.times, self.positions, slopes(self.times, self.positions))
+
+    def at(self, time_s: float) -> list[float]:
+        """Position of each joint [rad] at a time [s], on straight lines between the rows; the first
+        or last row outside."""
+        later = bisect.bisect_right(self.times, time_s)
+        if later in (0, len(self.times)):
+            return self.positions[0 if later == 0 else -1]
+        t0, t1 = self.times[later - 1], self.times[later]
+        share = (time_s - t0) / (t1 - t0)
+        pairs = zip(self.positions[later - 1], self.positions[later], strict=True)
+        return [a + share * (b - a) for a, b in pairs]
 
     def placed(self, error: TrajectoryError) -> TrajectoryError:
         """The error of a row, with file and line in front."""

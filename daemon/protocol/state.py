@@ -33,7 +33,7 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
     """Stream of targets that the arm follows, and what came of it."""
 
     sender: str
-    phase: Literal["joining", "following", "stalled", "waiting"]
+    phase: Literal["joining", "following", "stalled", "waiting", "interrupted", "paused"]
     target: PerJoint  # newest [rad]
     age_s: float  # since it came
     rate_hz: float | None  # of the sender, by its own times; None before the second target

@@ -17,7 +17,7 @@ from daemon.motion.admittance import Allowance
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
-from daemon.motion.target_stream import ENDED_S, TargetStream
+from daemon.motion.target_stream import ENDED_S, Phase, TargetStream
 from daemon.protocol.bounds import LEAST_GAIN, MAX_GAIN
 from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
@@ -47,6 +47,7 @@ class Controller:
         self._contacts = ContactEvents(tuning.reactions, self.machine, motion, self.quiet)
         self._own = OwnEvents(tuning, self.machine, motion, self.quiet, self._allowance)
         self._observed: ControlInput | None = None
+        self._phase: Phase | None = None  # of the stream, as reported
         self._finding: Finding | None = None  # the last one that changed the mode
 
     @property
@@ -70,7 +71,8 @@ class Controller:
         if (stream := self.stream) is None:
             return None
         observed = self._observed
-        return stream_state(stream, (observed.hit or observed.touched) if observed else "")
+        contact = (observed.hit or observed.touched) if observed else ""
+        return stream_state(stream, self.machine.trajectory, contact)
 
     @property
     def faulted(self) -> bool:
@@ -167,6 +169,7 @@ class Controller:
         motion = self.motion
         push = self._push(observed, dt)
         motion.step(self.machine.mode, observed.q, observed.age_s, push, dt, observed.play)
+        self._report_phase()
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
@@ -177,6 +180,14 @@ class Controller:
             if stream.ended:
                 cause = f"the stream of {stream.sender} fell silent for {ENDED_S:g} s"
                 self._apply(Event.ABANDON, cause, time_s)
+
+    def _report_phase(self) -> None:
+        """Report a change of the stream's phase, with the modes."""
+        stream = self.stream
+        phase, before = stream.phase if stream else None, self._phase
+        if phase is not before and stream and before:
+            self.machine.changes.append(Change(f"stream {before} -> {phase}", stream.sender))
+        self._phase = phase
 
     def _push(self, observed: ControlInput, dt: float) -> Vector:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""

@@ -155,12 +155,13 @@ def estimated(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def stream_state(stream: TargetStream, contact: str) -> StreamState:
-    """State of a stream; contact: description of the one that lasts."""
+def stream_state(stream: TargetStream, trajectory: str, contact: str) -> StreamState:
+    """State of a stream; trajectory: as of the mode machine; contact: description of the one that
+    lasts."""
     playout = stream.playout
     return StreamState(
         sender=stream.sender,
-        phase=stream.phase.value,
+        phase=stream.phase.value if trajectory == "running" else trajectory,  # type: ignore[arg-type]
         target=playout.newest.q.tolist(),
         age_s=stream.silent_s,
         rate_hz=1.0 / playout.period_s if playout.period_s else None,

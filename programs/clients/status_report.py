@@ -19,6 +19,7 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
+from programs.clients.stream_words import stream_in_words
 from programs.clients.user_names import user_name
 
 SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
@@ -44,6 +45,8 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
     if status.changed:
         table.add_row("", Text(_changed(status), "yellow"))
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))
+    if status.stream is not None:
+        table.add_row("stream", Text(stream_in_words(status.stream, status.link_position)))
     if status.gears:
         table.add_row("gears", Text("\n".join(status.gears), "yellow"))
     if status.hand:
@@ -141,7 +144,8 @@ def _trajectory(trajectory: Trajectory) -> str:
         "paused": "paused: `contactctl start` goes on with it, `contactctl stop` forgets it",
     }
     end = "" if trajectory.duration_s is None else f" of {trajectory.duration_s:.1f}"
-    at = "" if trajectory.state == "ready" else f" at {trajectory.time_s:.1f}{end} s"
+    begun = trajectory.time_s > 0.0 or trajectory.duration_s is not None
+    at = "" if trajectory.state == "ready" or not begun else f" at {trajectory.time_s:.1f}{end} s"
     if trajectory.attended:
         words["paused"] = "paused, and forgotten when the program that began it ends"
     return f"{trajectory.name}{at}: {words[trajectory.state]}"

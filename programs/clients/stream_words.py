@@ -8,28 +8,26 @@ PHASES = {
     "joining": "the arm goes slowly to the stream",
     "following": "the arm follows",
     "stalled": "no target comes: the arm stands",
-    "waiting": "the arm waits until the stream is near it again",
+    "waiting": "the arm stands until the stream is near it",
+    "interrupted": "the arm yields to a contact",
+    "paused": "the arm holds until `contactctl start`",
 }
 
 
-def phase_in_words(stream: StreamState) -> str:
-    """What the arm does with the stream, and the contact that lasts."""
-    phase = PHASES[stream.phase]
-    return f"{phase}; {stream.contact}" if stream.contact else phase
-
-
-def quality_in_words(stream: StreamState, q: Sequence[float]) -> str:
-    """Rate, age, jitter and losses of a stream, and how far the arm, at q (n,) [rad], is behind."""
-    rate = "" if stream.rate_hz is None else f"{stream.rate_hz:.0f} Hz, "
+def stream_in_words(stream: StreamState, q: Sequence[float]) -> str:
+    """What the arm, at q (n,) [rad], does with a stream, how far it is behind, and in a second line
+    rate, age, jitter and losses."""
     behind = max((abs(a - b) for a, b in zip(stream.target, q, strict=False)), default=0.0)
+    rate = "" if stream.rate_hz is None else f"{stream.rate_hz:.0f} Hz, "
     counts = {
         "lost": stream.lost,
         "dropped": stream.dropped,
-        "beyond limits": stream.bounded,
+        "beyond joint limits": stream.bounded,
         "refused": stream.refused,
     }
     bad = "".join(f", {count} {name}" for name, count in counts.items() if count)
     return (
+        f"{stream.phase}: {PHASES[stream.phase]}; {behind:.3f} rad behind the newest target\n"
         f"{rate}newest {1e3 * stream.age_s:.0f} ms old, jitter {1e3 * stream.jitter_s:.0f} ms, "
-        f"delay {1e3 * stream.delay_s:.0f} ms, {behind:.3f} rad behind{bad}"
+        f"delay {1e3 * stream.delay_s:.0f} ms{bad}"
     )

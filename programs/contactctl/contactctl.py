@@ -12,6 +12,7 @@ import click
 from common.errors import TrajectoryError
 from daemon.protocol.lease import LONGEST_S, PERSON_S, SHORTEST_S
 from programs.command_line.options import PATH, Group, Options, Range, json_option, socket_option
+from programs.contactctl.follow import follow
 from programs.contactctl.gain import gain
 from programs.contactctl.go import go, home
 from programs.contactctl.hand import hand
@@ -189,7 +190,7 @@ def reset(options: Options) -> None:
     carry_out(options, "reset")
 
 
-for command in (go, home, gain, payload):
+for command in (go, home, follow, gain, payload):
     main.add_command(command)
 
 

@@ -1,6 +1,9 @@
 """`contactctl follow`: the arm follows another arm, or a file, as a stream of targets."""
 # ruff: noqa: PLC0415 - the client is imported by the command that needs it
 
+import itertools
+import select
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,13 +12,27 @@ from typing import TYPE_CHECKING
 
 import click
 
-from common.errors import ControlError, TrajectoryError
+from common.errors import ControlError
 from contactd_client.paths import view_socket_path
+from daemon.motion.trajectory_file import read_trajectory
 from programs.command_line.options import PATH, Command, Options, Range
 from programs.command_line.sentences import say
 
 if TYPE_CHECKING:
+    from contactd_client.messages import StreamState
     from contactd_client.stream import Stream
+    from daemon.motion.trajectory_file import TrajectoryFile
+    from daemon.protocol.replies import Status
+
+PHASES = {
+    "joining": "the arm goes slowly to the stream",
+    "following": "the arm follows",
+    "stalled": "no target comes: the arm stands",
+    "waiting": "the arm stands until the stream is near it; Enter rejoins",
+    "interrupted": "the arm yields",
+    "paused": "the arm holds until `contactctl start`",
+}
+REST_S = 1.0  # after the end of a file, so that the arm gets there
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +70,11 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
     from contactd_client.client import Client
 
     with options.connect() as asking:
-        joints = asking.ask_status().joints
-        path = asking.path
-    source = _of_file(file, joints, rate) if file else _of_leader(leader or path, joints)
+        status, path = asking.ask_status(), asking.path
+    if file:
+        source = _of_file(read_trajectory(file, status.joints), status, rate)
+    else:
+        source = _of_leader(leader or path, status.joints)
     with Client(path) as client, client.follow() as stream:
         try:
             _send(source, stream)
@@ -64,15 +83,47 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
 
 
 def _send(source: Iterator[Sent], stream: "Stream") -> None:
-    """Send what a source gives, and print each change of phase."""
+    """Send what a source gives, print each change of phase, and rejoin at Enter."""
     shown = ""
     for sent in source:
         stream.to(sent.q, sent.velocity, sent.time_s)
-        state = stream.state
-        phase = "" if state is None else state["phase"]
-        if phase != shown and state is not None:
-            shown = phase
-            say(f"{phase}: {state.get('contact') or state['sender']}")
+        if stream.state is not None and (words := _phase(stream.state)) != shown:
+            shown = words
+            say(words)
+        if _entered():
+            try:
+                stream.rejoin(sent.q, sent.time_s)
+            except ControlError as error:
+                say(str(error), err=True)
+
+
+def _phase(stream: "StreamState") -> str:
+    """Phase of the arm, and the joint of a contact that lasts."""
+    words = f"{stream['phase']}: {PHASES[stream['phase']]}"
+    touched = stream.get("contact", "")
+    return f"{words}; {touched.partition(' at ')[2]} is touched" if touched else words
+
+
+def _entered() -> bool:
+    """True if a person has pressed Enter since the last call."""
+    if not (sys.stdin.isatty() and select.select([sys.stdin], [], [], 0.0)[0]):
+        return False
+    return bool(sys.stdin.readline())
+
+
+def _of_file(file: "TrajectoryFile", status: "Status", rate_hz: float) -> Iterator[Sent]:
+    """Poses of a trajectory, at its own speed; joints that it does not name stay."""
+    places = [status.joints.index(joint) for joint in file.joints]
+    begun_s, span_s = time.monotonic(), file.times[-1] - file.times[0]
+    for k in itertools.count():
+        elapsed_s = k / rate_hz
+        time.sleep(max(begun_s + elapsed_s - time.monotonic(), 0.0))
+        q = list(status.link_position)
+        for place, value in zip(places, file.at(file.times[0] + elapsed_s), strict=True):
+            q[place] = value
+        yield Sent(q, None, elapsed_s)
+        if elapsed_s > span_s + REST_S:
+            return
 
 
 def _of_leader(socket: Path, joints: Sequence[str]) -> Iterator[Sent]:
