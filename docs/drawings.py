@@ -1,10 +1,17 @@
-"""Drawings of docs/concepts.md as SVG, written by `make reference`.
+"""Drawings of docs/concepts.md and docs/following.md as SVG, written by `make reference`.
 
 Schematic, and drawn by a few functions here, so that a change of a picture is a change of a number.
 """
 
 import math
+import random
 from collections.abc import Sequence
+
+import numpy as np
+
+from common.arrays import Vector
+from daemon.motion.playout import Playout, Target
+from daemon.motion.tracker import Tracker
 
 INK, MOTOR, LINK, LEVEL, FELT = "#222", "#2b6cb0", "#c05621", "#718096", "#fbd38d"
 _STYLE = "font-family='sans-serif' font-size='14'"
@@ -12,7 +19,12 @@ _STYLE = "font-family='sans-serif' font-size='14'"
 
 def drawings() -> dict[str, str]:
     """SVG by the name of its file."""
-    return {"gap.svg": gap(), "contact.svg": contact(), "session.svg": session()}
+    return {
+        "gap.svg": gap(),
+        "contact.svg": contact(),
+        "session.svg": session(),
+        "stream.svg": stream(),
+    }
 
 
 # --- the gap of a joint -----------------------------------------------------------------------
@@ -189,3 +201,60 @@ def _text(
     weight = " font-weight='bold'" if bold else ""
     place = f"x='{x:.1f}' y='{y:.1f}' text-anchor='{anchor}'"
     return f"<text {place} fill='{colour}'{weight}>{words}</text>"
+
+
+# --- a stream of targets ----------------------------------------------------------------------
+
+_RATE_HZ, _TICK_S, _BEFORE_S, _SHOWN_S = 50.0, 0.01, 2.0, 1.2
+_LIMITS = np.array([1.2]), np.array([4.0])  # [rad/s], [rad/s2]
+
+
+def stream() -> str:
+    """Targets of a leader with jitter and losses, and the setpoint that they become."""
+    chance = random.Random(5)
+    sent = [k / _RATE_HZ for k in range(round((_BEFORE_S + _SHOWN_S) * _RATE_HZ))]
+    arrivals = sorted(
+        (s + chance.uniform(0.0, 0.01), k, s) for k, s in enumerate(sent) if chance.random() > 0.05
+    )
+    _, number, first_s = arrivals.pop(0)
+    playout = Playout(Target(number, first_s, _leader(first_s)), 0.0)
+    tracker = Tracker(_leader(first_s), _LIMITS[1])
+    dots, setpoint = [], []
+    for tick in range(1, round((_BEFORE_S + _SHOWN_S) / _TICK_S)):
+        now_s = tick * _TICK_S
+        while arrivals and arrivals[0][0] <= now_s:
+            arrived_s, number, s = arrivals.pop(0)
+            playout.put(Target(number, s, _leader(s)), now_s)
+            dots.append((arrived_s, float(_leader(s)[0])))
+        playout.step(now_s, _TICK_S)
+        reference = tracker.step(*playout.read(), _LIMITS[0], _TICK_S)
+        setpoint.append((now_s, float(reference.q[0])))
+    seen = [(t - _BEFORE_S, q) for t, q in setpoint if t >= _BEFORE_S]
+    came = [(t - _BEFORE_S, q) for t, q in dots if t >= _BEFORE_S]
+    return _stream_picture(came, seen, playout.delay_s)
+
+
+def _leader(s: float) -> Vector:
+    """Motion of the leader [rad] at time s [s]."""
+    return np.array([0.25 * math.sin(2.0 * math.pi * 0.5 * s)])
+
+
+def _stream_picture(
+    targets: Sequence[tuple[float, float]], setpoint: Sequence[tuple[float, float]], delay_s: float
+) -> str:
+    def place(t: float, q: float) -> tuple[float, float]:
+        return 50.0 + 560.0 * t / _SHOWN_S, 130.0 - 380.0 * q
+
+    shown = [place(t, q) for t, q in setpoint]
+    parts = [
+        _line(50, 130, 610, 130, LEVEL),
+        *(
+            f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3' fill='{LINK}'/>"
+            for x, y in (place(t, q) for t, q in targets)
+        ),
+        _polyline(shown, MOTOR),
+        _text(500, 205, "targets, as they come", LINK),
+        _text(500, 225, f"setpoint, {1e3 * delay_s:.0f} ms behind the leader", MOTOR),
+        _text(330, 262, f"{_SHOWN_S:g} s, 0.5 rad from top to bottom"),
+    ]
+    return _svg(660, 275, parts)

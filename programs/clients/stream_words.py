@@ -15,8 +15,8 @@ PHASES = {
 
 
 def stream_in_words(stream: StreamState, q: Sequence[float]) -> str:
-    """What the arm, at q (n,) [rad], does with a stream, how far it is behind, and in a second line
-    rate, age, jitter and losses."""
+    """Phase of the arm on a stream and its distance from the newest target, at q (n,) [rad]; in a
+    second line rate, age, jitter and losses."""
     behind = max((abs(a - b) for a, b in zip(stream.target, q, strict=False)), default=0.0)
     rate = "" if stream.rate_hz is None else f"{stream.rate_hz:.0f} Hz, "
     counts = {

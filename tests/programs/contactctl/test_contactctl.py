@@ -267,7 +267,12 @@ def test_a_session_has_one_order_everywhere(page: str) -> None:
 
 
 def test_help_is_sentences() -> None:
-    assert set(contactctl.main.commands) == set(COMMANDS) - {"subscribe", "load", "renew", "target"} | {
+    assert set(contactctl.main.commands) == set(COMMANDS) - {
+        "subscribe",
+        "load",
+        "renew",
+        "target",
+    } | {
         "hand",
         "health",
         "home",
