@@ -2,7 +2,8 @@
 
     python -m bench.detection [--minutes N] [--step-minutes N] [--jobs N] [--seed N]
                               [--friction smooth|dahl|lugre|all] [--stiction-share X]
-                              [--motor-position measured|integrated] [--gears CONDITION] [--json]
+                              [--motor-position measured|integrated] [--gears CONDITION]
+                              [--no-link-encoder] [--json]
 
 Simulated minutes per kind of friction: --minutes without contact, --step-minutes with steps of
 torque on single joints in motion, half as many with steps at rest, half as many with forces on
@@ -48,6 +49,8 @@ def jobs(
     motor_position: MotorPosition,
     stiction_share: float | None,
     gears: Gears,
+    *,
+    link_encoder: bool = True,
 ) -> list[Job]:
     """A new arm every minute; the same seeds for either friction."""
     free, stepped = max(1, round(minutes)), max(1, round(step_minutes))
@@ -61,6 +64,7 @@ def jobs(
             motor_position=motor_position,
             stiction_share=stiction_share,
             gears=gears,
+            link_encoder=link_encoder,
         )
         for arm in range(max(free, stepped))
         for friction in frictions
@@ -180,6 +184,7 @@ def plain(value: Any) -> Any:
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
 @click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
 @click.option("--gears", default="modelled", show_default=True, type=click.Choice(GEARS))
+@click.option("--no-link-encoder", "blind", is_flag=True, help="Motor encoders alone.")
 @click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
@@ -190,12 +195,22 @@ def main(
     motor_position: MotorPosition,
     stiction_share: float | None,
     gears: Gears,
+    blind: bool,
     as_json: bool,
 ) -> None:
     frictions = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     step_minutes = minutes if step_minutes is None else step_minutes
-    todo = jobs(minutes, step_minutes, seed, frictions, motor_position, stiction_share, gears)
+    todo = jobs(
+        minutes,
+        step_minutes,
+        seed,
+        frictions,
+        motor_position,
+        stiction_share,
+        gears,
+        link_encoder=not blind,
+    )
     seeds = sorted({job.seed for job in todo if job.kind == "free"})
     stepped = len({job.seed for job in todo if job.kind == "moving"})
     results = list(spread(run, todo, processes, "arms"))
@@ -231,6 +246,7 @@ def main(
         "seeds": [seeds[0], seeds[-1]],
         "motor_position": motor_position,
         "gears": gears,
+        "link_encoder": not blind,
         "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,

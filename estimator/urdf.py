@@ -79,7 +79,7 @@ class JointRange:
     joint: str
     line: int
     kind: str = "revolute"
-    """its type, as the URDF has it"""
+    """its type, as the URDF has it, or `mimic`"""
     lower: float = 0.0
     upper: float = 0.0
     """[rad]"""
@@ -98,6 +98,7 @@ def joint_ranges(text: str) -> list[JointRange]:
         name, kind = joint.get("name", ""), joint.get("type", "")
         if kind == "fixed":
             continue
+        kind = kind if joint.find("mimic") is None else "mimic"
         limit = joint.find("limit")
         line = lines[joint if limit is None else limit]
         try:
@@ -138,7 +139,19 @@ def parsed(text: str) -> tuple[ET.Element, _Lines]:
     root = builder.close()
     if root.tag != "robot":
         raise ModelError(f"not a URDF: its root is <{root.tag}>, not <robot>")
+    _refuse_xacro(root, lines)
     return root, lines
+
+
+def _refuse_xacro(root: ET.Element, lines: _Lines) -> None:
+    """Raise ModelError for macros, which pinocchio would leave out or misread."""
+    for element in root.iter():
+        macro = next((value for value in element.attrib.values() if "${" in value), "")
+        if macro or element.tag.startswith("xacro:"):
+            raise ModelError(
+                f"line {lines[element]}: `{macro or element.tag}` is xacro: expand it first "
+                "(`xacro arm.urdf.xacro > arm.urdf`)"
+            )
 
 
 def _carried(root: ET.Element) -> dict[str, str]:

@@ -7,6 +7,7 @@ rest     the same while the arm stands after a motion         -> trials
 Every arm has been at work before, with nobody there: what it learned then, it knows.
 """
 
+import dataclasses
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -55,6 +57,8 @@ class Job:
     worked_s: float = 600.0
     """at work before"""
     gears: Gears = "modelled"
+    link_encoder: bool = True
+    """False: the motor's encoder stands for the link's, as in an arm without one"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,18 +88,22 @@ def run(job: Job) -> Result:
     subject = world.subject(robot, job.friction, job.seed, job.gears)
     share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
     how = {"motor_position": job.motor_position, "stiction_share": share}
-    estimator = build(robot, **how)
+    believed = robot if job.link_encoder else without_link_encoder(robot)
+    estimator = build(believed, **how)
     course, _ = courses.day(c, job.seed, job.worked_s)
     level = contact
     work = Scenario(seconds=job.worked_s, motion=course, begin_s=-job.worked_s)
     for before in recordings(subject, work):
-        level = _in_motion(before, estimates(estimator, before), level)
+        seen = before if job.link_encoder else motors_alone(before)
+        level = _in_motion(seen, estimates(estimator, seen), level)
     estimator.restart()
     scenario, steps, touches = _scenario(job, robot, level, estimator.levels_at(0.0 * contact))
     recording = record(subject, scenario)
+    if not job.link_encoder:
+        recording = motors_alone(recording)
     found = estimates(estimator, recording)
     # Rivals have levels of their own, raised as if nothing was learned.
-    unlearned = estimates(build(robot, learning=False, beside=(), **how), recording)
+    unlearned = estimates(build(believed, learning=False, beside=(), **how), recording)
     raised = np.array([found.threshold, *[unlearned.threshold] * (len(found.residuals) - 1)])
     raised -= contact
     armed = recording.time_s > GRACE_S
@@ -123,6 +131,21 @@ def run(job: Job) -> Result:
         trials=tuple(_trial(step, recording, found, raised, c) for step in steps),
         named=tuple(named_link(touch, recording, found) for touch in touches),
     )
+
+
+def without_link_encoder(robot: Robot) -> Robot:
+    """Robot as an owner would describe it whose joints have a motor encoder alone: without a gap,
+    as none can be seen."""
+    c = robot.configuration
+    joints = [replace(joint, half_gap=0.0) for joint in c.joints]
+    return dataclasses.replace(robot, configuration=replace(c, joints=joints))
+
+
+def motors_alone(recording: Recording) -> Recording:
+    """Recording in which the motor's position, at the link side, stands for the link's."""
+    samples = recording.samples.copy()
+    samples[:, 1] = samples[:, 3]
+    return dataclasses.replace(recording, samples=samples)
 
 
 def _in_motion(recording: Recording, found: Estimates, otherwise: Vector) -> Vector:

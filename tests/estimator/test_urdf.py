@@ -5,7 +5,7 @@ import pytest
 
 from common.errors import ModelError
 from estimator.model import Model
-from estimator.urdf import moved_links
+from estimator.urdf import joint_ranges, moved_links
 
 MASS = '<mass value="1.5"/>'
 ORIGIN = '<origin xyz="0 0 -0.2" rpy="0 0 0"/>'
@@ -179,3 +179,21 @@ def test_limits_are_let_through_as_pinocchio_reads_them(effort: str) -> None:
 def test_tabs_that_only_pinocchio_sees() -> None:
     with pytest.raises(ModelError, match=r"reads only 0 of the 1\.5 kg that move: no tab"):
         Model(ARM.replace("0 0 -0.2", "0\t0\t-0.2"), ["swing"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("</robot>", '<xacro:macro name="a"/></robot>', "`xacro:macro`"),
+        (MASS, '<mass value="${m}"/>', "`${m}`"),
+    ],
+)
+def test_macros_are_to_be_expanded_first(old: str, new: str, named: str) -> None:
+    with pytest.raises(ModelError, match=r"is xacro: expand it first") as raised:
+        moved_links(ARM.replace(old, new))
+    assert named in str(raised.value)
+
+
+def test_a_joint_that_mimics_another_is_called_so() -> None:
+    text = ARM.replace("</joint>", '<mimic joint="other"/></joint>')
+    assert [one.kind for one in joint_ranges(text)] == ["mimic"]
