@@ -24,6 +24,7 @@ export class Header {
     this.#advice = advice;
     document.title = advice.name;
     say(at("name"), advice.name);
+    this.#drawStream();
     this.#draw();
   }
 
@@ -66,6 +67,7 @@ export class Header {
     say(at("cause"), `${this.#stale ? "Cause then" : "Cause"}: ${words.cause}`);
     this.#drawPermit();
     this.#drawLoad(words.load);
+    this.#drawStream();
     this.#drawFault(words);
   }
 
@@ -110,6 +112,13 @@ export class Header {
     if (!load) return;
     const what = load.announced ? "The arm counts a load" : "There seems to be a load that nobody announced";
     say(at("load"), `${this.#stale ? "Then: " : ""}${what}: ${load.text}.`);
+  }
+
+  #drawStream() {
+    const phase = this.#words?.stream ?? "";
+    show(at("stream"), phase !== "");
+    const quality = this.#advice?.stream ?? "";
+    say(at("stream"), `${this.#stale ? "Then: stream" : "Stream"} ${[phase, quality].filter(Boolean).join(" · ")}`);
   }
 
   #drawFault(words) {

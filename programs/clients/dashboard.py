@@ -24,6 +24,7 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
+from programs.clients.stream_words import quality_in_words
 
 SHOWN_LAG_S = 0.5
 SHOWN_SILENCE_S = 0.5
@@ -123,11 +124,15 @@ class Dashboard:
         ]
         yield from doubt_lines
         yield Text(f" {state.cause}", no_wrap=True, overflow="crop")
+        if stream := state.stream:
+            quality = quality_in_words(stream, state.link_position)
+            yield Text(f" stream {stream.phase}: {quality}", no_wrap=True, overflow="crop")
         yield Text()
         yield self._joints(wide, options.ascii_only)
         yield Text()
         yield self._loop(wide)
         rows_left = (options.height or console.height) - len(state.setpoint) - 7 - len(doubt_lines)
+        rows_left -= state.stream is not None
         if state.flags:
             flags = f" estimator: {'; '.join(state.flags)}"
             yield Text(flags, "yellow", no_wrap=True, overflow="crop")

@@ -19,7 +19,7 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
-from programs.clients.stream_words import stream_in_words
+from programs.clients.stream_words import phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
 
 SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
@@ -46,7 +46,8 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("", Text(_changed(status), "yellow"))
     table.add_row("trajectory", Text(_trajectory(status.trajectory)))
     if status.stream is not None:
-        table.add_row("stream", Text(stream_in_words(status.stream, status.link_position)))
+        table.add_row("stream", Text(phase_in_words(status.stream)))
+        table.add_row("", Text(quality_in_words(status.stream, status.link_position)))
     if status.gears:
         table.add_row("gears", Text("\n".join(status.gears), "yellow"))
     if status.hand:

@@ -14,20 +14,24 @@ PHASES = {
 }
 
 
-def stream_in_words(stream: StreamState, q: Sequence[float]) -> str:
-    """Phase of the arm on a stream and its distance from the newest target, at q (n,) [rad]; in a
-    second line rate, age, jitter and losses."""
+def phase_in_words(stream: StreamState) -> str:
+    """Phase of the arm on a stream, in one line that stays while the phase does."""
+    return f"{stream.phase}: {PHASES[stream.phase]}"
+
+
+def quality_in_words(stream: StreamState, q: Sequence[float]) -> str:
+    """Distance of the arm, at q (n,) [rad], from the newest target; rate, age, jitter and losses of
+    the stream, in one line."""
     behind = max((abs(a - b) for a, b in zip(stream.target, q, strict=False)), default=0.0)
     rate = "" if stream.rate_hz is None else f"{stream.rate_hz:.0f} Hz, "
     counts = {
         "lost": stream.lost,
         "dropped": stream.dropped,
-        "beyond joint limits": stream.bounded,
+        "beyond limits": stream.bounded,
         "refused": stream.refused,
     }
     bad = "".join(f", {count} {name}" for name, count in counts.items() if count)
     return (
-        f"{stream.phase}: {PHASES[stream.phase]}; {behind:.3f} rad behind the newest target\n"
-        f"{rate}newest {1e3 * stream.age_s:.0f} ms old, jitter {1e3 * stream.jitter_s:.0f} ms, "
-        f"delay {1e3 * stream.delay_s:.0f} ms{bad}"
+        f"{behind:.3f} rad behind; {rate}{1e3 * stream.age_s:.0f} ms old, "
+        f"jitter {1e3 * stream.jitter_s:.0f} ms, delay {1e3 * stream.delay_s:.0f} ms{bad}"
     )

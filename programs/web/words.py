@@ -9,6 +9,7 @@ from daemon.modes.table import Mode
 from daemon.protocol.replies import Check, Learned, Status
 from daemon.protocol.state import Permit, Snapshot, State
 from programs.clients.sensed import lost_samples
+from programs.clients.stream_words import phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
 
 EventKind = Literal["mode", "contact", "fault", "page"]
@@ -55,6 +56,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     touched: str
     flags: list[str]
     load: Load | None
+    stream: str  # phase of the arm on a stream of targets; empty without one
 
 
 class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
@@ -104,6 +106,7 @@ class Advice(msgspec.Struct, frozen=True, tag="advice", tag_field="kind"):
     advice: str
     checks: list[Check]
     trajectory: str
+    stream: str  # its quality; empty without one
     lost: str  # samples
     learned: Learned | None
 
@@ -183,6 +186,7 @@ def words(arm: int, state: State) -> Words:
         touched=state.touched_link,
         flags=state.flags,
         load=load(state),
+        stream=phase_in_words(state.stream) if state.stream else "",
     )
 
 
@@ -210,6 +214,7 @@ def advice(status: Status) -> Advice:
         advice=status.advice,
         checks=status.checks,
         trajectory=f"{t.name}: {t.state}" if t.name else "none configured",
+        stream=quality_in_words(status.stream, status.link_position) if status.stream else "",
         lost=lost_samples(status),
         learned=status.learned,
     )

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console, RenderableType
 
 from daemon.modes.table import Mode
-from daemon.protocol.state import Notice, Permit, Snapshot, State
+from daemon.protocol.state import Notice, Permit, Snapshot, State, StreamState
 from programs.clients.dashboard import (
     Dashboard,
     History,
@@ -21,6 +21,7 @@ from programs.clients.dashboard import (
 )
 from programs.clients.shown import MODE_STYLES, not_seen_to_stand
 from programs.clients.status_report import status_report
+from programs.clients.stream_words import quality_in_words
 from tests.programs.clients.test_sensitivity import smallest
 
 MakeState = Callable[..., State]
@@ -66,6 +67,39 @@ def test_fits(dashboard: Any, width: int, height: int, encoding: str) -> None:
     for joint, threshold in zip(frame.snapshot.joints, ["0.80", "0.50", "0.40"], strict=False):
         assert any(joint in line and threshold in line for line in joints)
     assert any("x" * 40 in line for line in lines)
+
+
+STREAM = StreamState(
+    sender="uid 1000 (pid 42)",
+    phase="following",
+    target=[0.5, -1.2],
+    age_s=0.012,
+    rate_hz=100.2,
+    jitter_s=0.004,
+    delay_s=0.0384,
+    lost=12,
+    dropped=0,
+    bounded=1,
+    refused=0,
+)
+
+
+def test_a_stream_has_a_line_of_its_own(dashboard: Any) -> None:
+    frame = dashboard(range(0, 131), stream=STREAM)
+    lines = text_of(frame, 100, 30)
+    assert len(lines) <= 29
+    (line,) = [line for line in lines if line.startswith(" stream ")]
+    assert line.startswith(" stream following: ")
+    assert "100 Hz, 12 ms old, jitter 4 ms, delay 38 ms, 12 lost" in line
+    assert not any(line.startswith(" stream ") for line in text_of(dashboard(range(131)), 100, 30))
+
+
+def test_how_far_the_arm_is_behind_its_target() -> None:
+    assert quality_in_words(STREAM, [0.45, -1.19]).startswith("0.050 rad behind; 100 Hz")
+    unknown = msgspec.structs.replace(STREAM, rate_hz=None, lost=0, bounded=0)
+    assert quality_in_words(unknown, [0.5, -1.2]) == (
+        "0.000 rad behind; 12 ms old, jitter 4 ms, delay 38 ms"
+    )
 
 
 def test_a_picture_of_the_past_says_so(dashboard: Any) -> None:

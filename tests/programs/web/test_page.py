@@ -8,7 +8,7 @@ import pytest
 
 from bench.rigs.page import Page, page_of
 from daemon.modes.table import Mode
-from daemon.protocol.state import Notice, Permit
+from daemon.protocol.state import Notice, Permit, StreamState
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, WALL, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py
@@ -183,6 +183,31 @@ def test_what_is_felt_is_said_above_all_joints(
     screen.reads("#felt", "Feels: ▲ LWristYaw +0.9 Nm, LElbowYaw −0.5 Nm")
     arm.changes = {"residual": [0.1] * 7}
     screen.reads("#felt", "Feels: nothing beyond its level")
+
+
+STREAM = StreamState(
+    sender="uid 1000 (pid 42)",
+    phase="waiting",
+    target=[0.0] * 7,
+    age_s=0.01,
+    rate_hz=50.0,
+    jitter_s=0.004,
+    delay_s=0.047,
+    lost=12,
+    dropped=0,
+    bounded=0,
+    refused=0,
+)
+
+
+def test_a_stream_is_shown_with_its_phase(screens: Screens, arm: FakeDaemon, page: Page) -> None:
+    arm.changes = ARMED | {"stream": STREAM}
+    screen = screens.open(f"{page.url}?scene=off", PHONE)
+    screen.live()
+    screen.begins("#stream", "Stream waiting: the arm stands until the stream is near it")
+    screen.picture("stream_phone")
+    arm.changes = ARMED | {"stream": None}
+    screen.hides("#stream")
 
 
 def test_a_joint_that_senses_nothing_feels_nothing_that_it_felt_last(
