@@ -137,11 +137,13 @@ class Playout:
         error_s = now_s - self._base_s - self.delay_s - self._at_s - dt
         self._at_s += dt + min(max(error_s, -SLEW * dt), SLEW * dt)
 
-    def read(self) -> tuple[Vector, Vector]:
-        """Pose (n,) [rad] and velocity (n,) [rad/s] now: means over the window."""
+    def read(self, ahead_s: float = 0.0) -> tuple[Vector, Vector]:
+        """Means over the window: pose (n,) [rad] now, and velocity (n,) [rad/s] `ahead_s` later."""
         half_s = self.half_window_s
-        q_after, after = self._at(self._at_s + half_s)
-        q_before, before = self._at(self._at_s - half_s)
+        _, after = self._at(self._at_s + half_s)
+        _, before = self._at(self._at_s - half_s)
+        q_after, _ = self._at(self._at_s + ahead_s + half_s)
+        q_before, _ = self._at(self._at_s + ahead_s - half_s)
         return (after - before) / (2.0 * half_s), (q_after - q_before) / (2.0 * half_s)
 
     def _at(self, s: float) -> tuple[Vector, Vector]:

@@ -19,7 +19,7 @@ from common.arrays import Vector
 from daemon.motion.limits import Limits
 from daemon.motion.path import Reference
 from daemon.motion.playout import Playout, Target
-from daemon.motion.tracker import Tracker
+from daemon.motion.tracker import LAG_S, Tracker
 
 # Share of the acceleration limit that the stream may use; the position loop has the rest.
 STREAM_SHARE: Final = 0.8
@@ -95,6 +95,7 @@ class TargetStream:
     _tracker: Tracker | None = None
     _now_s: float = 0.0
     _heard_s: float = 0.0
+    _period_s: float = 0.0
 
     def __post_init__(self) -> None:
         self.playout = Playout(self._within(self.first), 0.0)
@@ -135,6 +136,12 @@ class TargetStream:
         return self._now_s - self._heard_s
 
     @property
+    def delay_s(self) -> float:
+        """Delay of the arm behind the sender [s]: that of the playout, less the tick in which a
+        target waits, which counts as on its way."""
+        return self.playout.delay_s - self._period_s
+
+    @property
     def ended(self) -> bool:
         """True once it has been silent for too long."""
         return self.silent_s > ENDED_S
@@ -142,6 +149,7 @@ class TargetStream:
     def tick(self, dt: float) -> None:
         """Count dt [s]: in every tick, in each mode, from the start to the end of the stream."""
         self._now_s += dt
+        self._period_s = dt
         self.playout.step(self._now_s, dt)
 
     def go_on(self, q: Vector, *, again: bool) -> None:
@@ -155,7 +163,7 @@ class TargetStream:
         tracker = self._tracker
         if tracker is None:
             raise RuntimeError("the stream has no pose to begin from")
-        target, speed = self.playout.read()
+        target, speed = self.playout.read(LAG_S)
         apart = float(np.abs(target - tracker.q).max())
         self.phase = next_phase(
             self.phase,

@@ -166,7 +166,7 @@ def stream_state(stream: TargetStream, trajectory: str, contact: str) -> StreamS
         age_s=stream.silent_s,
         rate_hz=1.0 / playout.period_s if playout.period_s else None,
         jitter_s=playout.jitter_s,
-        delay_s=playout.delay_s,
+        delay_s=stream.delay_s,
         lost=playout.lost,
         dropped=playout.dropped,
         bounded=stream.bounded,

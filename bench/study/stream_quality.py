@@ -1,0 +1,185 @@
+"""Quality of a stream without a plant: delay, tracking error, jerk; false stops; deaths; targets
+that no arm can follow."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from bench.study.streamed import Arrival, Motion, Track, arrivals, hand, stream_of, ticks
+from common.arrays import Vector
+from daemon.assembly import build_motion
+from daemon.config.load import Robot
+from daemon.config.vectors import limits_of
+from daemon.modes.table import Mode
+from daemon.motion.path import Place
+from daemon.motion.playout import Target
+from daemon.motion.target_stream import STALLED_S
+
+SETTLED_S: Final = 3.0
+"""after the first target, from which on a stream is judged"""
+FAST: Final = 0.1
+"""[rad/s], from which on a motion shows its delay"""
+STANDS: Final = 0.02
+"""[rad/s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """Figures of one track against its motion."""
+
+    delay_ms: float  # constant, that fits best
+    error_mrad: float  # rms beside it
+    jerk: float  # rms [rad/s3]
+    reported_ms: float  # median delay that the stream reports
+    beyond: tuple[float, float]  # p50 and p95 of the delay beyond the reported one [ticks]
+
+
+def quality(track: Track, motion: Motion, period_s: float) -> Quality:
+    """Figures of a track, from SETTLED_S on."""
+    chosen = track.time_s > track.time_s[0] + SETTLED_S
+    time_s, q = track.time_s[chosen], track.q[chosen]
+    delays = np.arange(0.0, 0.25, 0.001)
+    fine = np.array([motion(t) for t in np.arange(0.0, time_s[-1] + 0.01, 1e-3)])
+
+    def behind(delay_s: float) -> np.ndarray:
+        rows = np.clip(np.round((time_s - delay_s) / 1e-3).astype(int), 0, len(fine) - 1)
+        return q - fine[rows]
+
+    errors = [float(np.sqrt(np.mean(behind(d) ** 2))) for d in delays]
+    best = int(np.argmin(errors))
+    jerk = np.diff(track.velocity[chosen], 2, axis=0) / period_s**2
+    reported_s = float(np.median(track.delay_s[chosen]))
+    rest = behind(reported_s)
+    rows = np.clip(np.round((time_s - reported_s) / 1e-3).astype(int), 1, len(fine) - 2)
+    speed = (fine[rows + 1] - fine[rows - 1]) / 2e-3
+    moving = np.abs(speed) > FAST
+    beyond = np.abs(-rest[moving] / speed[moving]) / period_s
+    p50, p95 = np.percentile(beyond, (50, 95)) if moving.any() else (math.nan, math.nan)
+    return Quality(
+        1e3 * float(delays[best]),
+        1e3 * errors[best],
+        float(np.sqrt(np.mean(jerk**2))),
+        1e3 * reported_s,
+        (float(p50), float(p95)),
+    )
+
+
+def false_stops(robot: Robot, rate_hz: float, hours: float, seed: int) -> tuple[int, int]:
+    """Ends, and stalls, of a stream with losses whose sender lives."""
+    seconds = 3600.0 * hours
+    stream, ended, stalled, was = None, 0, 0, False
+    period_s = robot.configuration.period_s
+    q = np.zeros(len(robot.configuration.joints))
+    coming = iter(arrivals(lambda _: q, rate_hz, seconds, seed))
+    first = next(coming)
+    stream = stream_of(robot, first.target)
+    following = next(coming, None)
+    for tick in range(1, round(seconds / period_s)):
+        now_s = first.at_s + tick * period_s
+        while following is not None and following.at_s <= now_s:
+            stream.put(following.target)
+            following = next(coming, None)
+        stream.tick(period_s)
+        if following is None:
+            break
+        silent = stream.silent_s > STALLED_S
+        stalled += silent and not was
+        was = silent
+        ended += stream.ended
+    return ended, stalled
+
+
+# --- death ------------------------------------------------------------------------------------
+
+DEATHS: Final = ("silence", "ever later", "repeated", "clock stands", "clock runs back", "no numbers")
+
+
+def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
+    """Targets of which none from `at_s` on can be relied on."""
+    alive = [one for one in coming if one.at_s < at_s]
+    last = alive[-1].target
+    after = [one for one in coming if one.at_s >= at_s]
+
+    def spoiled(k: int, one: Arrival) -> Arrival:
+        target = one.target
+        match way:
+            case "ever later":
+                return Arrival(one.at_s + 0.2 + 0.9 * (one.at_s - at_s), target)
+            case "repeated":
+                target = last
+            case "clock stands":
+                target = Target(last.number + k + 1, last.sent_s, target.q)
+            case "clock runs back":
+                target = Target(last.number + k + 1, last.sent_s - 0.01 * (k + 1), target.q)
+            case "no numbers":
+                target = Target(target.number, target.sent_s, np.full_like(target.q, np.nan))
+        return Arrival(one.at_s, target)
+
+    if way == "silence":
+        return alive
+    return sorted(alive + [spoiled(k, one) for k, one in enumerate(after)], key=lambda a: a.at_s)
+
+
+def death(robot: Robot, way: str, rate_hz: float, seed: int) -> float:
+    """Time from the last target that could be relied on to standstill, less the braking time [s]."""
+    limits, period_s = limits_of(robot.configuration), robot.configuration.period_s
+    seconds = 8.0
+    coming = arrivals(hand(limits, seconds, seed), rate_hz, seconds, seed)
+    at_s = 4.0 + 2.0 * float(np.random.default_rng((seed, 45)).random())
+    coming = dying(way, coming, at_s)
+    stream = stream_of(robot, coming[0].target)
+    last_s = max(one.at_s for one in coming if one.at_s < at_s)
+    fastest, stands_s = np.zeros_like(limits.velocity), last_s
+    for now_s, reference in ticks(stream, coming, seconds, period_s):
+        if now_s < last_s:
+            continue
+        speed = np.abs(reference.velocity)
+        fastest = np.maximum(fastest, speed)
+        if (speed > STANDS).any():
+            stands_s = now_s
+    return stands_s - last_s - float(np.max(fastest / limits.acceleration))
+
+
+# --- targets that no arm can follow -------------------------------------------------------------
+
+
+def wild(robot: Robot, seed: int) -> Iterator[Target]:
+    """Targets that jump, lie outside the limits, are no numbers, and whose time runs back."""
+    rng = np.random.default_rng((seed, 46))
+    n, number, sent_s = len(robot.configuration.joints), 0, 0.0
+    while True:
+        number += int(rng.integers(-2, 4))
+        sent_s += float(rng.choice([-0.05, 0.0, 0.01, 0.01, 0.02, 1.0]))
+        q = rng.uniform(-4.0, 4.0, n) * rng.choice([0.1, 1.0, 1e6])
+        if rng.random() < 0.1:
+            q[rng.integers(n)] = rng.choice([np.nan, np.inf, -np.inf])
+        velocity = rng.uniform(-9.0, 9.0, n) if rng.random() < 0.3 else None
+        yield Target(number, sent_s, q, velocity)
+
+
+def beyond_limits(robot: Robot, seed: int, seconds: float = 2.0) -> int:
+    """Setpoints beyond a limit of velocity or acceleration, and poses beyond a joint limit, of an
+    arm without lag that is sent wild targets from where it stands."""
+    c = robot.configuration
+    motion, limits, period_s = build_motion(robot, links_trusted=True), limits_of(c), c.period_s
+    rng = np.random.default_rng((seed, 47))
+    q: Vector = limits.lower + (limits.upper - limits.lower) * rng.random(len(c.joints))
+    stream = stream_of(robot, Target(0, 0.0, q))
+    motion.follower.place = Place(stream)
+    motion.follow(q)
+    targets, beyond, push = wild(robot, seed), 0, np.zeros_like(q)
+    for _ in range(round(seconds / period_s)):
+        for _ in range(int(rng.integers(0, 3))):
+            stream.put(next(targets))
+        stream.tick(period_s)
+        before = motion.velocity
+        motion.step(Mode.TRACKING, q, None, push, period_s)
+        velocity = motion.velocity
+        q = q + velocity * period_s
+        beyond += bool((np.abs(velocity) > limits.velocity * (1 + 1e-9)).any())
+        beyond += bool((np.abs(velocity - before) > limits.acceleration * period_s + 1e-9).any())
+        beyond += bool(((q < limits.lower - 1e-6) | (q > limits.upper + 1e-6)).any())
+    return beyond
