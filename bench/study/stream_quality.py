@@ -46,7 +46,8 @@ def quality(track: Track, motion: Motion, period_s: float) -> Quality:
 
     def behind(delay_s: float) -> np.ndarray:
         rows = np.clip(np.round((time_s - delay_s) / 1e-3).astype(int), 0, len(fine) - 1)
-        return q - fine[rows]
+        beside: np.ndarray = q - fine[rows]
+        return beside
 
     errors = [float(np.sqrt(np.mean(behind(d) ** 2))) for d in delays]
     best = int(np.argmin(errors))
@@ -94,7 +95,14 @@ def false_stops(robot: Robot, rate_hz: float, hours: float, seed: int) -> tuple[
 
 # --- death ------------------------------------------------------------------------------------
 
-DEATHS: Final = ("silence", "ever later", "repeated", "clock stands", "clock runs back", "no numbers")
+DEATHS: Final = (
+    "silence",
+    "ever later",
+    "repeated",
+    "clock stands",
+    "clock runs back",
+    "no numbers",
+)
 
 
 def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
@@ -124,7 +132,7 @@ def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
 
 
 def death(robot: Robot, way: str, rate_hz: float, seed: int) -> float:
-    """Time from the last target that could be relied on to standstill, less the braking time [s]."""
+    """Time from the last target that could be relied on to standstill [s], less that of braking."""
     limits, period_s = limits_of(robot.configuration), robot.configuration.period_s
     seconds = 8.0
     coming = arrivals(hand(limits, seconds, seed), rate_hz, seconds, seed)

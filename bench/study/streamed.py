@@ -24,6 +24,8 @@ JITTER_S: Final = 0.01
 LOSS: Final = 0.05
 WAY_S: Final = 0.002
 """from sender to receiver, at least"""
+TREMOR: Final = 3e-4
+"""[rad]"""
 FINE_S: Final = 1e-3
 """spacing of the tables of a motion"""
 
@@ -45,16 +47,18 @@ def sines(limits: Limits, seconds: float, seed: int) -> Motion:
     return lambda t: middle + reach * np.sin(omega * t + phase)
 
 
-def hand(limits: Limits, seconds: float, seed: int) -> Motion:
-    """Reaches with rests and tremor, each joint for itself."""
+def hand(limits: Limits, seconds: float, seed: int, tremor: float = TREMOR) -> Motion:
+    """Reaches with rests and tremor [rad], each joint for itself."""
     rng = np.random.default_rng((seed, 43))
     times = np.arange(0.0, seconds + 1.0, FINE_S)
-    columns = [_reaches(limits, i, times, rng) for i in range(len(limits.lower))]
+    columns = [_reaches(limits, i, times, tremor, rng) for i in range(len(limits.lower))]
     table = np.array(columns)
     return lambda t: table[:, min(round(t / FINE_S), len(times) - 1)]
 
 
-def _reaches(limits: Limits, i: int, times: Vector, rng: np.random.Generator) -> Vector:
+def _reaches(
+    limits: Limits, i: int, times: Vector, tremor: float, rng: np.random.Generator
+) -> Vector:
     lower, upper = limits.lower[i] + 0.05, limits.upper[i] - 0.05
     q = np.empty_like(times)
     here, k = 0.5 * (lower + upper), 0
@@ -63,7 +67,7 @@ def _reaches(limits: Limits, i: int, times: Vector, rng: np.random.Generator) ->
         way = abs(goal - here)
         # Peaks of minimum jerk: 1.875 of the mean speed, 5.77 way / time^2.
         fits = max(1.875 * way / (0.7 * limits.velocity[i]), 0.0)
-        fits = max(fits, float(np.sqrt(5.77 * way / (0.5 * limits.acceleration[i]))))
+        fits = max(fits, float(np.sqrt(5.77 * way / (0.4 * limits.acceleration[i]))))
         moving = max(round(max(rng.uniform(0.4, 1.5), fits) / FINE_S), 1)
         u = np.minimum(np.arange(1, moving + 1) / moving, 1.0)
         part = here + (goal - here) * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -72,8 +76,8 @@ def _reaches(limits: Limits, i: int, times: Vector, rng: np.random.Generator) ->
         rest = min(end + round(rng.uniform(0.0, 1.5) / FINE_S), len(times))
         q[end:rest] = goal
         here, k = goal, max(rest, k + 1)
-    tremor: Vector = 3e-4 * np.sin(2.0 * np.pi * rng.uniform(8.0, 12.0) * times)
-    return q + tremor
+    shaken: Vector = q + tremor * np.sin(2.0 * np.pi * rng.uniform(8.0, 12.0) * times)
+    return shaken
 
 
 MOTIONS: Final[dict[str, Callable[[Limits, float, int], Motion]]] = {"sines": sines, "hand": hand}
