@@ -29,7 +29,7 @@ PUBLIC  := umask 022;
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help compiled demo web built picture test test-slow test-all fuzz check commissioning units soak mutants system dist deb release install install-env install-files install-service uninstall verify reference uplot lock clean
+.PHONY: help compiled demo web built picture test test-slow test-all fuzz check commissioning units soak mutants system dist deb release install install-env install-files install-service uninstall verify reference lerobot uplot lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -257,6 +257,17 @@ verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloa
 # What `contactd plot` puts into its pages, out of the npm package, whose digest npm knows.
 UPLOT := 1.6.32
 UPLOT_SHA512 := 2883159c6ebccefbb95d751b0b82d010f9e1c0ec41b8bc96d401eda66e882935c89a46cb824332fa369b8cb8122cc6ac36e186cd09bf7a9ded3a4c93c6989023
+LEROBOT := build/lerobot
+
+$(LEROBOT)/.complete: lerobot_robot_contactd/pyproject.toml
+	$(PYTHON) -m venv $(LEROBOT)
+	$(LEROBOT)/bin/pip install --quiet 'lerobot==0.4.4' ./contactd_client ./lerobot_robot_contactd
+	touch $@
+
+lerobot: $(STAMP) compiled $(LEROBOT)/.complete  ## LeRobot with our plug-in, in an environment of its own (5 GB), and its tests
+	$(LEROBOT)/bin/pip install --quiet --no-deps --force-reinstall ./contactd_client ./lerobot_robot_contactd
+	$(BIN)/python -m pytest -rs tests/programs/recordings/test_lerobot.py
+
 uplot:  ## fetch uPlot again (npm), as it is in programs/recordings/uplot
 	rm -rf build/uplot && mkdir -p build/uplot
 	npm pack --silent --pack-destination build/uplot uplot@$(UPLOT)

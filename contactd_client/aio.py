@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Self
 
+from contactd_client.aio_stream import AsyncStream
 from contactd_client.client import RETRY_S, Joined, Lost
 from contactd_client.connection import ANSWER_S, MAX_PACKET_BYTES, patience_s
 from contactd_client.errors import ContactdError, HungUpError, UnreachableError
@@ -67,6 +68,16 @@ class AsyncConnection:
         except BaseException:
             self.close()
             raise
+
+    async def send(self, request: bytes, timeout_s: float) -> None:
+        """Send a request whose answer is read later."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                await asyncio.get_running_loop().sock_sendall(self._socket, request)
+        except TimeoutError:
+            raise UnreachableError("the daemon is silent: it reads no requests") from None
+        except OSError as error:
+            raise _gone(error) from error
 
     async def packet(self, timeout_s: float) -> bytes:
         """Next message, as it was sent, if it comes within `timeout_s` [s]."""
@@ -137,6 +148,10 @@ class AsyncClient:
     async def status(self) -> Status:
         """The daemon's Status. Raises ControlError where it is refused."""
         return status_of(await self.ask({"command": "status"}))
+
+    def follow(self) -> AsyncStream:
+        """Stream of targets for the arm to follow; needs the control socket."""
+        return AsyncStream(self._connection, self._timeout_s)
 
     async def states(self) -> tuple[Snapshot, AsyncIterator[State]]:
         """Snapshot, and an iterator over every State from then on, as of `Client.states`."""

@@ -10,15 +10,12 @@ the first one. docs/following.md explains what the arm does.
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Final, Self
+from typing import Self
 
 from contactd_client.connection import Connection
 from contactd_client.errors import ControlError, UnreachableError
-from contactd_client.messages import Reply, Request, StreamState
-from contactd_client.packets import decode_reply, encode, refusal
-
-# Answers that may be missing before the daemon counts as silent: half a second at 200 Hz.
-_MOST_MISSING: Final = 100
+from contactd_client.messages import Reply, StreamState
+from contactd_client.targets import MOST_MISSING, PAUSE, Targets
 
 
 class Stream:
@@ -34,26 +31,27 @@ class Stream:
         self, connection: Connection, timeout_s: float, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """clock: time of the targets [s]; it must never run back."""
-        self._connection, self._timeout_s, self._clock = connection, timeout_s, clock
-        self._number = 0
+        self._connection, self._timeout_s = connection, timeout_s
+        self._targets = Targets(clock)
         self._missing = 0  # answers
-        self.reply: Reply | None = None
-        """latest answer"""
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        if self._number == 0 or (error is not None and issubclass(error, ControlError)):
-            return
-        self._await_answers()
-        self._exchange({"command": "pause"})
+        if error is None or not issubclass(error, ControlError):
+            self.end()
+
+    @property
+    def reply(self) -> Reply | None:
+        """Latest answer; None before the first."""
+        return self._targets.reply
 
     @property
     def state(self) -> StreamState | None:
         """Latest report: phase of the arm, delay, losses, a contact that lasts; None before the
         first target."""
-        return None if self.reply is None else self.reply.get("stream")
+        return self._targets.state
 
     def to(
         self,
@@ -63,43 +61,36 @@ class Stream:
     ) -> None:
         """Send the next target: q of all joints [rad], their velocity [rad/s] if it is known, and
         the time at which they were there [s], now unless given. The arm begins with the first."""
-        now_s = self._clock() if sent_s is None else sent_s
-        number, self._number = self._number, self._number + 1
-        if number == 0:
-            self._exchange({"command": "follow", "q": list(q), "sent_s": now_s})
+        if self.reply is None:
+            self._exchange(self._targets.follow(q, sent_s))
             return
-        target: Request = {
-            "command": "target", "q": list(q), "sent_s": now_s, "number": number
-        }  # fmt: skip
-        if velocity is not None:
-            target["velocity"] = list(velocity)
-        self._connection.send(encode(target))
+        self._connection.send(self._targets.target(q, velocity, sent_s))
         self._missing += 1
         while self._missing and self._connection.waits(0.0):
             self._take_answer()
-        if self._missing > _MOST_MISSING:
+        if self._missing > MOST_MISSING:
             raise UnreachableError("the daemon does not answer the stream")
 
     def rejoin(self, q: Sequence[float], sent_s: float | None = None) -> None:
         """Let the arm go slowly to q (of all joints, [rad]) and follow again, after a contact;
-        sent_s as of `to`."""
+        sent_s as of `to`. Raises ControlError where q is out of reach; the stream goes on."""
         self._await_answers()
-        now_s = self._clock() if sent_s is None else sent_s
-        number, self._number = self._number, self._number + 1
-        self._exchange({"command": "follow", "q": list(q), "sent_s": now_s, "number": number})
+        self._exchange(self._targets.follow(q, sent_s))
+
+    def end(self) -> None:
+        """Halt the arm, if it follows."""
+        if self._targets.follows:
+            self._await_answers()
+            self._exchange(PAUSE)
 
     def _await_answers(self) -> None:
         while self._missing:
             self._take_answer()
 
     def _take_answer(self) -> None:
-        self._accept(self._connection.packet())
+        packet = self._connection.packet()
         self._missing -= 1
+        self._targets.accept(packet)
 
-    def _exchange(self, request: Request) -> None:
-        self._accept(self._connection.exchange(encode(request), self._timeout_s))
-
-    def _accept(self, packet: bytes) -> None:
-        self.reply = decode_reply(packet)
-        if not self.reply["ok"]:
-            raise ControlError(refusal(self.reply))
+    def _exchange(self, request: bytes) -> None:
+        self._targets.accept(self._connection.exchange(request, self._timeout_s))

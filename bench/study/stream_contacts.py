@@ -121,6 +121,9 @@ def _at_work(
                 push[:], delay, due_s = 0.0, None, now_s + EVERY_S
         false += contact and not was and now_s > since_s + TOUCH_S + 1.0 and now_s > 1.0
         was = contact
-        if on.mode is Mode.HOLDING:  # a collision halted it
-            _done(on.tick.controller.request(Event.START, "the bench", on.time_s))
+        # A collision may have halted it, nearer to a limit than the rest of a path needs.
+        if on.mode is Mode.HOLDING and on.tick.controller.request(
+            Event.START, "the bench", on.time_s
+        ):
+            break
     return Work(tuple(felt), false, seconds / 3600.0, tuple(durations))

@@ -21,6 +21,12 @@ def _recording(_: click.Context, __: click.Parameter, file: Path | None) -> Path
     return as_recording(file)
 
 
+def _recordings(
+    context: click.Context, param: click.Parameter, files: tuple[Path, ...]
+) -> tuple[Path | None, ...]:
+    return tuple(_recording(context, param, file) for file in files)
+
+
 FILE = click.argument("file", type=PATH, callback=_recording)
 
 
@@ -222,7 +228,9 @@ def whatif(proposal: Path | None, **asked: Any) -> None:
 
 
 @click.command()
-@FILE
+@click.argument(
+    "files", type=PATH, nargs=-1, required=True, metavar="FILE ...", callback=_recordings
+)
 @click.option(
     "--foxglove",
     "form",
@@ -242,15 +250,34 @@ def whatif(proposal: Path | None, **asked: Any) -> None:
     flag_value="labels",
     help="The contacts as labels, to be corrected for `whatif --labels`.",
 )
+@click.option("--lerobot", "dataset", type=PATH, metavar="DIR",
+              help="A new dataset of LeRobot, an episode for each FILE.")  # fmt: skip
+@click.option("--fps", type=Range(1, 200), default=50, show_default=True,
+              help="Frames of the dataset per second.")  # fmt: skip
+@click.option("--task", default="recorded with contactd", show_default=True, metavar="TEXT",
+              help="Task of its episodes.")  # fmt: skip
 @click.option("-o", "--output", type=PATH, metavar="FILE",
               help="A new file; by default one of the recording's name, here.")  # fmt: skip
-def export(file: Path, form: str | None, output: Path | None) -> None:
+def export(
+    files: tuple[Path, ...],
+    form: str | None,
+    dataset: Path | None,
+    fps: float,
+    task: str,
+    output: Path | None,
+) -> None:
     """Write a recording in another form, for other programs. No file is overwritten."""
-    from programs.contactd.export import export_recording
+    from programs.contactd.export import export_dataset, export_recording
 
-    if form is None:
-        raise click.UsageError("name a form: --foxglove, --csv or --labels")
-    sys.exit(0 if export_recording(file, form, output) else 1)
+    if (form is None) == (dataset is None):
+        raise click.UsageError("name one form: --foxglove, --csv, --labels or --lerobot")
+    if dataset is not None:
+        if output is not None:
+            raise click.UsageError("--lerobot names its folder: no --output")
+        sys.exit(0 if export_dataset(files, dataset, round(fps), task) else 1)
+    if len(files) > 1:
+        raise click.UsageError("only --lerobot takes several recordings")
+    sys.exit(0 if export_recording(files[0], str(form), output) else 1)
 
 
 COMMANDS = (replay, plot, whatif, export)

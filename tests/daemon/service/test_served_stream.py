@@ -1,5 +1,6 @@
 """Stream of targets through the control socket, in lockstep with a simulated arm."""
 
+import asyncio
 import math
 from collections.abc import Iterator
 from contextlib import closing
@@ -8,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from contactd_client.aio import AsyncClient
+from contactd_client.aio_stream import AsyncStream
 from contactd_client.client import Client
 from contactd_client.connection import Connection
 from contactd_client.errors import ControlError
@@ -113,7 +116,7 @@ def test_a_second_stream_is_refused_and_its_targets_too(
         with pytest.raises(ControlError, match="the arm does not follow this connection"):
             served.until(
                 lambda: other.stream._exchange(
-                    {"command": "target", "q": [0.0], "sent_s": 9.0, "number": 1}
+                    encode({"command": "target", "q": [0.0], "sent_s": 9.0, "number": 1})
                 )
             )
     leader.to(here(served), 5)
@@ -165,3 +168,33 @@ def test_a_flood_of_targets_does_not_delay_a_stop(served: ServedDaemon, leader: 
         assert served.until(lambda: client.ask({"command": "stop"}))["ok"]
     assert served.rig.mode is Mode.STOPPING
     assert served.rig.tick.number - before < 50
+
+
+def test_asyncio_streams_as_well(served: ServedDaemon) -> None:
+    begun, phases = here(served), []
+
+    async def lead() -> None:
+        async with await AsyncClient.open(served.path) as client:
+            stream = AsyncStream(client._connection, 5.0, clock=lambda: served.rig.time_s)
+            async with stream as arm:
+                for _ in range(100):
+                    await arm.to([begun])
+                    assert arm.state is not None
+                    phases.append(arm.state["phase"])
+                    await asyncio.sleep(0.001)
+                await arm.rejoin([begun])
+                assert served.rig.mode is Mode.TRACKING
+            assert served.rig.mode in (Mode.STOPPING, Mode.HOLDING)
+
+    served.until(lambda: asyncio.run(lead()))
+    assert phases[-1] == "following"
+
+
+def test_a_refused_asyncio_stream_says_why(served: ServedDaemon) -> None:
+    async def lead() -> None:
+        async with await AsyncClient.open(served.path) as client, client.follow() as arm:
+            await arm.to([0.9])
+
+    with pytest.raises(ControlError, match=r"`stream.reach` allows 0\.5"):
+        served.until(lambda: asyncio.run(lead()))
+    assert served.rig.mode is Mode.HOLDING

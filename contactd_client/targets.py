@@ -1,0 +1,54 @@
+"""Requests of one stream of targets, and its answers. Pure."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from contactd_client.errors import ControlError
+from contactd_client.messages import Reply, Request, StreamState
+from contactd_client.packets import decode_reply, encode, refusal
+
+#: Halts the arm at the end of a stream.
+PAUSE: Final = encode({"command": "pause"})
+#: Answers that may be missing before the daemon counts as silent: half a second at 200 Hz.
+MOST_MISSING: Final = 100
+
+
+class Targets:
+    """Targets of one sender, numbered and timed by `clock` [s], which must never run back."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._number = clock, 0
+        self.reply: Reply | None = None
+        """latest answer"""
+        self.follows = False
+        """True once the arm has begun to follow, until an answer refuses it"""
+
+    @property
+    def state(self) -> StreamState | None:
+        """Latest report of the daemon; None before the first answer."""
+        return None if self.reply is None else self.reply.get("stream")
+
+    def follow(self, q: Sequence[float], sent_s: float | None) -> bytes:
+        """Request to follow from q [rad] on, of all joints, or to rejoin there."""
+        return encode({"command": "follow", "q": list(q), **self._stamp(sent_s)})
+
+    def target(
+        self, q: Sequence[float], velocity: Sequence[float] | None, sent_s: float | None
+    ) -> bytes:
+        """Request with the next target: q [rad] and, where it is known, velocity [rad/s]."""
+        request: Request = {"command": "target", "q": list(q), **self._stamp(sent_s)}
+        if velocity is not None:
+            request["velocity"] = list(velocity)
+        return encode(request)
+
+    def accept(self, packet: bytes) -> None:
+        """Take an answer. Raises ControlError for a refusal."""
+        self.reply = decode_reply(packet)
+        self.follows = self.reply["ok"]
+        if not self.follows:
+            raise ControlError(refusal(self.reply))
+
+    def _stamp(self, sent_s: float | None) -> Request:
+        number, self._number = self._number, self._number + 1
+        return {"sent_s": self._clock() if sent_s is None else sent_s, "number": number}  # type: ignore[typeddict-item]

@@ -1,0 +1,133 @@
+"""Arm that contactd runs, as a Robot of LeRobot: it follows actions as a stream of targets, and
+yields to a touch meanwhile."""
+
+from functools import cached_property
+from typing import Any, Final
+
+from lerobot.cameras import make_cameras_from_configs
+from lerobot.robots import Robot
+from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
+
+from contactd_client import Client, Stream
+from lerobot_robot_contactd.config_contactd import ContactdConfig
+from lerobot_robot_contactd.latest import LatestState, control_socket, joints_of
+
+MODES: Final = (
+    "off", "enabling", "holding", "tracking", "admittance", "retracting", "returning", "releasing",
+    "stopping", "faulted",
+)  # fmt: skip
+"""In an observation a mode is its place here; -1: unknown."""
+
+
+class Contactd(Robot):
+    """Robot of contactd.
+
+    Observation: of each joint `NAME.pos` [rad], `NAME.vel` [rad/s], external torque `NAME.torque`
+    and the level beyond which it is a contact, `NAME.level` [Nm]; `contact` (1.0 while something is
+    touched), `mode` (place in MODES), and the cameras. Action: `NAME.pos` [rad].
+    """
+
+    config_class = ContactdConfig
+    name = "contactd"
+
+    def __init__(self, config: ContactdConfig) -> None:
+        super().__init__(config)
+        self.config = config
+        self.cameras = make_cameras_from_configs(config.cameras)
+        self._latest: LatestState | None = None
+        self._client: Client | None = None
+        self._stream: Stream | None = None
+
+    @cached_property
+    def joints(self) -> list[str]:
+        """Names of the joints, as the daemon has them. Raises UnreachableError without one."""
+        return joints_of(self.config.socket)
+
+    @cached_property
+    def observation_features(self) -> dict[str, Any]:
+        """Names and types of an observation."""
+        kinds = ("pos", "vel", "torque", "level")
+        floats = [f"{joint}.{kind}" for kind in kinds for joint in self.joints]
+        images = {name: (c.height, c.width, 3) for name, c in self.config.cameras.items()}
+        return {**dict.fromkeys([*floats, "contact", "mode"], float), **images}
+
+    @cached_property
+    def action_features(self) -> dict[str, type]:
+        """Names and types of an action."""
+        return {f"{joint}.pos": float for joint in self.joints}
+
+    @property
+    def is_connected(self) -> bool:
+        """True between `connect` and `disconnect`."""
+        return self._latest is not None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """True: calibration is contactd's, by `contactd identify`."""
+        return True
+
+    def calibrate(self) -> None:
+        """Nothing to do, as `is_calibrated` says."""
+
+    def configure(self) -> None:
+        """Nothing to do: `config.yaml` has all settings."""
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Connect to the daemon. Nothing moves before the first action."""
+        del calibrate
+        if self.is_connected:
+            raise DeviceAlreadyConnectedError(f"{self} is connected")
+        self._latest = LatestState(self.config.socket)
+        self._client = Client(control_socket(self.config.socket))
+        for camera in self.cameras.values():
+            camera.connect()
+
+    def get_observation(self) -> dict[str, Any]:
+        """Latest observation. Raises ConnectionError where the daemon is gone or silent."""
+        if self._latest is None:
+            raise DeviceNotConnectedError(f"{self} is not connected")
+        state = self._latest.get()
+        columns = {
+            "pos": state["link_position"],
+            "vel": state["link_velocity"],
+            "torque": state["residual"],
+            "level": state["threshold"],
+        }
+        observation: dict[str, Any] = {
+            f"{joint}.{kind}": value
+            for kind, values in columns.items()
+            for joint, value in zip(self.joints, values, strict=True)
+        }
+        observation["contact"] = float(any(state["thresholded"]))
+        mode = state["mode"]
+        observation["mode"] = float(MODES.index(mode) if mode in MODES else -1)
+        for name, camera in self.cameras.items():
+            observation[name] = camera.async_read()
+        return observation
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Send the next target, and return it; the arm begins with the first. Raises ControlError,
+        with the reason, where the arm does not follow, or not any more."""
+        if self._client is None:
+            raise DeviceNotConnectedError(f"{self} is not connected")
+        q = [float(action[f"{joint}.pos"]) for joint in self.joints]
+        if self._stream is None:
+            self._stream = self._client.follow()
+        self._stream.to(q)
+        return {f"{joint}.pos": value for joint, value in zip(self.joints, q, strict=True)}
+
+    def disconnect(self) -> None:
+        """Halt the arm, and end all connections."""
+        if self._latest is None:
+            raise DeviceNotConnectedError(f"{self} is not connected")
+        try:
+            if self._stream is not None:
+                self._stream.end()
+        finally:
+            self._stream = None
+            if self._client is not None:
+                self._client.close()
+            self._latest.close()
+            self._client = self._latest = None
+            for camera in self.cameras.values():
+                camera.disconnect()

@@ -1,0 +1,58 @@
+"""Latest State of an arm, read by a thread: an observation waits for no network."""
+
+import threading
+import time
+from pathlib import Path
+from typing import Final
+
+from contactd_client import Client, ContactdError, usual_socket_path, view_socket_path
+from contactd_client.messages import State
+
+OLDEST_S: Final = 0.5
+"""age from which on a State is none"""
+FIRST_S: Final = 5.0
+
+
+def control_socket(given: str) -> Path:
+    """Path of a control socket; that where clients look first, if none is given."""
+    return Path(given) if given else usual_socket_path()
+
+
+def joints_of(socket: str) -> list[str]:
+    """Names of an arm's joints. Raises UnreachableError without its daemon."""
+    with Client(view_socket_path(control_socket(socket))) as client:
+        return list(client.status()["joints"])
+
+
+class LatestState:
+    """Latest State of one arm, from construction to `close`. Raises UnreachableError."""
+
+    def __init__(self, socket: str) -> None:
+        self._client = Client(view_socket_path(control_socket(socket)))
+        self._states = self._client.states()[1]
+        self._state: State | None = None
+        self._came_s, self._why = 0.0, ""
+        self._arrived = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="contactd", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        try:
+            for state in self._states:
+                self._state, self._came_s = state, time.monotonic()
+                self._arrived.set()
+        except (ContactdError, OSError, ValueError) as error:
+            self._why = str(error)
+            self._arrived.set()
+
+    def get(self) -> State:
+        """Latest State. Raises ConnectionError if none came, or none for OLDEST_S."""
+        self._arrived.wait(FIRST_S)
+        state = self._state
+        if state is None or time.monotonic() - self._came_s > OLDEST_S:
+            raise ConnectionError(f"contactd sends no States: {self._why or 'it is silent'}")
+        return state
+
+    def close(self) -> None:
+        """End the reading."""
+        self._client.close()

@@ -1,0 +1,116 @@
+"""Recordings as a dataset of LeRobot, written by the plug-in `lerobot_robot_contactd` in LeRobot's
+own environment: nothing of it is needed here."""
+
+import math
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Final
+
+import msgspec
+
+from common.errors import LogError
+from daemon.modes.table import Mode
+from daemon.protocol.state import Snapshot, State
+from programs.clients.log_reader import read_batches
+
+WRITER: Final = "contactd-lerobot-dataset"
+BUILT: Final = Path("build/lerobot/bin")
+"""folder of the environment that `make lerobot` builds"""
+MODES: Final = [str(mode) for mode in Mode]
+
+
+def writer() -> Path:
+    """Program that writes the dataset. Raises LogError where LeRobot's environment is not built."""
+    chosen = os.environ.get("CONTACTD_LEROBOT")
+    folders = [Path(chosen) / "bin"] if chosen else [BUILT]
+    for folder in folders:
+        if (folder / WRITER).is_file():
+            return folder / WRITER
+    if not chosen and (found := shutil.which(WRITER)):
+        return Path(found)
+    raise LogError(
+        f"--lerobot needs LeRobot's environment, with {WRITER}: `make lerobot` builds it, or set "
+        "CONTACTD_LEROBOT to yours (docs/lerobot.md)"
+    )
+
+
+def export_lerobot(
+    files: Sequence[Path],
+    target: Path,
+    fps: int,
+    task: str,
+    progress: Callable[[float], None] = lambda share: None,
+) -> str:
+    """Write recordings as the episodes of a new dataset in the folder `target`; returns why one
+    ends early, empty if none does. Raises LogError, also where their joints differ."""
+    program = writer()
+    broken: list[str] = []
+    running = subprocess.Popen([program, target], stdin=subprocess.PIPE)
+    assert running.stdin is not None
+    try:
+        with suppress(BrokenPipeError), running.stdin:  # it has printed why it ended
+            frames = Frames(running.stdin, fps, task)
+            for number, file in enumerate(files):
+                frames.begin(file, number)
+                broken.append(read_batches(file, frames.take, progress))
+    except BaseException:
+        running.kill()
+        raise
+    finally:
+        running.wait()
+    if running.returncode:
+        raise LogError(f"{target}: no dataset: {program.name} ended with {running.returncode}")
+    return "; ".join(filter(None, broken))
+
+
+class Frames:
+    """Frames of recordings as lines of JSON, at a steady rate; the latest State of each moment."""
+
+    def __init__(self, out: IO[bytes], fps: int, task: str) -> None:
+        self._out, self._fps, self._task = out, fps, task
+        self._joints: list[str] = []
+        self._file, self._episode, self._due_s = Path(), 0, math.nan
+
+    def begin(self, file: Path, episode: int) -> None:
+        """Begin the episode of a file."""
+        self._file, self._episode, self._due_s = file, episode, math.nan
+
+    def take(self, batch: Snapshot | list[State]) -> None:
+        """Take what was read."""
+        if isinstance(batch, Snapshot):
+            self._head(batch)
+            return
+        for state in batch:
+            if math.isnan(self._due_s):
+                self._due_s = state.time_s
+            if state.time_s >= self._due_s - 1e-6:
+                self._write(frame(state, self._episode))
+                self._due_s += 1.0 / self._fps
+
+    def _head(self, snapshot: Snapshot) -> None:
+        if self._joints and snapshot.joints != self._joints:
+            raise LogError(
+                f"{self._file}: its joints are {', '.join(snapshot.joints)}; those of the first "
+                f"recording are {', '.join(self._joints)}: a dataset is of one arm"
+            )
+        if not self._joints:
+            self._joints = snapshot.joints
+            self._write({"joints": self._joints, "fps": self._fps, "task": self._task})
+
+    def _write(self, line: dict[str, object]) -> None:
+        self._out.write(msgspec.json.encode(line) + b"\n")
+
+
+def frame(state: State, episode: int) -> dict[str, object]:
+    """Frame of a State: what `lerobot-record` would have observed, and the reference that the arm
+    followed as the action."""
+    contact = float(any(state.thresholded))
+    observation = [
+        *state.link_position, *state.link_velocity, *state.residual, *state.threshold,
+        contact, float(MODES.index(str(state.mode))),
+    ]  # fmt: skip
+    return {"episode": episode, "observation": observation, "action": state.reference}

@@ -1,0 +1,131 @@
+"""`contactd export --lerobot`: frames as lines of JSON; with LeRobot's environment, the dataset."""
+
+import io
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from daemon.protocol.state import Snapshot, State
+from programs.contactd import contactd
+from programs.recordings import lerobot
+from programs.recordings.lerobot import Frames, frame
+
+RECORDING = Path(__file__).parents[1] / "clients/format_6.mcap"
+ENVIRONMENT = Path(os.environ.get("CONTACTD_LEROBOT", "build/lerobot")).resolve()
+NOT_BUILT = not (ENVIRONMENT / "bin" / lerobot.WRITER).exists()
+needs_lerobot = pytest.mark.skipif(NOT_BUILT, reason="NOT TRIED: no LeRobot here (make lerobot)")
+
+
+def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode(
+    make_state: Callable[..., State], make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    out = io.BytesIO()
+    frames = Frames(out, 50, "a task")
+    frames.begin(Path("a.mcap"), 3)
+    frames.take(make_snapshot(0))
+    states = [make_state(tick) for tick in range(100)]
+    frames.take(states)
+    head, *rows = map(json.loads, out.getvalue().splitlines())
+    assert head == {"joints": make_snapshot(0).joints, "fps": 50, "task": "a task"}
+    period_s = states[1].time_s - states[0].time_s
+    assert len(rows) == pytest.approx(100 * period_s * 50, abs=1)
+    first = states[0]
+    n = len(first.residual)
+    assert rows[0] == frame(first, 3)
+    assert rows[0]["observation"][2 * n : 3 * n] == first.residual
+    assert rows[0]["observation"][-1] == lerobot.MODES.index(str(first.mode))
+    assert rows[0]["action"] == first.reference
+
+
+def test_recordings_of_two_arms_are_no_dataset(
+    tmp_path: Path, make_snapshot: Callable[[int], Snapshot]
+) -> None:
+    frames = Frames(io.BytesIO(), 50, "a task")
+    frames.take(make_snapshot(0))
+    other = type(make_snapshot(0))(
+        **{
+            name: getattr(make_snapshot(0), name)
+            for name in Snapshot.__struct_fields__
+            if name != "joints"
+        },
+        joints=["x"],
+    )
+    with pytest.raises(lerobot.LogError, match="a dataset is of one arm"):
+        frames.take(other)
+
+
+def test_without_lerobot_it_says_how_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CONTACTD_LEROBOT", str(tmp_path))
+    result = run("--lerobot", str(tmp_path / "out"), str(RECORDING))
+    assert result.exit_code == 65
+    assert "`make lerobot` builds it" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def run(*words: str):  # type: ignore[no-untyped-def]
+    return CliRunner().invoke(contactd.main, ["export", *words])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [str(RECORDING)],
+        ["--csv", "--lerobot", "x", str(RECORDING)],
+        ["--lerobot", "x", "--output", "y", str(RECORDING)],
+        ["--csv", str(RECORDING), str(RECORDING)],
+    ],
+)
+def test_one_form_and_its_options(words: list[str]) -> None:
+    assert run(*words).exit_code == 2
+
+
+def test_a_writer_that_fails_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "bin").mkdir()
+    program = tmp_path / "bin" / lerobot.WRITER
+    program.write_text("#!/bin/sh\nexit 3\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("CONTACTD_LEROBOT", str(tmp_path))
+    result = run("--lerobot", str(tmp_path / "out"), str(RECORDING))
+    assert result.exit_code == 65
+    assert "no dataset" in result.stderr
+
+
+@needs_lerobot
+def test_lerobot_opens_the_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CONTACTD_LEROBOT", str(ENVIRONMENT))
+    shutil.copy(RECORDING, tmp_path / "second.mcap")
+    out = tmp_path / "dataset"
+    result = run("--lerobot", str(out), str(RECORDING), str(tmp_path / "second.mcap"))
+    assert result.exit_code == 0, result.stderr
+    program = (
+        "import sys; from lerobot.datasets.lerobot_dataset import LeRobotDataset as D;"
+        "d = D('local/dataset', root=sys.argv[1]); x = d[0];"
+        "print(d.meta.total_episodes, len(d), *d.features['observation.state']['names'])"
+    )
+    words = [ENVIRONMENT / "bin/python", "-c", program, out]
+    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
+    assert shown[0] == "2"
+    assert int(shown[1]) > 2
+    assert shown[-2:] == ["contact", "mode"]
+
+
+@needs_lerobot
+def test_lerobot_finds_the_plug_in() -> None:
+    program = (
+        "from lerobot.utils.import_utils import register_third_party_plugins as r; r();"
+        "from lerobot.robots import RobotConfig as R; from lerobot.teleoperators import "
+        "TeleoperatorConfig as T;"
+        "print(R.get_choice_class('contactd'), T.get_choice_class('contactd_leader'))"
+    )
+    words = [ENVIRONMENT / "bin/python", "-c", program]
+    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert "ContactdConfig" in shown
+    assert "ContactdLeaderConfig" in shown
