@@ -86,6 +86,22 @@ class Reader:
         """String; what is no UTF-8 in it is replaced."""
         return self._take(self.uint32())[:-1].decode("utf-8", "replace")
 
+    def texts(self, most: int) -> list[str]:
+        """Sequence of at most so many strings."""
+        return [self.text() for _ in range(self._count(most))]
+
+    def doubles(self, most: int) -> list[float]:
+        """Sequence of at most so many numbers."""
+        if not (count := self._count(most)):
+            return []
+        self._at += -(self._at - len(HEADER)) % 8
+        return list(struct.unpack(f"{self._order}{count}d", self._take(8 * count)))
+
+    def _count(self, most: int) -> int:
+        if (count := self.uint32()) > most:
+            raise CdrError(f"a sequence of {count}, at most {most}")
+        return count
+
     def _take(self, size: int) -> bytes:
         taken = self._payload[self._at : self._at + size]
         if len(taken) != size:

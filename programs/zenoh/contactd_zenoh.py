@@ -41,6 +41,11 @@ END_S = 3.0  # more than the longest silence of a daemon that is waited for
     help="With --control-socket: offers the service `arm`, too, to every client of the router.",
 )
 @click.option(
+    "--allow-follow",
+    is_flag=True,
+    help="With --control-socket: takes targets on `joint_targets`, too: the arm moves.",
+)
+@click.option(
     "--namespace",
     default="/contactd",
     show_default=True,
@@ -53,6 +58,7 @@ def main(
     view_socket: Path | None,
     control_socket: Path | None,
     allow_arm: bool,
+    allow_follow: bool,
     connect: tuple[str, ...],
     configuration: Path | None,
     namespace: str,
@@ -63,12 +69,13 @@ def main(
 
     Topics: joint_states, external_torque, contact_threshold, contact, robot_description,
     /diagnostics. Services: stop, disarm. Nothing else comes over the network, without
-    --control-socket and --allow-arm; nothing ever enables or starts the arm: docs/ros.md.
+    --control-socket and --allow-arm or --allow-follow; nothing ever enables the arm: docs/ros.md.
 
     Exit status: 0 ended by a signal, 2 usage, 78 wrong configuration.
     """
-    if allow_arm and control_socket is None:
-        raise click.UsageError("--allow-arm needs --control-socket")
+    for given, option in ((allow_arm, "--allow-arm"), (allow_follow, "--allow-follow")):
+        if given and control_socket is None:
+            raise click.UsageError(f"{option} needs --control-socket")
     try:
         from programs.zenoh.names import Distro, Node, checked_namespace
         from programs.zenoh.serve import Settings, serve
@@ -80,6 +87,7 @@ def main(
             connect=connect,
             configuration=configuration,
             arming=allow_arm,
+            following=allow_follow,
         )
         ended = threading.Event()
         for number in (signal.SIGTERM, signal.SIGINT):

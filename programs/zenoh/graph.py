@@ -31,6 +31,7 @@ from programs.zenoh.names import (
 from programs.zenoh.services import Offer, Service
 
 MOST_REQUEST_BYTES: Final = 1024
+MOST_MESSAGE_BYTES: Final = 8192
 #: Zenoh itself tries for ever what is none.
 ENDPOINT: Final = re.compile(r"(tcp|tls|quic|udp|ws)/[^\s\"\\/]+:\d{1,5}")
 #: Zenoh ends its errors with a line of its sources, on the machine that built it.
@@ -44,6 +45,8 @@ MOST_WARNINGS: Final = 64
 MOST_SAID: Final = 400  # characters of one
 
 Say = Callable[[str], object]
+Hear = Callable[[bytes, bytes, float], None]
+"""Takes payload, publisher's GID, and the time at which it was sent [s]."""
 
 
 class Publisher:
@@ -123,11 +126,14 @@ class Graph:
         topics: Mapping[str, Endpoint],
         offers: Mapping[str, Offer],
         say: Say,
+        heard: Mapping[str, Hear] | None = None,
     ) -> None:
+        """heard: takes the messages of a topic among `topics`, by its name; all others are ours."""
         self._node, self._say = node, say
         self._ours = dict(topics) | {
             name: services.endpoint(node, name, offer.type_name) for name, offer in offers.items()
         }
+        heard = heard or {}
         self._said: set[str] = set()
         self.publishers: dict[str, Publisher] = {}
         with contextlib.ExitStack() as opened:
@@ -137,6 +143,8 @@ class Graph:
                 token = node.endpoint_token(number, endpoint)
                 if name in offers:
                     self._serve(opened, session, name, offers[name])
+                elif name in heard:
+                    opened.callback(self._hear(session, endpoint, heard[name]))
                 else:
                     self.publishers[name] = Publisher(session, node, endpoint, token)
                     opened.callback(self.publishers[name].close)
@@ -170,6 +178,19 @@ class Graph:
                 call.refuse(f"ask {key}")
 
         opened.callback(session.declare_queryable(key, take, complete=True).undeclare)
+
+    def _hear(self, session: zenoh.Session, endpoint: Endpoint, hear: Hear) -> Callable[[], None]:
+        """Hand the messages of a topic on; what lacks an attachment is none of rmw_zenoh's."""
+
+        def take(sample: zenoh.Sample) -> None:
+            about = sample.attachment
+            if about is None or len(sample.payload) > MOST_MESSAGE_BYTES:
+                return
+            with contextlib.suppress(ValueError):
+                _, sent_ns, gid = read_attachment(about.to_bytes())
+                hear(sample.payload.to_bytes(), gid, sent_ns * 1e-9)
+
+        return session.declare_subscriber(self._node.key(endpoint), take).undeclare
 
     def _meet(self, sample: zenoh.Sample) -> None:
         """Report once a newcomer that wants one of ours and will never hear it, or has our name."""

@@ -1,11 +1,15 @@
 """Messages of ROS 2 that contactd sends, as CDR. Pure."""
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 from programs.zenoh.cdr import CdrError, Reader, Writer
+
+MOST_JOINTS: Final = 32
 
 
 class Level(IntEnum):
@@ -117,6 +121,29 @@ def _write(writer: Writer, diagnosis: Diagnosis) -> None:
     for key, value in diagnosis.values:
         writer.text(key)
         writer.text(value)
+
+
+@dataclass(frozen=True, slots=True)
+class JointTarget:
+    """Target in a JointState: names, positions [rad], velocities [rad/s] or none, time [s]."""
+
+    stamp_s: float
+    names: list[str]
+    position: list[float]
+    velocity: list[float]
+
+
+def read_joint_target(payload: bytes) -> JointTarget:
+    """Target in a received JointState. Raises CdrError for anything else, and for numbers that are
+    not finite."""
+    reader = Reader(payload)
+    seconds, nanoseconds = reader.uint32(), reader.uint32()
+    reader.text()
+    names = reader.texts(MOST_JOINTS)
+    position, velocity = reader.doubles(MOST_JOINTS), reader.doubles(MOST_JOINTS)
+    if not all(map(math.isfinite, (*position, *velocity))):
+        raise CdrError("a target is no number")
+    return JointTarget(seconds + 1e-9 * nanoseconds, names, position, velocity)
 
 
 def read_diagnostic_array(payload: bytes) -> list[Diagnosis]:

@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -16,7 +17,8 @@ from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.zenoh import diagnoses, topics
 from programs.zenoh.arming import Arming
-from programs.zenoh.graph import Graph, Say, configuration, reason, session_of
+from programs.zenoh.following import FollowingThread
+from programs.zenoh.graph import Graph, Hear, Say, configuration, reason, session_of
 from programs.zenoh.messages import Diagnosis, diagnostic_array
 from programs.zenoh.names import Node
 from programs.zenoh.services import Offer, actions, trigger
@@ -39,6 +41,7 @@ class Settings:
     connect: tuple[str, ...]
     configuration: Path | None
     arming: bool = False
+    following: bool = False  # targets from the network, likewise
 
 
 def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
@@ -49,11 +52,21 @@ def serve(settings: Settings, say: Say, ended: threading.Event) -> None:
         say(f"looks for a router: {settings.configuration or ', '.join(settings.connect)}")
         with session_of(config) as session:
             node = replace(settings.node, zid=str(session.zid()))
-            with Graph(session, node, topics.endpoints(node), offers(settings), say) as graph:
+            bridge = Bridge(settings.view, node, say, ended)
+            taken, heard = topics.endpoints(node), dict[str, Hear]()
+            with ExitStack() as opened:
+                if settings.following and settings.control is not None:
+                    following = FollowingThread(settings.control, lambda: bridge.joints, say)
+                    heard[topics.TARGETS] = opened.enter_context(following).put
+                    taken[topics.TARGETS] = topics.targets(node)
+                    say("every client of the router may stream targets, unless its rules forbid it")
+                graph = opened.enter_context(
+                    Graph(session, node, taken, offers(settings), say, heard)
+                )
                 if settings.arming:
                     say("every client of the router may arm the arm, unless its rules forbid it")
                 say(f"node {node.absolute(node.name)} in domain {node.domain}")
-                Bridge(settings.view, graph, node, say, ended).run()
+                bridge.run(graph)
     except zenoh.ZError as error:
         what = settings.configuration or ", ".join(settings.connect)
         raise ConfigurationError(f"{what}: refused by Zenoh: {reason(error)}") from error
@@ -71,10 +84,10 @@ def offers(settings: Settings) -> dict[str, Offer]:
 class Bridge:
     """States of one daemon on their way to the graph."""
 
-    def __init__(
-        self, view: Path, graph: Graph, node: Node, say: Say, ended: threading.Event
-    ) -> None:
-        self._view, self._graph, self._say, self._ended = view, graph, say, ended
+    def __init__(self, view: Path, node: Node, say: Say, ended: threading.Event) -> None:
+        self._view, self._say, self._ended = view, say, ended
+        self.joints: list[str] = []
+        """of the daemon that it has joined"""
         self._arm = node.namespace.strip("/") or node.name
         self._status: Status | None = None
         self._wanted = threading.Event()  # a new status
@@ -82,8 +95,9 @@ class Bridge:
         self._due_s = 0.0  # of the next message on /diagnostics, by the monotonic clock
         self._key: diagnoses.Key = ()
 
-    def run(self) -> None:
+    def run(self, graph: Graph) -> None:
         """Follow the daemon until the end; join it again whenever it was gone."""
+        self._graph = graph
         asker = threading.Thread(target=self._ask, name="status", daemon=True)
         asker.start()
         while not self._ended.is_set():
@@ -99,6 +113,7 @@ class Bridge:
     def _follow(self, client: Client) -> None:
         snapshot, states = client.subscribe()
         self._said, self._key = "", ()
+        self.joints = snapshot.joints
         self._wanted.set()
         self._say(f"joined {snapshot.program}: {', '.join(snapshot.joints)}")
         made = topics.Topics(snapshot, self._arm)

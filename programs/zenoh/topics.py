@@ -7,6 +7,7 @@
 | `contact_threshold` | JointState | every tick: the level in force as effort |
 | `contact` | DiagnosticStatus | a contact begins: WARN; a collision: ERROR |
 | `robot_description` | String, latched | joined: the URDF |
+| `joint_targets` | JointState | taken with --allow-follow: targets to follow |
 | `/diagnostics` | DiagnosticArray | each second, and when its content changes |
 """
 
@@ -27,6 +28,14 @@ TOPICS: Final = {
     "robot_description": ("std_msgs/msg/String", Qos.LATCHED),
     "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT),
 }
+
+
+TARGETS: Final = "joint_targets"
+
+
+def targets(node: Node) -> Endpoint:
+    """Subscription to targets."""
+    return Endpoint(Kind.SUBSCRIPTION, node.absolute(TARGETS), JOINT_STATE, Qos.DEFAULT)
 
 
 def endpoints(node: Node) -> dict[str, Endpoint]:

@@ -58,12 +58,13 @@ class Bridge:
         name: str = "left_arm",
         *,
         arming: bool = False,
+        following: bool = False,
         configuration: Path | None = None,
     ) -> None:
         self.said: list[str] = []
         self.node = Node(0, f"/{name}", "contactd", Distro.JAZZY)
-        view, full = view_socket_path(control), control if arming else None
-        settings = Settings(view, full, self.node, (endpoint,), configuration, arming)
+        view, full = view_socket_path(control), control if arming or following else None
+        settings = Settings(view, full, self.node, (endpoint,), configuration, arming, following)
         self._ended = threading.Event()
         self.thread = threading.Thread(target=serve, args=(settings, self.said.append, self._ended))
         self.thread.start()

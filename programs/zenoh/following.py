@@ -1,0 +1,168 @@
+"""Following from the network: JointState messages on `joint_targets` become a stream of targets at
+the daemon's control socket.
+
+One publisher at a time: the first that sends, until it is silent for SILENT_S or its stream ends. A
+publisher whose stream was refused or ended (a stop, a fault, out of reach) has to fall silent
+before it may begin again, as messages that are repeated by a timer must not undo a `stop`.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Protocol, Self
+
+from common.errors import ContactdError
+from contactd_client.client import Client
+from contactd_client.stream import Stream
+from programs.zenoh.cdr import CdrError
+from programs.zenoh.messages import JointTarget, read_joint_target
+
+SILENT_S: Final = 0.5
+"""silence that ends a stream, and lets its publisher begin again"""
+MOST_WAITING: Final = 32
+
+
+class Line(Protocol):
+    """Stream on a connection of its own."""
+
+    def to(
+        self, q: Sequence[float], velocity: Sequence[float] | None, sent_s: float | None
+    ) -> None:
+        """Send a target. Raises ContactdError."""
+
+    def close(self) -> None:
+        """Hang up, which halts the arm."""
+
+
+class _ClientLine:
+    """Stream of a client."""
+
+    def __init__(self, control: Path) -> None:
+        self._client = Client(control)
+        self._stream: Stream = self._client.follow()
+
+    def to(
+        self, q: Sequence[float], velocity: Sequence[float] | None, sent_s: float | None
+    ) -> None:
+        self._stream.to(q, velocity, sent_s)
+
+    def close(self) -> None:
+        self._client.close()
+
+
+@dataclass(slots=True)
+class Following:
+    """Streams from publishers for the arm with these joints; `connect` opens a line, `say` reports
+    what a person should read. Time is an argument."""
+
+    connect: Callable[[], Line]
+    joints: Callable[[], Sequence[str]]
+    say: Callable[[str], object]
+    _publisher: bytes = b""
+    _heard_s: float = 0.0
+    _line: Line | None = None
+    _waits: dict[bytes, float] = field(default_factory=dict)  # publishers that must fall silent
+
+    def take(self, payload: bytes, publisher: bytes, sent_s: float, now_s: float) -> None:
+        """Take a message that a publisher sent at `sent_s`, by its own clock [s]."""
+        self.look(now_s)
+        if publisher in self._waits:
+            self._waits[publisher] = now_s
+            return None
+        if not any(publisher):
+            return self._refuse(publisher, "its message does not name it", now_s)
+        if self._line is not None and publisher != self._publisher:
+            return self._refuse(publisher, "another publisher streams", now_s)
+        self._publisher, self._heard_s = publisher, now_s
+        try:
+            target = read_joint_target(payload)
+            q, velocity = in_order(target, self.joints())
+            if self._line is None:
+                self._line = self.connect()
+                self.say(f"follows publisher {publisher.hex()}")
+            self._line.to(q, velocity, target.stamp_s or sent_s)
+        except (CdrError, ContactdError) as error:
+            self._refuse(publisher, str(error), now_s)
+            self.close()
+        return None
+
+    def look(self, now_s: float) -> None:
+        """Forget publishers that are silent, and end their stream."""
+        if self._line is not None and now_s - self._heard_s > SILENT_S:
+            self.say(f"publisher {self._publisher.hex()} fell silent: the stream is ended")
+            self.close()
+        for publisher in [p for p, then_s in self._waits.items() if now_s - then_s > SILENT_S]:
+            del self._waits[publisher]
+
+    def close(self) -> None:
+        """End the stream."""
+        line, self._line, self._publisher = self._line, None, b""
+        if line is not None:
+            line.close()
+
+    def _refuse(self, publisher: bytes, why: str, now_s: float) -> None:
+        self._waits[publisher] = now_s
+        self.say(f"does not follow publisher {publisher.hex()} until it falls silent: {why}")
+
+
+def in_order(target: JointTarget, joints: Sequence[str]) -> tuple[list[float], list[float] | None]:
+    """Positions [rad] and velocities [rad/s], or None, in the order of the arm's joints. Raises
+    CdrError unless each joint is named once."""
+    if sorted(target.names) != sorted(joints) or len(target.position) != len(joints):
+        raise CdrError(
+            f"a target names each joint once, with a position: {', '.join(joints)}; this one "
+            f"{', '.join(target.names) or 'none'}"
+        )
+    at = [target.names.index(joint) for joint in joints]
+    moving = len(target.velocity) == len(joints)
+    velocity = [target.velocity[i] for i in at] if moving else None
+    return [target.position[i] for i in at], velocity
+
+
+class FollowingThread:
+    """Thread that takes messages, from construction to `close`; `put` is called from any thread."""
+
+    def __init__(
+        self, control: Path, joints: Callable[[], Sequence[str]], say: Callable[[str], object]
+    ) -> None:
+        self._following = Following(lambda: _ClientLine(control), joints, say)
+        self._waiting: deque[tuple[bytes, bytes, float]] = deque(maxlen=MOST_WAITING)
+        self._changed, self._ended = threading.Condition(), False
+        self._thread = threading.Thread(target=self._run, name="following", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def put(self, payload: bytes, publisher: bytes, sent_s: float) -> None:
+        """Take a message; the oldest that waits makes room."""
+        with self._changed:
+            self._waiting.append((payload, publisher, sent_s))
+            self._changed.notify()
+
+    def close(self) -> None:
+        """End the stream, and the thread."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                if not self._waiting and not self._ended:
+                    self._changed.wait(SILENT_S)
+                taken, ended = list(self._waiting), self._ended
+                self._waiting.clear()
+            if ended:
+                break
+            for payload, publisher, sent_s in taken:
+                self._following.take(payload, publisher, sent_s, time.monotonic())
+            self._following.look(time.monotonic())
+        self._following.close()
