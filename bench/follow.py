@@ -30,6 +30,7 @@ import click
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
@@ -186,7 +187,8 @@ def _is(job: Job, what: str) -> bool:
 
 def table(found: Sequence[Followed]) -> Table:
     """Each motion and rate, by contactd and its rivals."""
-    shown = Table(title="delay [ms], rms error beside it [mrad], rms jerk [rad/s3]", box=None)
+    title = Text("delay [ms], rms error beside it [mrad], rms jerk [rad/s3]")
+    shown = Table(title=title, box=None)
     shown.add_column("motion", no_wrap=True)
     for name in (OURS, *RIVALS):
         shown.add_column(name, justify="right", no_wrap=True)

@@ -70,7 +70,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
         Measure("lines of bench/", lines(["bench"], root), 17_200, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 59_000, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", long, 9, 0),
-        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 58_600, 50_000),
+        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 59_300, 50_000),
         Measure("decision records", decisions, 30, 30),
         Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
         Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in product), 10, 10),
