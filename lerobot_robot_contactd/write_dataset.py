@@ -2,8 +2,9 @@
 
     contactd export --lerobot DIR RECORDING.mcap ...
 
-runs it in LeRobot's environment. The first line has `joints`, `fps` and `task`; each other line a
-frame: `episode`, `observation` and `action`, lists in the order of the robot's features.
+runs it in LeRobot's environment. The first line has `joints`, `fps`, `task` and `cameras`: by name
+a video file for each episode, which begins with it. Each other line is a frame: `episode`, `time_s`
+in it, `observation` and `action`, lists in the order of the robot's features.
 """
 
 import json
@@ -11,19 +12,51 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 KINDS = ("pos", "vel", "torque", "level")
 
 
-def features(joints: list[str]) -> dict[str, dict[str, Any]]:
+class Video:
+    """Video file, read forwards; its picture at a time is the last one that had begun."""
+
+    def __init__(self, path: str) -> None:
+        self._file = cv2.VideoCapture(path)
+        ok, picture = self._file.read()
+        if not ok:
+            sys.exit(f"{path}: no video that can be read")
+        self.fps = self._file.get(cv2.CAP_PROP_FPS)
+        self._number, self._picture = 0, picture
+
+    def at(self, time_s: float) -> np.ndarray:
+        """Picture (height, width, 3) at a time [s] not before the last one; RGB. The last picture
+        stays after the end."""
+        while self._number + 1 <= time_s * self.fps + 1e-6:
+            ok, picture = self._file.read()
+            if not ok:
+                break
+            self._number, self._picture = self._number + 1, picture
+        return np.ascontiguousarray(self._picture[:, :, ::-1])
+
+
+def features(joints: list[str], cameras: dict[str, Video]) -> dict[str, dict[str, Any]]:
     """Features of a dataset, as `lerobot-record` makes them of the robot."""
     names = [f"{joint}.{kind}" for kind in KINDS for joint in joints] + ["contact", "mode"]
     actions = [f"{joint}.pos" for joint in joints]
+    images = {
+        f"observation.images.{name}": {
+            "dtype": "video",
+            "shape": video.at(0.0).shape,
+            "names": ["height", "width", "channels"],
+        }
+        for name, video in cameras.items()
+    }
     return {
         "observation.state": {"dtype": "float32", "shape": (len(names),), "names": names},
         "action": {"dtype": "float32", "shape": (len(actions),), "names": actions},
+        **images,
     }
 
 
@@ -31,25 +64,33 @@ def main() -> None:
     """Write the dataset to the folder that is the one argument; print its size."""
     root = Path(sys.argv[1])
     head = json.loads(sys.stdin.readline())
+    files: dict[str, list[str]] = head["cameras"]
+    videos = {name: Video(paths[0]) for name, paths in files.items()}
     dataset = LeRobotDataset.create(
         repo_id=f"local/{root.name}",
         fps=head["fps"],
-        features=features(head["joints"]),
+        features=features(head["joints"], videos),
         robot_type="contactd",
         root=root,
-        use_videos=False,
+        use_videos=bool(videos),
     )
     episode = None
     for line in sys.stdin:
         frame = json.loads(line)
         if episode not in (None, frame["episode"]):
             dataset.save_episode()
+            videos = {name: Video(paths[frame["episode"]]) for name, paths in files.items()}
         episode = frame["episode"]
+        pictures = {
+            f"observation.images.{name}": video.at(frame["time_s"])
+            for name, video in videos.items()
+        }
         dataset.add_frame(
             {
                 "observation.state": np.array(frame["observation"], dtype=np.float32),
                 "action": np.array(frame["action"], dtype=np.float32),
                 "task": head["task"],
+                **pictures,
             }
         )
     if episode is not None:

@@ -1,11 +1,12 @@
 """Recordings as a dataset of LeRobot, written by the plug-in `lerobot_robot_contactd` in LeRobot's
 own environment: nothing of it is needed here."""
 
+import glob
 import math
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Final
@@ -45,15 +46,16 @@ def export_lerobot(
     task: str,
     progress: Callable[[float], None] = lambda share: None,
 ) -> str:
-    """Write recordings as the episodes of a new dataset in the folder `target`; returns why one
-    ends early, empty if none does. Raises LogError, also where their joints differ."""
-    program = writer()
+    """Write recordings as the episodes of a new dataset in the folder `target`, with the videos
+    beside them; returns why one ends early, empty if none does. Raises LogError, also where their
+    joints or cameras differ."""
+    program, cameras = writer(), cameras_of(files)
     broken: list[str] = []
     running = subprocess.Popen([program, target], stdin=subprocess.PIPE)
     assert running.stdin is not None
     try:
         with suppress(BrokenPipeError), running.stdin:  # it has printed why it ended
-            frames = Frames(running.stdin, fps, task)
+            frames = Frames(running.stdin, fps, task, cameras)
             for number, file in enumerate(files):
                 frames.begin(file, number)
                 broken.append(read_batches(file, frames.take, progress))
@@ -67,13 +69,32 @@ def export_lerobot(
     return "; ".join(filter(None, broken))
 
 
+def cameras_of(files: Sequence[Path]) -> dict[str, list[str]]:
+    """Videos beside recordings, `RECORDING.CAMERA.mp4`, by camera, one for each recording. Raises
+    LogError where one lacks a camera that another has."""
+    found = []
+    for file in files:
+        videos = file.parent.glob(f"{glob.escape(file.stem)}.*.mp4")
+        found.append({path.name[len(file.stem) + 1 : -len(".mp4")]: str(path) for path in videos})
+    names = sorted(set().union(*found))
+    for file, videos in zip(files, found, strict=True):
+        for name in names:
+            if name not in videos:
+                beside = file.with_name(f"{file.stem}.{name}.mp4")
+                raise LogError(f"{beside} is missing: other recordings have a camera {name!r}")
+    return {name: [videos[name] for videos in found] for name in names}
+
+
 class Frames:
     """Frames of recordings as lines of JSON, at a steady rate; the latest State of each moment."""
 
-    def __init__(self, out: IO[bytes], fps: int, task: str) -> None:
-        self._out, self._fps, self._task = out, fps, task
+    def __init__(
+        self, out: IO[bytes], fps: int, task: str, cameras: Mapping[str, Sequence[str]]
+    ) -> None:
+        self._out, self._fps, self._task, self._cameras = out, fps, task, cameras
         self._joints: list[str] = []
         self._file, self._episode, self._due_s = Path(), 0, math.nan
+        self._begun_s = 0.0
 
     def begin(self, file: Path, episode: int) -> None:
         """Begin the episode of a file."""
@@ -86,9 +107,9 @@ class Frames:
             return
         for state in batch:
             if math.isnan(self._due_s):
-                self._due_s = state.time_s
+                self._due_s = self._begun_s = state.time_s
             if state.time_s >= self._due_s - 1e-6:
-                self._write(frame(state, self._episode))
+                self._write(frame(state, self._episode, self._due_s - self._begun_s))
                 self._due_s += 1.0 / self._fps
 
     def _head(self, snapshot: Snapshot) -> None:
@@ -99,18 +120,24 @@ class Frames:
             )
         if not self._joints:
             self._joints = snapshot.joints
-            self._write({"joints": self._joints, "fps": self._fps, "task": self._task})
+            head = {"joints": self._joints, "fps": self._fps, "task": self._task}
+            self._write({**head, "cameras": self._cameras})
 
     def _write(self, line: dict[str, object]) -> None:
         self._out.write(msgspec.json.encode(line) + b"\n")
 
 
-def frame(state: State, episode: int) -> dict[str, object]:
-    """Frame of a State: what `lerobot-record` would have observed, and the reference that the arm
-    followed as the action."""
+def frame(state: State, episode: int, time_s: float) -> dict[str, object]:
+    """Frame of a State, `time_s` after its episode began: the observation that `lerobot-record`
+    makes of it, and the reference that the arm followed as the action."""
     contact = float(any(state.thresholded))
     observation = [
         *state.link_position, *state.link_velocity, *state.residual, *state.threshold,
         contact, float(MODES.index(str(state.mode))),
     ]  # fmt: skip
-    return {"episode": episode, "observation": observation, "action": state.reference}
+    return {
+        "episode": episode,
+        "time_s": time_s,
+        "observation": observation,
+        "action": state.reference,
+    }

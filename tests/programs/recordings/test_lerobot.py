@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from daemon.protocol.state import Snapshot, State
 from programs.contactd import contactd
 from programs.recordings import lerobot
-from programs.recordings.lerobot import Frames, frame
+from programs.recordings.lerobot import Frames, cameras_of, frame
 
 RECORDING = Path(__file__).parents[1] / "clients/format_6.mcap"
 ENVIRONMENT = Path(os.environ.get("CONTACTD_LEROBOT", "build/lerobot")).resolve()
@@ -26,18 +26,19 @@ def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode(
     make_state: Callable[..., State], make_snapshot: Callable[[int], Snapshot]
 ) -> None:
     out = io.BytesIO()
-    frames = Frames(out, 50, "a task")
+    frames = Frames(out, 50, "a task", {"wrist": ["a.wrist.mp4"]})
     frames.begin(Path("a.mcap"), 3)
     frames.take(make_snapshot(0))
     states = [make_state(tick) for tick in range(100)]
     frames.take(states)
     head, *rows = map(json.loads, out.getvalue().splitlines())
-    assert head == {"joints": make_snapshot(0).joints, "fps": 50, "task": "a task"}
+    known = {"joints": make_snapshot(0).joints, "fps": 50, "task": "a task"}
+    assert head == {**known, "cameras": {"wrist": ["a.wrist.mp4"]}}
     period_s = states[1].time_s - states[0].time_s
     assert len(rows) == pytest.approx(100 * period_s * 50, abs=1)
     first = states[0]
     n = len(first.residual)
-    assert rows[0] == frame(first, 3)
+    assert rows[0] == frame(first, 3, 0.0)
     assert rows[0]["observation"][2 * n : 3 * n] == first.residual
     assert rows[0]["observation"][-1] == lerobot.MODES.index(str(first.mode))
     assert rows[0]["action"] == first.reference
@@ -46,7 +47,7 @@ def test_frames_are_at_a_steady_rate_and_carry_torque_and_mode(
 def test_recordings_of_two_arms_are_no_dataset(
     tmp_path: Path, make_snapshot: Callable[[int], Snapshot]
 ) -> None:
-    frames = Frames(io.BytesIO(), 50, "a task")
+    frames = Frames(io.BytesIO(), 50, "a task", {})
     frames.take(make_snapshot(0))
     other = type(make_snapshot(0))(
         **{
@@ -58,6 +59,18 @@ def test_recordings_of_two_arms_are_no_dataset(
     )
     with pytest.raises(lerobot.LogError, match="a dataset is of one arm"):
         frames.take(other)
+
+
+def test_videos_beside_recordings_are_their_cameras(tmp_path: Path) -> None:
+    files = [tmp_path / "a [1].mcap", tmp_path / "b.mcap"]
+    for name in ("a [1].wrist.mp4", "b.wrist.mp4", "c.wrist.mp4"):
+        (tmp_path / name).touch()
+    expected = [str(tmp_path / "a [1].wrist.mp4"), str(tmp_path / "b.wrist.mp4")]
+    assert cameras_of(files) == {"wrist": expected}
+    (tmp_path / "b.top.mp4").touch()
+    with pytest.raises(lerobot.LogError, match=r"a \[1\]\.top\.mp4 is missing"):
+        cameras_of(files)
+    assert cameras_of([tmp_path / "d.mcap"]) == {}
 
 
 def test_without_lerobot_it_says_how_to_get_it(
@@ -98,23 +111,38 @@ def test_a_writer_that_fails_is_an_error(tmp_path: Path, monkeypatch: pytest.Mon
     assert "no dataset" in result.stderr
 
 
+VIDEO = """
+import sys, cv2, numpy as np
+video = cv2.VideoWriter(sys.argv[1], cv2.VideoWriter_fourcc(*"mp4v"), 30, (96, 64))
+for k in range(30):
+    video.write(np.full((64, 96, 3), 8 * k, dtype=np.uint8))
+video.release()
+"""
+
+
 @needs_lerobot
 def test_lerobot_opens_the_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CONTACTD_LEROBOT", str(ENVIRONMENT))
-    shutil.copy(RECORDING, tmp_path / "second.mcap")
+    files = [tmp_path / "first.mcap", tmp_path / "second.mcap"]
+    for file in files:
+        shutil.copy(RECORDING, file)
+        subprocess.run(
+            [ENVIRONMENT / "bin/python", "-c", VIDEO, file.with_suffix(".wrist.mp4")], check=True
+        )
     out = tmp_path / "dataset"
-    result = run("--lerobot", str(out), str(RECORDING), str(tmp_path / "second.mcap"))
+    result = run("--lerobot", str(out), *map(str, files))
     assert result.exit_code == 0, result.stderr
     program = (
         "import sys; from lerobot.datasets.lerobot_dataset import LeRobotDataset as D;"
-        "d = D('local/dataset', root=sys.argv[1]); x = d[0];"
-        "print(d.meta.total_episodes, len(d), *d.features['observation.state']['names'])"
+        "d = D('local/dataset', root=sys.argv[1], video_backend='pyav'); x = d[0];"
+        "print(d.meta.total_episodes, len(d), *d.features['observation.state']['names'],"
+        "*x['observation.images.wrist'].shape)"
     )
     words = [ENVIRONMENT / "bin/python", "-c", program, out]
     shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
     assert shown[0] == "2"
     assert int(shown[1]) > 2
-    assert shown[-2:] == ["contact", "mode"]
+    assert shown[-5:] == ["contact", "mode", "3", "64", "96"]
 
 
 @needs_lerobot
