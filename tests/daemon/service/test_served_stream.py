@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
@@ -16,6 +17,7 @@ from contactd_client.connection import Connection
 from contactd_client.errors import ControlError
 from contactd_client.packets import encode
 from contactd_client.stream import Stream
+from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.modes.table import Mode
 
 
@@ -198,3 +200,45 @@ def test_a_refused_asyncio_stream_says_why(served: ServedDaemon) -> None:
     with pytest.raises(ControlError, match=r"`stream.reach` allows 0\.5"):
         served.until(lambda: asyncio.run(lead()))
     assert served.rig.mode is Mode.HOLDING
+
+
+def test_a_client_that_hangs_leaves_the_arm_standing(served: ServedDaemon, leader: Leader) -> None:
+    begun = here(served)
+    for k in range(60):
+        leader.to(begun + 0.3 * math.sin(0.03 * k))
+    assert served.rig.mode is Mode.TRACKING
+    silent_s = 0.0
+    while np.abs(served.rig.decision.velocity).max() > STANDSTILL_SPEED:
+        served.tick()
+        silent_s += 0.01
+    assert silent_s < 0.15 + 0.3  # and its braking
+    served.run(0.5)
+    assert served.rig.mode is Mode.HOLDING
+    assert "fell silent for 0.5 s" in served.rig.tick.controller.machine.cause
+    with pytest.raises(ControlError, match="does not follow this connection"):
+        leader.to(begun, 9)
+
+
+def test_a_lease_that_runs_out_ends_arming_and_not_the_stream(
+    served: ServedDaemon, leader: Leader
+) -> None:
+    begun = here(served)
+    leader.to(begun, 30)
+    with Client(served.path) as client:
+        assert served.until(lambda: client.ask({"command": "arm", "lease_s": 0.3}))["ok"]
+        assert served.rig.tick.controller.machine.armed
+        leader.to(begun, 40)
+    assert not served.rig.tick.controller.machine.armed
+    assert served.rig.mode is Mode.TRACKING
+    assert leader.phase == "following"
+
+
+def test_a_collision_halts_a_stream_that_is_not_armed(served: ServedDaemon, leader: Leader) -> None:
+    begun = here(served)
+    leader.to(begun, 30)
+    served.rig.arm.external_torque[0] = 9.0
+    leader.to(begun, 5)
+    served.rig.arm.external_torque[0] = 0.0
+    leader.to(begun, 100)
+    assert served.rig.mode in (Mode.HOLDING, Mode.STOPPING, Mode.RELEASING)
+    assert leader.phase == "paused"
