@@ -20,6 +20,8 @@ from common.arrays import Vector
 
 # Targets that are kept: those of the longest delay and window, at 300 Hz.
 KEPT: Final = 80
+# Least time between two targets; of a faster sender some are left out [s].
+LEAST_SPACING_S: Final = 1e-3
 # Least half width of the window [s].
 LEAST_HALF_WINDOW_S: Final = 0.025
 # Longest delay behind the sender [s].
@@ -96,11 +98,11 @@ class Playout:
 
     def put(self, target: Target, now_s: float) -> bool:
         """Take a target that came at now_s; False if it is dropped: out of order, repeated, sent
-        before the one before it, or too late."""
+        before the one before it or hardly later, or too late."""
         newest = self.newest
         late_s = now_s - target.sent_s - self._base_s
-        backwards = target.number <= newest.number or target.sent_s <= newest.sent_s
-        if backwards or late_s > TOO_LATE_S:
+        soon = target.sent_s < newest.sent_s + LEAST_SPACING_S
+        if target.number <= newest.number or soon or late_s > TOO_LATE_S:
             self.dropped += 1
             return False
         self._base_s += min(late_s, 0.0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from daemon.motion.playout import Target
@@ -160,6 +160,7 @@ def test_targets_beyond_the_joint_limits_are_moved_to_them() -> None:
         max_size=60,
     )
 )
+@example([(1, 2.2e-311, 1.0, 0)])  # overflowed
 def test_no_stream_makes_the_reference_jump(
     arrivals: list[tuple[int, float, float, int]],
 ) -> None:

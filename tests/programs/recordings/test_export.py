@@ -206,7 +206,7 @@ def test_a_recording_of_each_format_is_exported(version: int, form: str, tmp_pat
 def test_a_form_must_be_named(recording: Path) -> None:
     answer = export(recording)
     assert answer.exit_code == 2
-    assert "--foxglove, --csv or --labels" in answer.stderr
+    assert "--foxglove, --csv, --labels or --lerobot" in answer.stderr
 
 
 # --- live -----------------------------------------------------------------------------------------
