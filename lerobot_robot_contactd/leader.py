@@ -60,7 +60,7 @@ class ContactdLeader(Teleoperator):
         self._latest = LatestState(self.config.socket)
 
     def get_action(self) -> dict[str, Any]:
-        """Where the arm is. Raises ConnectionError where the daemon is gone or silent."""
+        """Positions of its links. Raises ConnectionError where the daemon is gone or silent."""
         if self._latest is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         position = self._latest.get()["link_position"]

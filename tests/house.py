@@ -15,7 +15,8 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PRODUCT: Final = (
-    "common", "contactd_client", "daemon", "drivers", "estimator", "identification", "programs",
+    "common", "contactd_client", "daemon", "drivers", "estimator", "identification",
+    "lerobot_robot_contactd", "programs",
     "simulator",
 )  # fmt: skip
 LONG_FILE: Final = 300  # lines
