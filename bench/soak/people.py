@@ -20,6 +20,7 @@ from daemon.protocol.requests import (
     COMMANDS,
     Arm,
     Disarm,
+    Follow,
     Go,
     Header,
     Load,
@@ -27,6 +28,7 @@ from daemon.protocol.requests import (
     Request,
     SetGain,
     Start,
+    Target,
     bare,
 )
 
@@ -38,6 +40,7 @@ class View:
     mode: Mode
     armed: bool
     trouble: bool  # a fault is being made: no use in `reset`
+    q: Sequence[float] = ()  # where its links are [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +107,33 @@ def program(rng: Random, c: Configuration) -> Person:
             view = yield Step(hang_up=False, wait_s=2.0)
         last = (Disarm(),) if end == "disarms" else ()
         view = yield Step(last, wait_s=rng.uniform(0.5, 8.0))
+
+
+def leader(rng: Random, c: Configuration) -> Person:
+    """A program that streams targets now and then: steadily, with losses and leaps, until it ends,
+    hangs, or dies."""
+    view = yield Step()
+    while True:
+        if view.mode is not Mode.HOLDING or not view.q:
+            view = yield Step(wait_s=rng.uniform(1.0, 10.0))
+            continue
+        begun, number, pace_s = list(view.q), 0, rng.choice((0.01, 0.02, 0.05))
+        sent_s = rng.uniform(0.0, 1e6)
+        view = yield Step((Follow(q=begun, sent_s=sent_s),), hang_up=False, wait_s=pace_s)
+        joint, way = rng.randrange(len(begun)), rng.uniform(-0.3, 0.3)
+        for _ in range(rng.randrange(1, 400)):
+            number, sent_s = number + 1, sent_s + pace_s
+            q = list(begun)
+            q[joint] += way * math.sin(0.7 * pace_s * number)
+            if rng.random() < 0.01:
+                q[joint] = rng.uniform(-9.0, 9.0)
+            late_s = rng.choice((0.0, 0.0, -1.0)) if rng.random() < 0.02 else 0.0
+            target = Target(q=q, sent_s=sent_s + late_s, number=number)
+            lost = rng.random() < 0.05
+            view = yield Step(() if lost else (target,), hang_up=False, wait_s=pace_s)
+        if rng.random() < 0.5:
+            view = yield Step(hang_up=False, wait_s=1.0)
+        view = yield Step(wait_s=rng.uniform(2.0, 20.0))
 
 
 def _requests(wish: str, rng: Random, c: Configuration) -> tuple[Request, ...]:

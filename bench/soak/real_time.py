@@ -21,7 +21,7 @@ from bench.rigs.rude_clients import ATTACKS, attacking
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS
-from bench.soak.people import Leases, Person, Step, View, hear, operator, program
+from bench.soak.people import Leases, Person, Step, View, hear, leader, operator, program
 from bench.soak.process import Stopwatch, held
 from bench.soak.progress import Report
 from bench.soak.record import Part
@@ -107,6 +107,7 @@ def _inhabited(shared: Shared, rng: Random, c: Configuration) -> Iterator[None]:
     work: list[tuple[object, ...]] = [
         (_live, operator(Random(rng.random()), c)),
         (_live, program(Random(rng.random()), c)),
+        (_live, leader(Random(rng.random()), c)),
         (_make_trouble, Random(rng.random()), c.joint_drives),
         (_be_rude, Random(rng.random())),
         (_record, Random(rng.random())),
@@ -131,7 +132,8 @@ def _live(shared: Shared, person: Person) -> None:
     while shared.pause(step.wait_s):
         if (state := shared.state) is None:
             continue
-        step = person.send(View(Mode(state.mode), state.armed, shared.trouble))
+        view = View(Mode(state.mode), state.armed, shared.trouble, state.link_position)
+        step = person.send(view)
         try:
             if step.requests and client is None:
                 client, number = Client(shared.both.door), leases.connection()

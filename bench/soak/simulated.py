@@ -25,7 +25,7 @@ from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.losses import LOSSES
-from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, operator, program
+from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, leader, operator, program
 from bench.soak.process import held
 from bench.soak.progress import Progress, Report
 from bench.soak.record import Part
@@ -184,7 +184,7 @@ def _soak(
     leases = Leases()
     watch = Watch(c, part.ledger, gives_way(rig.robot))
     trouble = _Troublemaker(Random(rng.random()), stage)
-    visitors = [_Visitor(who(Random(rng.random()), c)) for who in (operator, program)]
+    visitors = [_Visitor(who(Random(rng.random()), c)) for who in (operator, program, leader)]
     touches: list[tuple[float, float]] = []
     sampler = _Sampler(part, every_s=max(seconds / SAMPLES, 0.25))
     stage.run(0.1)
@@ -260,7 +260,9 @@ class _Sampler:
 def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, part: Part) -> None:
     """Let a person or a program look at the arm and send their requests."""
     machine, now = service.loop.tick.controller.machine, service.loop.time_s
-    step = visitor.person.send(View(machine.mode, machine.armed, trouble))
+    last = service.loop.tick.last
+    q = last.samples.link_position.tolist() if last and last.decision else ()
+    step = visitor.person.send(View(machine.mode, machine.armed, trouble, q))
     if step.requests and not visitor.connection:
         visitor.connection = leases.connection()
     peer = Peer(os.getuid(), os.getpid(), visitor.connection)

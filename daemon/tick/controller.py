@@ -186,7 +186,7 @@ class Controller:
         stream = self.stream
         phase, before = stream.phase if stream else None, self._phase
         if phase is not before and stream and before:
-            self.machine.changes.append(Change(f"stream {before} -> {phase}", stream.sender))
+            self.machine.changes.append(Change(f"stream {phase}", f"it was {before}"))
         self._phase = phase
 
     def _push(self, observed: ControlInput, dt: float) -> Vector:

@@ -74,14 +74,14 @@ def cameras_of(files: Sequence[Path]) -> dict[str, list[str]]:
     LogError where one lacks a camera that another has."""
     found = []
     for file in files:
-        videos = file.parent.glob(f"{glob.escape(file.stem)}.*.mp4")
-        found.append({path.name[len(file.stem) + 1 : -len(".mp4")]: str(path) for path in videos})
+        beside = file.parent.glob(f"{glob.escape(file.stem)}.*.mp4")
+        found.append({path.name[len(file.stem) + 1 : -len(".mp4")]: str(path) for path in beside})
     names = sorted(set().union(*found))
     for file, videos in zip(files, found, strict=True):
         for name in names:
             if name not in videos:
-                beside = file.with_name(f"{file.stem}.{name}.mp4")
-                raise LogError(f"{beside} is missing: other recordings have a camera {name!r}")
+                missing = file.with_name(f"{file.stem}.{name}.mp4")
+                raise LogError(f"{missing} is missing: other recordings have a camera {name!r}")
     return {name: [videos[name] for videos in found] for name in names}
 
 
