@@ -68,7 +68,7 @@ class StopRules:
         if faulted:
             self._travels(state, joints, by_hand)
             self._stays(state, speed, by_hand)
-            self._is_proved(state, by_hand)
+            self._is_proved(state, by_hand, stands=bool((np.abs(speed) < STANDS).all()))
         else:
             self._proved_s, self._doubted_s = np.inf, 0.0
         self._before, self._joints = state, joints
@@ -95,12 +95,12 @@ class StopRules:
         else:
             self._moving[:] = 0
 
-    def _is_proved(self, state: State, by_hand: bool) -> None:
-        """Every stop is proved, or else the drives are left to themselves. A hand that creeps with
-        a joint of an arm that stood makes it move for as long as it likes."""
+    def _is_proved(self, state: State, by_hand: bool, *, stands: bool) -> None:
+        """Every stop is proved once the arm stands, or else the drives are left to themselves. A
+        hand that creeps with a joint of an arm that stood makes it move for as long as it likes."""
         before_s = self._before.time_s if self._before else state.time_s
         moved = by_hand and self._proved_s < np.inf
-        doubted = bool(state.unproved) and not state.silenced and not moved
+        doubted = bool(state.unproved) and not state.silenced and not moved and stands
         passed = min(state.time_s - before_s, LONGEST_TICK_S)
         self._doubted_s = self._doubted_s + passed if doubted else 0.0
         words = f"{', '.join(state.unproved)} for {self._doubted_s:.2f} s"
