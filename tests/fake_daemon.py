@@ -122,6 +122,7 @@ class FakeDaemon:
     proves_after: int = 0  # times that the status is asked for, if there are unproved joints
     silenced: bool = False
     trajectory: Any = "ready"
+    urdf: str = "<robot/>"
     tick: int = 0
     seen: list[tuple[str, Peer]] = field(default_factory=list)
     ready: threading.Event = field(default_factory=threading.Event)
@@ -134,7 +135,8 @@ class FakeDaemon:
         if reasons := self.refusals.get(command):
             return Reply(ok=False, message=f"{command} is refused", reasons=reasons, mode=self.mode)
         if command == "subscribe":
-            return Reply(ok=True, snapshot=snapshot_at(self.tick + self.snapshot_ahead))
+            snapshot = snapshot_at(self.tick + self.snapshot_ahead)
+            return Reply(ok=True, snapshot=msgspec.structs.replace(snapshot, urdf=self.urdf))
         if command == "status":
             if self._ahead:
                 self.mode = self._ahead.pop(0)

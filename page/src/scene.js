@@ -45,7 +45,10 @@ export class Scene {
     if (description === null) return this.#say("The arm's description cannot be read.");
     const loader = new URDFLoader();
     // Meshes are files on the robot's computer, which this page is not served.
-    loader.loadMeshCb = (path, manager, done) => done(new Group());
+    loader.loadMeshCb = (path, manager, material, done) => done(new Group());
+    for (const visual of description.querySelectorAll("visual")) {
+      if (!visual.querySelector(":scope > geometry > *")) visual.remove();
+    }
     try {
       this.#build(loader.parse(description));
       this.#say("");

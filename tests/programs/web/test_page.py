@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from bench.rigs.lockstep import ROMEO
 from bench.rigs.page import Page, page_of
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Permit, StreamState
@@ -257,3 +258,26 @@ def test_a_recording_from_the_page(screens: Screens, arm: FakeDaemon, tmp_path: 
         screen.page.click("#recordings button")
         screen.counts("#recordings a", 0)
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<geometry><mesh filename="package://arm/meshes/link.stl"/></geometry>',
+        '<geometry><mesh filename="link.obj"/></geometry>',
+        "<geometry/>",
+        "",
+        '<geometry><capsule radius="0.1" length="0.2"/></geometry>',
+        '<geometry><box size="0.1 0.1 0.1"/></geometry>',
+    ],
+)
+def test_an_arm_is_drawn_whatever_its_visuals_are(
+    screens: Screens, arm: FakeDaemon, shape: str
+) -> None:
+    text = (ROMEO / "arm.urdf").read_text()
+    arm.urdf = text.replace("<inertial>", f"<visual>{shape}</visual><inertial>")
+    with page_of(arm.path) as shown:
+        screen = screens.open(f"{shown.url}?scene=on", (1000, 800))
+        screen.live()
+        screen.until("document.querySelector('#scene').dataset.arrows !== undefined")
+        screen.reads("#scene-note", "")
