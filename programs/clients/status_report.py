@@ -102,17 +102,22 @@ def _permission(status: Status) -> Text:
 
 
 def _arming(status: Status) -> tuple[str, Text]:
-    """Checks before arming; of an armed arm only those against arming it anew."""
+    """Checks before arming, those that passed by their names; of an armed arm only those against
+    arming it anew."""
     if status.armed:
         against = [f"{check.name}: {check.text}" for check in status.checks if not check.passed]
         return "to arm anew", Text("\n".join(against) or "every check passes")
-    lines = [Text(str(c), "" if c.passed else "yellow") for c in status.checks]
+    lines = [Text(str(check), "yellow") for check in status.checks if not check.passed]
+    if passed := [check.name for check in status.checks if check.passed]:
+        lines.append(Text(f"passed  {', '.join(passed)}"))
     return "arming needs", Text("\n").join(lines)
 
 
 def _grants(grants: list[Grant]) -> Text:
-    """One line per grant; those not achieved stand out."""
-    return Text("\n").join(Text(g.text, "" if g.achieved else "yellow") for g in grants)
+    """Grants achieved, then a line for each that was not."""
+    achieved = ", ".join(grant.text for grant in grants if grant.achieved)
+    lacking = [Text(grant.text, "yellow") for grant in grants if not grant.achieved]
+    return Text("\n").join([*([Text(achieved)] if achieved else []), *lacking])
 
 
 def _cause(status: Status) -> str:

@@ -230,7 +230,7 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
     ):
         assert word in report
     assert ("failed  residual        LWristYaw feels +0.30 Nm" in report) is not armed
-    assert ("passed  samples         all fresh in this tick" in report) is not armed
+    assert ("passed  samples\n" in report) is not armed
     assert ("to arm anew  mode: the drives are off" in report) is armed
     assert ("not armed: the lease of uid 0 (pid 7) ran out (7 s ago)" in report) is not armed
     assert "smallest touch  in motion    at rest  configured    least  share\n" in report
