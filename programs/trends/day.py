@@ -58,7 +58,7 @@ class JointDay(msgspec.Struct, forbid_unknown_fields=True):
     skew_ms: Sum = msgspec.field(default_factory=Sum)  # of the link's encoder behind the motor's
     forth: Sum = msgspec.field(default_factory=Sum)  # residual in motion of positive velocity [Nm]
     back: Sum = msgspec.field(default_factory=Sum)  # ... of negative velocity
-    bound_s: _Amount = 0.0  # in which what was learned of it was at its bound
+    bound_s: _Amount = 0.0  # in motion, in which what was learned of it was at its bound
 
     @property
     def remainder(self) -> float:

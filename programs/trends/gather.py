@@ -105,7 +105,7 @@ class Gatherer:
                     sums.put(float(residual[there].mean()), seconds)
             least, most = FRICTION_RANGE
             at = (friction < least + _AT_BOUND) | (friction > most - _AT_BOUND)
-            into.bound_s += self._period_s * int(np.count_nonzero(at))
+            into.bound_s += self._period_s * int(np.count_nonzero(moves & at))
 
     def _look(self, days: dict[str, Day]) -> None:
         """Look at gap and skew of each joint in the stretch so far, and begin another."""
