@@ -2,6 +2,7 @@
 each other and with the URDF's gravity. A wrong sign is positive feedback once the arm is moved."""
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ _PIECE = 0.012  # [rad]: less than the link is to move
 _WHOLE = 0.75  # of the same
 _FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
+_PRODUCT = 0.02  # of two ratios, off 1, of gears that are swapped
 # Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
 _SURE, _ALIKE = 0.025, 0.06
 
@@ -117,6 +119,18 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     return WiringResult(joint=name, problems=tuple(problems), undetermined=tuple(undetermined),
                   notes=tuple(notes), follows=follows, friction=friction, held=held,
                   gravity=gravity)  # fmt: skip
+
+
+def swapped(follows: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Pairs of joints whose ratios of link to motor motion are both off, with a product of 1: the
+    gears of two joints whose drives are swapped."""
+    off = {
+        name: ratio
+        for name, ratio in follows.items()
+        if ratio > 0.0 and abs(ratio - 1.0) > SCALE_TOLERANCE
+    }
+    pairs = itertools.combinations(off, 2)
+    return [(a, b) for a, b in pairs if abs(off[a] * off[b] - 1.0) < _PRODUCT]
 
 
 def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:

@@ -1,5 +1,6 @@
 """Wiring errors in a motion of 20 mrad: a wrong sign, a wrong scale, another joint's drive."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from bench.rigs.arm_batch import record_fleet
 from identification.motion_log import MotionLog
-from identification.wiring import check_wiring, scale_unsure
+from identification.wiring import check_wiring, scale_unsure, swapped
 from programs.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
 from simulator.description import SimulationSettings
 from simulator.mismatch import true_parameters
@@ -186,3 +187,20 @@ def test_the_motion_is_small(arm, speeding_up):
         assert path[-1] == pytest.approx(here, abs=1e-9)
         assert np.abs(np.diff(path[:, i])).max() <= WIRING_SPEED * 0.01 + 1e-9
         assert (np.delete(path, i, axis=1) == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("follows", "pairs"),
+    [
+        ({"a": 0.832, "b": 1.0, "c": 1.199}, [("a", "c")]),
+        ({"a": 0.832, "b": 1.1}, []),
+        ({"a": 1.02, "b": 0.98}, []),
+        ({"a": -0.832, "b": -1.199}, []),
+        ({"a": math.nan, "b": 1.2}, []),
+        ({}, []),
+    ],
+)
+def test_gears_that_are_each_others_name_the_pair(
+    follows: dict[str, float], pairs: list[tuple[str, str]]
+) -> None:
+    assert swapped(follows) == pairs

@@ -11,6 +11,7 @@ from programs.identify.step import JOINTS, Line, Outcome, now, step
 
 if TYPE_CHECKING:
     from daemon.config.load import Robot
+    from identification.wiring import WiringResult
     from programs.identify.identification import Identification
     from programs.identify.live_wiring import ApartError
     from programs.identify.measured import Measured
@@ -23,6 +24,7 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
 
     outcomes, left = list[bool](), identification.joints(joints)
     wrong: dict[str, str] = {}
+    follows: dict[str, float] = {}
     while left:
         name, to_go_on = left[0], how_to_go_on(left, passed=any(outcomes))
         try:
@@ -36,11 +38,25 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
             wrong |= new
             outcomes.append(False)
         else:
-            outcome = _outcome(identification.robot, measured, name, now())
+            found = _checked(identification.robot, measured, name)
+            follows[name] = found.follows
+            outcome = _outcome(measured, name, found, now())
             outcomes.append(identification.conclude("wiring", outcome, f"wiring-{name}"))
             left = left[1:]
+    _show_swapped(identification, follows)
     _show_void(identification)
     return all(outcomes)
+
+
+def _show_swapped(identification: "Identification", follows: Mapping[str, float]) -> None:
+    """Show pairs of joints whose gears are each other's."""
+    from identification.wiring import swapped
+
+    for a, b in swapped(follows):
+        identification.show(
+            f"{a} and {b}: their links move {follows[a]:.3f} and {follows[b]:.3f} times as far as "
+            "their motors report, a product of 1: are their `wiring.node` swapped, or their gears?"
+        )
 
 
 def how_to_go_on(left: list[str], *, passed: bool) -> str:
@@ -85,14 +101,20 @@ def _show_void(identification: "Identification") -> None:
         )
 
 
-def _outcome(robot: "Robot", measured: "Measured", name: str, date: str) -> Outcome:
+def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
     """Check signs and scales of a joint that was moved alone."""
-    from daemon.config.identified import Entry, WiringEntry
-    from identification.wiring import check_wiring, in_Nm
+    from identification.wiring import check_wiring
 
     c = robot.configuration
     i = c.joint_names.index(name)
-    found = check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
+    return check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
+
+
+def _outcome(measured: "Measured", name: str, found: "WiringResult", date: str) -> Outcome:
+    """Outcome of a check, with its entry if it passed."""
+    from daemon.config.identified import Entry, WiringEntry
+    from identification.wiring import in_Nm
+
     figures = f"link/motor {found.follows:.3f}" if math.isfinite(found.follows) else ""
     if math.isfinite(found.held):
         figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
