@@ -121,7 +121,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
                   gravity=gravity)  # fmt: skip
 
 
-def swapped(follows: Mapping[str, float]) -> list[tuple[str, str]]:
+def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:
     """Pairs of joints whose ratios of link to motor motion are both off, with a product of 1: the
     gears of two joints whose drives are swapped."""
     off = {

@@ -8,7 +8,7 @@ import pytest
 
 from bench.rigs.arm_batch import record_fleet
 from identification.motion_log import MotionLog
-from identification.wiring import check_wiring, scale_unsure, swapped
+from identification.wiring import check_wiring, scale_unsure, swapped_pairs
 from programs.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
 from simulator.description import SimulationSettings
 from simulator.mismatch import true_parameters
@@ -203,4 +203,4 @@ def test_the_motion_is_small(arm, speeding_up):
 def test_gears_that_are_each_others_name_the_pair(
     follows: dict[str, float], pairs: list[tuple[str, str]]
 ) -> None:
-    assert swapped(follows) == pairs
+    assert swapped_pairs(follows) == pairs

@@ -50,9 +50,9 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
 
 def _show_swapped(identification: "Identification", follows: Mapping[str, float]) -> None:
     """Show pairs of joints whose gears are each other's."""
-    from identification.wiring import swapped
+    from identification.wiring import swapped_pairs
 
-    for a, b in swapped(follows):
+    for a, b in swapped_pairs(follows):
         identification.show(
             f"{a} and {b}: their links move {follows[a]:.3f} and {follows[b]:.3f} times as far as "
             "their motors report, a product of 1: are their `wiring.node` swapped, or their gears?"
