@@ -13,7 +13,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.config.schema import Configuration
 from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
-from daemon.protocol.requests import COMMANDS, Command, SetGain, bare
+from daemon.protocol.requests import COMMANDS, Command, Follow, SetGain, Target, bare
 from daemon.service.service import AT_THE_END
 from daemon.tick.loop import Clock, Loop
 from programs.clients.client import Client
@@ -152,14 +152,21 @@ def test_a_drive_that_does_not_obey_is_told_by_sdo_and_else_named(
         assert arm.bring_to_rest() == named
 
 
-# What `load`, `start` and `gain` take is beside the point.
+# What `load` and `start` take is beside the point.
+REQUIRED = {
+    "gain": SetGain(joint="joint", gain=0.1),
+    "follow": Follow(q=[0.0], sent_s=0.0),
+    "target": Target(q=[0.0], sent_s=0.0, number=1),
+}
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_at_the_end_nobody_energises_or_moves_the_arm(
     served: ServedDaemon, command: Command
 ) -> None:
     served.service.ending = True
     with Client(served.path) as client:
-        request = SetGain(joint="joint", gain=0.1) if command == "gain" else bare(command)
+        request = REQUIRED.get(command) or bare(command)
         reply = served.until(lambda: client.ask(request))
     assert reply.ok == (command in AT_THE_END)
     assert reply.reasons == ([] if reply.ok else ["the daemon is ending"])
