@@ -26,6 +26,8 @@ STREAM_SHARE: Final = 0.8
 # Distance of the furthest joint from its target at which the arm has joined the stream, and at
 # which it joins again by itself after a contact [rad].
 NEAR_RAD: Final = 0.05
+# The same, within which a stream that was silent for a moment is followed on at once [rad].
+RESUMED_RAD: Final = 0.15
 # Silence after which the arm brakes [s]; at 20 Hz more than two targets lost in a row.
 STALLED_S: Final = 0.14
 # Silence after which the stream has ended [s].
@@ -57,18 +59,19 @@ class StreamSettings:
     join_velocity: float  # [rad/s]
 
 
-def next_phase(phase: Phase, *, silent: bool, near: bool, far: bool) -> Phase:
-    """Phase of the next tick. silent: no target comes; near, far: the furthest joint is within
-    NEAR_RAD of its target, or beyond the reach."""
+def next_phase(phase: Phase, *, silent: bool, apart: float, reach: float) -> Phase:
+    """Phase of the next tick. silent: no target comes; apart: of the furthest joint from its target
+    [rad], which is gone to within `reach` [rad]."""
+    near = apart < NEAR_RAD
     match phase:
         case Phase.WAITING:
             return Phase.JOINING if near and not silent else phase
         case _ if silent:
             return Phase.STALLED
-        case _ if far:
+        case _ if apart > reach:
             return Phase.WAITING
         case Phase.STALLED:
-            return Phase.JOINING
+            return Phase.FOLLOWING if apart < RESUMED_RAD else Phase.JOINING
         case Phase.JOINING:
             return Phase.FOLLOWING if near else phase
         case Phase.FOLLOWING:
@@ -168,8 +171,8 @@ class TargetStream:
         self.phase = next_phase(
             self.phase,
             silent=self.silent_s > STALLED_S,
-            near=apart < NEAR_RAD,
-            far=apart > self.settings.reach,
+            apart=apart,
+            reach=self.settings.reach,
         )
         most = self.limits.velocity
         match self.phase:

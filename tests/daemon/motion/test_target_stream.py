@@ -52,28 +52,33 @@ class Sender:
         return last
 
 
+NEAR, OFF, FAR = 0.01, 0.3, 0.6  # from the target [rad]
+
+
 @pytest.mark.parametrize(
-    ("phase", "silent", "near", "far", "after"),
+    ("phase", "silent", "apart", "after"),
     [
-        (J, False, False, False, J),
-        (J, False, True, False, F),
-        (J, True, True, False, S),
-        (J, False, False, True, W),
-        (F, False, False, False, F),
-        (F, False, True, False, F),
-        (F, True, True, False, S),
-        (F, False, False, True, W),
-        (S, True, True, False, S),
-        (S, False, True, False, J),
-        (S, False, False, True, W),
-        (W, False, False, False, W),
-        (W, False, True, False, J),
-        (W, True, True, False, W),
-        (W, False, False, True, W),
+        (J, False, OFF, J),
+        (J, False, NEAR, F),
+        (J, True, NEAR, S),
+        (J, False, FAR, W),
+        (F, False, OFF, F),
+        (F, False, NEAR, F),
+        (F, True, NEAR, S),
+        (F, False, FAR, W),
+        (S, True, NEAR, S),
+        (S, False, NEAR, F),
+        (S, False, 0.1, F),  # it moved on while nothing came
+        (S, False, OFF, J),
+        (S, False, FAR, W),
+        (W, False, OFF, W),
+        (W, False, NEAR, J),
+        (W, True, NEAR, W),
+        (W, False, FAR, W),
     ],
 )
-def test_phases(phase: Phase, silent: bool, near: bool, far: bool, after: Phase) -> None:
-    assert next_phase(phase, silent=silent, near=near, far=far) is after
+def test_phases(phase: Phase, silent: bool, apart: float, after: Phase) -> None:
+    assert next_phase(phase, silent=silent, apart=apart, reach=REACH) is after
 
 
 def test_it_joins_slowly_and_then_follows() -> None:
