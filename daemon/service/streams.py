@@ -11,6 +11,7 @@ from daemon.motion.limits import Limits
 from daemon.motion.playout import Target
 from daemon.motion.target_stream import StreamSettings, TargetStream
 from daemon.protocol import requests
+from daemon.tick.refusals import way_to
 
 
 @dataclass(slots=True)
@@ -37,14 +38,16 @@ class Streams:
     def refuse_far(self, target: Target, q: Vector) -> None:
         """Raise TrajectoryError, with each joint, if a target is out of reach from q (n,) [rad]."""
         apart = np.abs(target.q - q)
+        beyond = ~(apart <= self.settings.reach)
         far = [
             f"{joint} stands at {q[i]:.3f} rad, {apart[i]:.3f} rad from the target "
             f"({target.q[i]:.3f}; `stream.reach` allows {self.settings.reach:g})"
             for i, joint in enumerate(self.joints)
-            if not apart[i] <= self.settings.reach
+            if beyond[i]
         ]
         if far:
-            raise TrajectoryError("; ".join(far))
+            way = way_to(self.joints, np.where(beyond, target.q, np.nan))
+            raise TrajectoryError("; ".join([*far, way]))
 
     def own(self, stream: TargetStream, connection: int) -> None:
         """Record the connection that sends a stream, once the arm follows it."""

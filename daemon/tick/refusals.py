@@ -79,15 +79,15 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
     astray, begin = _astray(joints, q, place), place.path.begin
     if astray and begin is not None:
         there = np.where(place.astray(q, START_TOLERANCE), begin, np.nan)
-        return [*astray, f"{_way(joints, there)}, or start it with --from-here"]
+        return [*astray, f"{way_to(joints, there)}, or start it with --from-here"]
     reasons = leaves_limits(joints, q, limits, place)
     there = place.nearest(q, limits.lower, limits.upper, INSIDE)
     if reasons and all_finite(there):
-        return [*reasons, _way(joints, np.where(there == q, np.nan, there))]
+        return [*reasons, way_to(joints, np.where(there == q, np.nan, there))]
     return reasons
 
 
-def _way(joints: Sequence[str], there: Vector) -> str:
+def way_to(joints: Sequence[str], there: Vector) -> str:
     """Command that moves joints to `there` (n,) [rad], NaN for those that stay."""
     moved = zip(joints, there.tolist(), strict=True)
     words = " ".join(f"{name}={value:.3f}" for name, value in moved if math.isfinite(value))

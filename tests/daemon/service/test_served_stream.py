@@ -95,7 +95,8 @@ def test_a_client_that_is_gone_stops_the_arm_at_once(served: ServedDaemon, leade
 @pytest.mark.parametrize(
     ("far", "reason"),
     [
-        ([0.9], "joint stands at "),
+        ([0.9], "joint stands at .* rad from the target"),
+        ([0.9], "`contactctl go joint=0.900` leads there"),
         ([0.1, 0.2], "`q` has 2 numbers; this arm has 1 joints: joint"),
         ([], "`q` has 0 numbers"),
     ],
@@ -103,7 +104,7 @@ def test_a_client_that_is_gone_stops_the_arm_at_once(served: ServedDaemon, leade
 def test_a_first_target_that_is_refused(
     served: ServedDaemon, leader: Leader, far: list[float], reason: str
 ) -> None:
-    with pytest.raises(ControlError, match=reason.replace("(", "\\(")):
+    with pytest.raises(ControlError, match=reason):
         served.until(lambda: leader.stream.to(far))
     assert served.rig.mode is Mode.HOLDING
 
