@@ -264,7 +264,7 @@ $(LEROBOT)/.complete: lerobot_robot_contactd/pyproject.toml
 	$(LEROBOT)/bin/pip install --quiet 'lerobot==0.4.4' ./contactd_client ./lerobot_robot_contactd
 	touch $@
 
-lerobot: $(STAMP) compiled $(LEROBOT)/.complete  ## LeRobot with our plug-in, in an environment of its own (5 GB), and its tests
+lerobot: $(STAMP) compiled $(LEROBOT)/.complete  ## LeRobot with our plug-in, in an environment of its own (8 GB), and its tests
 	$(LEROBOT)/bin/pip install --quiet --no-deps --force-reinstall ./contactd_client ./lerobot_robot_contactd
 	$(BIN)/python -m pytest -rs tests/programs/recordings/test_lerobot.py
 
