@@ -18,6 +18,7 @@ from common.arrays import Vector
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.modes.table import Event, Mode
+from daemon.motion.path import JointPath
 from daemon.tick.telemetry import Wakeup
 from drivers.api import DriveCondition, DriveStatus, Objection, PowerTarget, Samples
 from estimator.estimate import Estimate
@@ -137,12 +138,16 @@ class ArmInTheLoop:
             self.step()
 
     def start(self) -> None:
-        """Enable, and start the trajectory. Raises RuntimeError with the reasons of a refusal."""
+        """Enable, and start the trajectory, as `request`."""
         self.run(0.5)
         for event in (Event.ENABLE, Event.START):
-            if reasons := self.tick.controller.request(event, "the bench", self.time_s):
-                raise RuntimeError("; ".join(reasons))
+            self.request(event)
             self.run(0.5)
+
+    def request(self, event: Event, path: JointPath | None = None) -> None:
+        """Request an event. Raises RuntimeError with the reasons of a refusal."""
+        if reasons := self.tick.controller.request(event, "the bench", self.time_s, path):
+            raise RuntimeError("; ".join(reasons))
 
     def arm(self) -> list[str]:
         """Arm; returns the reasons of a refusal."""

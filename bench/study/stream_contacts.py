@@ -48,22 +48,14 @@ def work(
     motion = hand(limits, seconds, seed, 0.0 if touched else TREMOR)
     on = ArmInTheLoop(subject, robot, motion(0.0))
     on.run(0.5)
-    _done(on.tick.controller.request(Event.ENABLE, "the bench", on.time_s))
+    on.request(Event.ENABLE)
     on.run(0.5)
     coming = arrivals(motion, rate_hz, seconds, seed)
     stream = None
     if streamed:
         stream = TargetStream("the bench", stream_settings_of(c), limits, coming[0].target)
-        _done(on.tick.controller.request(Event.START, "the bench", on.time_s, stream))
-    else:
-        path = _path(robot, limits, motion, seconds)
-        _done(on.tick.controller.request(Event.START, "the bench", on.time_s, path))
+    on.request(Event.START, stream or _path(robot, limits, motion, seconds))
     return _at_work(on, stream, coming, seed, seconds, touched=touched)
-
-
-def _done(reasons: list[str]) -> None:
-    if reasons:
-        raise RuntimeError("; ".join(reasons))
 
 
 def _path(robot: Robot, limits: Limits, motion: Motion, seconds: float) -> SampledPath:

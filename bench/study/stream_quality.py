@@ -1,5 +1,5 @@
-"""Quality of a stream without a plant: delay, tracking error, jerk; false stops; deaths; targets
-that no arm can follow."""
+"""Quality of a stream without a plant: delay, tracking error, jerk; false stops; targets that no
+arm can follow."""
 
 import math
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from bench.study.streamed import Arrival, Motion, Track, arrivals, hand, stream_of, ticks
+from bench.study.streamed import Motion, Track, arrivals, stream_of
 from common.arrays import Vector
 from daemon.assembly import build_motion
 from daemon.config.load import Robot
@@ -22,8 +22,6 @@ SETTLED_S: Final = 3.0
 """after the first target, from which on a stream is judged"""
 FAST: Final = 0.1
 """[rad/s], from which on a motion shows its delay"""
-STANDS: Final = 0.02
-"""[rad/s]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +69,7 @@ def quality(track: Track, motion: Motion, period_s: float) -> Quality:
 def false_stops(robot: Robot, rate_hz: float, hours: float, seed: int) -> tuple[int, int]:
     """Ends, and stalls, of a stream with losses whose sender lives."""
     seconds = 3600.0 * hours
-    stream, ended, stalled, was = None, 0, 0, False
+    ended, stalled, was = 0, 0, False
     period_s = robot.configuration.period_s
     q = np.zeros(len(robot.configuration.joints))
     coming = iter(arrivals(lambda _: q, rate_hz, seconds, seed))
@@ -91,64 +89,6 @@ def false_stops(robot: Robot, rate_hz: float, hours: float, seed: int) -> tuple[
         was = silent
         ended += stream.ended
     return ended, stalled
-
-
-# --- death ------------------------------------------------------------------------------------
-
-DEATHS: Final = (
-    "silence",
-    "ever later",
-    "repeated",
-    "clock stands",
-    "clock runs back",
-    "no numbers",
-)
-
-
-def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
-    """Targets of which none from `at_s` on can be relied on."""
-    alive = [one for one in coming if one.at_s < at_s]
-    last = alive[-1].target
-    after = [one for one in coming if one.at_s >= at_s]
-
-    def spoiled(k: int, one: Arrival) -> Arrival:
-        target = one.target
-        match way:
-            case "ever later":
-                return Arrival(one.at_s + 0.2 + 0.9 * (one.at_s - at_s), target)
-            case "repeated":
-                target = last
-            case "clock stands":
-                target = Target(last.number + k + 1, last.sent_s, target.q)
-            case "clock runs back":
-                target = Target(last.number + k + 1, last.sent_s - 0.01 * (k + 1), target.q)
-            case "no numbers":
-                target = Target(target.number, target.sent_s, np.full_like(target.q, np.nan))
-        return Arrival(one.at_s, target)
-
-    if way == "silence":
-        return alive
-    return sorted(alive + [spoiled(k, one) for k, one in enumerate(after)], key=lambda a: a.at_s)
-
-
-def death(robot: Robot, way: str, rate_hz: float, seed: int) -> float:
-    """Time from the last target that could be relied on to standstill [s], less that of braking."""
-    limits, period_s = limits_of(robot.configuration), robot.configuration.period_s
-    seconds = 8.0
-    coming = arrivals(hand(limits, seconds, seed), rate_hz, seconds, seed)
-    at_s = 4.0 + 2.0 * float(np.random.default_rng((seed, 45)).random())
-    coming = dying(way, coming, at_s)
-    stream = stream_of(robot, coming[0].target)
-    last_s = max(one.at_s for one in coming if one.at_s < at_s)
-    fastest, stands_s = np.zeros_like(limits.velocity), last_s
-    for now_s, reference in ticks(stream, coming, seconds, period_s):
-        if now_s < last_s:
-            continue
-        speed = np.abs(reference.velocity)
-        fastest = np.maximum(fastest, speed)
-        if (speed > STANDS).any():
-            stands_s = now_s
-    return stands_s - last_s - float(np.max(fastest / limits.acceleration))
 
 
 # --- targets that no arm can follow -------------------------------------------------------------

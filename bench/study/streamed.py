@@ -130,15 +130,17 @@ def stream_of(robot: Robot, first: Target) -> TargetStream:
 def ticks(
     stream: TargetStream, coming: list[Arrival], seconds: float, period_s: float
 ) -> Iterator[tuple[float, Reference]]:
-    """Time [s] and reference of each tick, while targets come."""
-    k, begun_s = 0, coming[0].at_s
+    """Time [s] and reference of each tick, while targets come, of an arm that is always there."""
+    k, begun_s, first = 0, coming[0].at_s, coming[0].target.q
+    reference = Reference(first, np.zeros_like(first))
     for tick in range(1, round(seconds / period_s)):
         now_s = begun_s + tick * period_s
         while k < len(coming) and coming[k].at_s <= now_s:
             stream.put(coming[k].target)
             k += 1
         stream.tick(period_s)
-        yield now_s, stream.reference(period_s)
+        reference = stream.reference(reference.q, reference.velocity, period_s)
+        yield now_s, reference
 
 
 def track(robot: Robot, coming: list[Arrival], seconds: float) -> Track:

@@ -184,7 +184,9 @@ class Motion:
                 return self.giving_way.velocity(q)
             case Mode.TRACKING:
                 stream = self.stream
-                wanted = stream.reference(dt) if stream else self.follower.step(dt)
+                wanted = (
+                    stream.reference(q, self.velocity, dt) if stream else self.follower.step(dt)
+                )
                 if self.follower.place.path.motors_only:
                     self.reference = q
                     return wanted.velocity

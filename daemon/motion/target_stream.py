@@ -28,8 +28,10 @@ STREAM_SHARE: Final = 0.8
 NEAR_RAD: Final = 0.05
 # The same, within which a stream that was silent for a moment is followed on at once [rad].
 RESUMED_RAD: Final = 0.15
-# Silence after which the arm brakes [s]; at 20 Hz more than two targets lost in a row.
-STALLED_S: Final = 0.14
+# Silence after which the arm brakes [s], and after which the stream has stalled: at 20 Hz more
+# than two targets lost in a row.
+BRAKED_S: Final = 0.14
+STALLED_S: Final = 0.175
 # Silence after which the stream has ended [s].
 ENDED_S: Final = 0.5
 
@@ -46,8 +48,11 @@ class Phase(StrEnum):
 
     JOINING = "joining"  # goes slowly to the target
     FOLLOWING = "following"
-    STALLED = "stalled"  # brakes and stands: no target came for STALLED_S
+    STALLED = "stalled"  # has braked, and stands: no target came for STALLED_S
     WAITING = "waiting"  # stands until the stream is near, or is asked for anew
+
+
+STANDING: Final = frozenset({Phase.STALLED, Phase.WAITING})
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +101,7 @@ class TargetStream:
     halts_at_contact: bool = False
     playout: Playout = field(init=False)
     _tracker: Tracker | None = None
+    _braked: bool = False
     _now_s: float = 0.0
     _heard_s: float = 0.0
     _period_s: float = 0.0
@@ -161,8 +167,9 @@ class TargetStream:
         waits = again and self.settings.after_contact is AfterContact.HOLD
         self.phase = Phase.WAITING if waits else Phase.JOINING
 
-    def reference(self, dt: float) -> Reference:
-        """Reference dt [s] later. Raises RuntimeError before `go_on`."""
+    def reference(self, q: Vector, velocity: Vector, dt: float) -> Reference:
+        """Reference dt [s] later, of an arm at q (n,) [rad] with setpoints `velocity` (n,) [rad/s].
+        Raises RuntimeError before `go_on`."""
         tracker = self._tracker
         if tracker is None:
             raise RuntimeError("the stream has no pose to begin from")
@@ -174,14 +181,14 @@ class TargetStream:
             apart=apart,
             reach=self.settings.reach,
         )
+        braked, self._braked = self._braked, self.silent_s > BRAKED_S or self.phase in STANDING
+        if self._braked:
+            if not braked:
+                tracker.velocity = velocity
+            return tracker.brake(q, self.limits.acceleration, dt)
         most = self.limits.velocity
-        match self.phase:
-            case Phase.STALLED | Phase.WAITING:
-                return tracker.brake(self.limits.acceleration, dt)
-            case Phase.JOINING:
-                most = np.minimum(most, self.settings.join_velocity)
-            case Phase.FOLLOWING:
-                pass
+        if self.phase is Phase.JOINING:
+            most = np.minimum(most, self.settings.join_velocity)
         return tracker.step(target, speed, most, dt)
 
     # --- as a JointPath -------------------------------------------------------------------------

@@ -52,12 +52,16 @@ class Tracker:
         push = np.minimum(np.maximum(push, -fullest), fullest)
         return self._go_on(self.velocity + push * dt, dt)
 
-    def brake(self, fullest: Vector, dt: float) -> Reference:
+    def brake(self, q: Vector, fullest: Vector, dt: float) -> Reference:
         """Advance by dt [s] towards standstill, with the acceleration `fullest` (n,) [rad/s2] at
-        once."""
+        once. A joint is where it was measured, q (n,) [rad], until it stands: a position loop would
+        lead it on to where it should have been."""
+        self.q = np.where(self.velocity != 0.0, q, self.q)
         most = fullest * dt
         slower = self.velocity - np.minimum(np.maximum(self.velocity, -most), most)
-        return self._go_on(slower, dt)
+        self.acceleration = (slower - self.velocity) / dt
+        self.velocity = slower
+        return Reference(self.q, slower)
 
     def _go_on(self, velocity: Vector, dt: float) -> Reference:
         self.acceleration = (velocity - self.velocity) / dt

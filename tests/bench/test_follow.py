@@ -10,7 +10,8 @@ from click.testing import CliRunner
 from bench import follow
 from bench.rigs.lockstep import DESK_ARM
 from bench.study.stream_contacts import work
-from bench.study.stream_quality import DEATHS, beyond_limits, death, dying, false_stops, quality
+from bench.study.stream_deaths import DEATHS, death, dying
+from bench.study.stream_quality import beyond_limits, false_stops, quality
 from bench.study.streamed import MOTIONS, arrivals, track
 from daemon.config.load import load_robot
 from daemon.config.vectors import limits_of
@@ -42,8 +43,8 @@ def follow_later(found):  # type: ignore[no-untyped-def]
 
 @pytest.mark.parametrize("way", DEATHS)
 def test_each_death_is_one(way: str) -> None:
-    robot = load_robot(DESK_ARM)
-    assert 0.0 < death(robot, way, 50.0, 3) <= 0.15
+    robot = load_robot(follow.ROMEO)
+    assert 0.0 < death(robot, way, 50.0, 3).stands_s <= 0.15
     limits = limits_of(robot.configuration)
     coming = arrivals(MOTIONS["hand"](limits, 8.0, 3), 50.0, 8.0, 3)
     spoiled = dying(way, coming, 4.0)
@@ -75,7 +76,7 @@ def some() -> list[follow.Job]:
     return [
         follow.Job("quality", DESK_ARM, 1, 8.0, 100.0, "sines"),
         follow.Job("stops", DESK_ARM, 1, 20.0, 50.0),
-        follow.Job("death", DESK_ARM, 1, 0.0, 50.0, "silence"),
+        follow.Job("death", follow.ROMEO, 1, 0.0, 50.0, "silence"),
         follow.Job("wild", DESK_ARM, 1, 0.0),
         follow.Job("touches", follow.ROMEO, 1, 12.0, 50.0, "trajectory"),
         follow.Job("touches", follow.ROMEO, 1, 12.0, 50.0, "stream"),

@@ -7,8 +7,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from daemon.modes.table import Mode
+from daemon.motion.path import Place
 from daemon.motion.playout import Target
 from daemon.motion.target_stream import (
+    BRAKED_S,
     ENDED_S,
     STALLED_S,
     AfterContact,
@@ -17,7 +20,7 @@ from daemon.motion.target_stream import (
     TargetStream,
     next_phase,
 )
-from tests.ideal_arm import LIMITS
+from tests.ideal_arm import LIMITS, ideal_arm
 
 DT = 0.01
 REACH = 0.5
@@ -32,24 +35,26 @@ def stream(after: AfterContact = AfterContact.HOLD, *first: float) -> TargetStre
 
 
 class Sender:
-    """Sender of one target a tick."""
+    """Sender of one target a tick to an arm that is where its reference is."""
 
     def __init__(self, to: TargetStream) -> None:
         self.to, self.number = to, 0
+        self.q, self.velocity = np.zeros(2), np.zeros(2)
 
     def send(self, *q: float, ticks: int = 1) -> np.ndarray:
         """Send the same pose for some ticks; returns the last reference."""
         for _ in range(ticks):
             self.number += 1
             self.to.put(Target(self.number, self.number * DT, np.array(q)))
-            last = self.silence()
-        return last
+            self.silence()
+        return self.q
 
     def silence(self, ticks: int = 1) -> np.ndarray:
         for _ in range(ticks):
             self.to.tick(DT)
-            last = self.to.reference(DT).q
-        return last
+            last = self.to.reference(self.q, self.velocity, DT)
+            self.q, self.velocity = last.q, last.velocity
+        return self.q
 
 
 NEAR, OFF, FAR = 0.01, 0.3, 0.6  # from the target [rad]
@@ -111,6 +116,42 @@ def test_silence_brakes_it_and_a_target_takes_it_on() -> None:
     assert made.ended
 
 
+def test_two_lost_targets_at_20_hz_brake_it_for_a_moment_and_are_no_stall() -> None:
+    made = stream()
+    sender = Sender(made)
+    for k in range(100):
+        sender.send(0.3 * math.sin(0.03 * k), 0.0)
+    sender.silence(math.ceil(BRAKED_S / DT))
+    moved = abs(sender.velocity[0])
+    sender.silence()
+    assert made.phase is Phase.FOLLOWING
+    assert abs(sender.velocity[0]) == pytest.approx(moved - LIMITS.acceleration[0] * DT)
+    sender.number += 15
+    sender.send(0.3 * math.sin(0.03 * 116), 0.0, ticks=30)
+    assert made.phase is Phase.FOLLOWING
+
+
+def test_an_arm_that_lags_behind_stands_in_time_and_is_not_led_on() -> None:
+    """A position loop leads an arm that is behind its reference on to it, long after the last
+    target."""
+    made, motion = stream(), ideal_arm().controller.motion
+    motion.follower.place = Place(made)
+    motion.follow(np.zeros(2))
+    q, moves, push = np.zeros(2), np.zeros(2), np.zeros(2)
+    after = []  # setpoints after the last target
+    for k in range(240):
+        if k < 200:
+            made.put(Target(k + 1, (k + 1) * DT, np.array([0.3 * math.sin(0.03 * k), 0.0])))
+        made.tick(DT)
+        motion.step(Mode.TRACKING, q, None, push, DT)
+        moves = moves + 0.2 * (motion.velocity - moves)  # a lag of 0.05 s
+        q = q + moves * DT
+        after += [float(motion.velocity[0])] if k >= 200 else []
+    braked = math.ceil(BRAKED_S / DT)
+    stands = braked + math.ceil(abs(after[braked - 1]) / LIMITS.acceleration[0] / DT)
+    assert min(np.abs(after[braked : stands + 2])) < 0.005
+
+
 def test_after_a_contact_it_waits_for_the_stream_or_goes_there() -> None:
     for after, phase in ((AfterContact.HOLD, W), (AfterContact.REJOIN, J)):
         made = stream(after)
@@ -169,13 +210,13 @@ def test_targets_beyond_the_joint_limits_are_moved_to_them() -> None:
 def test_no_stream_makes_the_reference_jump(
     arrivals: list[tuple[int, float, float, int]],
 ) -> None:
-    made, before = stream(), np.zeros(2)
+    made, before, velocity = stream(), np.zeros(2), np.zeros(2)
     number, sent_s = 0, 0.0
     for count, elapsed_s, q, ticks in arrivals:
         number, sent_s = number + count, sent_s + elapsed_s
         made.put(Target(number, sent_s, np.array([q, -q])))
         for _ in range(ticks):
             made.tick(DT)
-            reference = made.reference(DT)
+            reference = made.reference(before, velocity, DT)
             assert (np.abs(reference.q - before) <= 1.3 * LIMITS.velocity * DT).all()
-            before = reference.q
+            before, velocity = reference.q, reference.velocity

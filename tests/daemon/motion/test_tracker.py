@@ -54,5 +54,8 @@ def test_it_brakes_with_all_it_has() -> None:
     moving = np.abs(tracked.velocity)
     assert moving == pytest.approx(MOST, rel=0.2)
     for _ in range(int(np.ceil((moving / FULLEST).max() / DT))):
-        tracked.brake(FULLEST, DT)
+        tracked.brake(tracked.q - 0.01, FULLEST, DT)
     assert not tracked.velocity.any()
+    stands = tracked.q
+    assert tracked.brake(stands - 0.01, FULLEST, DT).q is not stands
+    np.testing.assert_array_equal(tracked.q, stands)
