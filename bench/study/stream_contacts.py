@@ -51,9 +51,8 @@ def work(
     on.request(Event.ENABLE)
     on.run(0.5)
     coming = arrivals(motion, rate_hz, seconds, seed)
-    stream = None
-    if streamed:
-        stream = TargetStream("the bench", stream_settings_of(c), limits, coming[0].target)
+    first = coming[0].target
+    stream = TargetStream("the bench", stream_settings_of(c), limits, first) if streamed else None
     on.request(Event.START, stream or _path(robot, limits, motion, seconds))
     return _at_work(on, stream, coming, seed, seconds, touched=touched)
 
