@@ -15,10 +15,10 @@ from common.arrays import Vector
 from daemon.motion.path import Reference
 
 # Gain on a short distance to the target [1/s].
-GAIN: Final = 10.0
+GAIN: Final = 15.0
 # Time constant of the velocity [s], and time to full acceleration [s].
-LAG_S: Final = 0.025
-JERK_S: Final = 0.06
+LAG_S: Final = 0.02
+JERK_S: Final = 0.04
 # Share of the acceleration with which the approach to a target is planned.
 BRAKING_SHARE: Final = 0.5
 
