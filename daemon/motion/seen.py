@@ -1,4 +1,4 @@
-"""Range of motion covered by the thresholds, compared with a path that is about to run.
+"""Range of motion covered by the thresholds, compared with a path, or with a stream so far.
 
 A level was learned at certain speeds and in certain poses. Beyond them the residual may be larger,
 and exceed its level without a touch. Pure.
@@ -6,6 +6,8 @@ and exceed its level without a touch. Pure.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from common.arrays import Vector
 from daemon.motion.path import Place
@@ -25,20 +27,26 @@ class SeenMotion:
     def beyond(self, joints: Sequence[str], q: Vector, place: Place) -> list[str]:
         """Warnings for each joint that the rest of the path, anchored at q (n,) [rad], moves faster
         or further than its levels cover."""
-        fastest = place.path.fastest(place.s)
         low, high = place.path.extent(place.s)
         origin = q - place.path.offset(place.s)
+        lowest, highest = np.minimum(q, origin + low), np.maximum(q, origin + high)
+        return self.warnings(joints, place.path.fastest(place.s), lowest, highest)
+
+    def warnings(
+        self, joints: Sequence[str], fastest: Vector, lowest: Vector, highest: Vector
+    ) -> list[str]:
+        """The same, of the largest speed (n,) [rad/s] and the range (n,) [rad]."""
         warnings = []
         for i, name in enumerate(joints):
             if fastest[i] > _FASTER * self.speed[i]:
                 warnings.append(
-                    f"{name} will reach {fastest[i]:.2g} rad/s; its thresholds cover "
+                    f"{name} moves at up to {fastest[i]:.2g} rad/s; its thresholds cover "
                     f"{self.speed[i]:.2g}"
                 )
-            a, b = min(q[i], origin[i] + low[i]), max(q[i], origin[i] + high[i])
+            a, b = lowest[i], highest[i]
             if fastest[i] > 0.0 and (a < self.lower[i] - _FURTHER or b > self.upper[i] + _FURTHER):
                 warnings.append(
-                    f"{name} will move within [{a:.2f}, {b:.2f}] rad; its thresholds cover "
+                    f"{name} moves within [{a:.2f}, {b:.2f}] rad; its thresholds cover "
                     f"[{self.lower[i]:.2f}, {self.upper[i]:.2f}]"
                 )
         return warnings

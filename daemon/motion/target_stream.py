@@ -137,6 +137,13 @@ class TargetStream:
         self.bounded += int((q != target.q).any())
         return Target(target.number, target.sent_s, q, velocity)
 
+    @property
+    def moves(self) -> Reference:
+        """Latest reference. Raises RuntimeError before `go_on`."""
+        if self._tracker is None:
+            raise RuntimeError("the stream has no pose to begin from")
+        return Reference(self._tracker.q, self._tracker.velocity)
+
     # --- one tick -------------------------------------------------------------------------------
 
     @property

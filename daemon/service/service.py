@@ -306,7 +306,9 @@ class Service:
             cause = f"the arm does not follow this connection: {controller.machine.cause}"
             return self._reply(request, [cause])
         stream.put(self.streams.target(request))
-        return replace(self._reply(request), stream=controller.stream_state())
+        self.streams.compare(self.process.seen)
+        warnings = list(self.streams.warnings)
+        return replace(self._reply(request), stream=controller.stream_state(), warnings=warnings)
 
     def _arm(self, request: requests.Arm, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

@@ -1,7 +1,8 @@
 """Streams of targets: the connection that sends one, and its targets as the arm takes them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from logging import getLogger
 
 import numpy as np
 
@@ -9,9 +10,12 @@ from common.arrays import Vector
 from common.errors import TrajectoryError
 from daemon.motion.limits import Limits
 from daemon.motion.playout import Target
+from daemon.motion.seen import SeenMotion
 from daemon.motion.target_stream import StreamSettings, TargetStream
 from daemon.protocol import requests
 from daemon.tick.refusals import way_to
+
+_log = getLogger("contactd")
 
 
 @dataclass(slots=True)
@@ -21,8 +25,13 @@ class Streams:
     joints: Sequence[str]
     limits: Limits
     settings: StreamSettings
+    warnings: list[str] = field(default_factory=list)
+    """of the stream, which moved faster or further than the thresholds cover"""
     _owner: int = 0
     _stream: TargetStream | None = None
+    _fastest: Vector = field(init=False)
+    _lowest: Vector = field(init=False)
+    _highest: Vector = field(init=False)
 
     def of(self, connection: int, present: TargetStream | None) -> TargetStream | None:
         """Stream that the arm follows at `present`, if this connection sends it."""
@@ -51,7 +60,23 @@ class Streams:
 
     def own(self, stream: TargetStream, connection: int) -> None:
         """Record the connection that sends a stream, once the arm follows it."""
-        self._stream, self._owner = stream, connection
+        self._stream, self._owner, self.warnings = stream, connection, []
+        self._lowest = self._highest = stream.moves.q
+        self._fastest = np.zeros_like(self._lowest)
+
+    def compare(self, seen: SeenMotion) -> None:
+        """Warn where the stream moves faster or further than its thresholds cover: a path is
+        compared before it runs, of a stream only what it did is known."""
+        assert self._stream is not None
+        moves = self._stream.moves
+        self._fastest = np.maximum(self._fastest, np.abs(moves.velocity))
+        self._lowest = np.minimum(self._lowest, moves.q)
+        self._highest = np.maximum(self._highest, moves.q)
+        found = seen.warnings(self.joints, self._fastest, self._lowest, self._highest)
+        if len(found) > len(self.warnings):
+            self.warnings = found
+            for text in found:
+                _log.warning("the stream of %s: %s", self._stream.sender, text)
 
     def target(self, request: requests.Follow | requests.Target) -> Target:
         """Target of a request. Raises TrajectoryError for one of other joints."""

@@ -83,13 +83,18 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
 
 
 def _send(source: Iterator[Sent], stream: "Stream") -> None:
-    """Send what a source gives, print each change of phase, and rejoin at Enter."""
-    shown = ""
+    """Send what a source gives, print each change of phase and new warnings, and rejoin at
+    Enter."""
+    shown, warned = "", 0
     for sent in source:
         stream.to(sent.q, sent.velocity, sent.time_s)
         if stream.state is not None and (words := _phase(stream.state)) != shown:
             shown = words
             say(words)
+        warnings = stream.reply.get("warnings", []) if stream.reply else []
+        if len(warnings) > warned:
+            warned = len(warnings)
+            say("\n".join(f"  warning: {text}" for text in warnings), err=True)
         if _entered():
             try:
                 stream.rejoin(sent.q, sent.time_s)

@@ -21,5 +21,5 @@ def test_the_way_begins_where_the_arm_stands(start: float, goal: float, said: st
     seen = SeenMotion(np.array([1.0]), np.array([-0.12]), np.array([0.12]))
     q = np.array([start])
     path = PosePath("pose", q, np.array([goal]), np.array([0.2]))
-    expected = f"elbow will move within {said} rad; its thresholds cover [-0.12, 0.12]"
+    expected = f"elbow moves within {said} rad; its thresholds cover [-0.12, 0.12]"
     assert seen.beyond(["elbow"], q, Place(path)) == ([expected] if said else [])

@@ -19,6 +19,7 @@ from contactd_client.packets import encode
 from contactd_client.stream import Stream
 from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.modes.table import Mode
+from daemon.motion.seen import SeenMotion
 
 
 @pytest.fixture
@@ -61,6 +62,26 @@ class Leader:
 def leader(served: ServedDaemon) -> Iterator[Leader]:
     with closing(Leader(served)) as leader:
         yield leader
+
+
+def test_a_stream_beyond_what_the_thresholds_have_seen_is_answered_with_warnings(
+    served: ServedDaemon, leader: Leader, caplog: pytest.LogCaptureFixture
+) -> None:
+    begun = here(served)
+    at = np.array([begun])
+    served.service.process.seen = SeenMotion(np.array([0.2]), at - 0.15, at + 0.15)
+    for k in range(60):
+        leader.to(begun + 0.15 * math.sin(0.01 * k))
+    assert leader.stream.reply is not None
+    assert leader.stream.reply.get("warnings", []) == []
+    for k in range(100):
+        leader.to(begun + 0.15 * math.sin(0.6) + 0.0025 * k)
+    warnings = leader.stream.reply.get("warnings", [])
+    fast, far = warnings
+    assert fast.startswith("joint moves at up to 0.2")
+    assert far.startswith("joint moves within [")
+    logged = [r.getMessage() for r in caplog.records if "thresholds cover" in r.getMessage()]
+    assert len(logged) == 3
 
 
 def test_the_arm_follows_the_client_and_halts_when_it_is_done(

@@ -108,8 +108,8 @@ def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
 
     for motion, words in (
         (seen(0.45, 0.25), []),
-        (seen(0.3, 0.25), ["joint will reach 0.47 rad/s; its thresholds cover 0.3"]),
-        (seen(0.45, 0.1), ["joint will move within ["]),
+        (seen(0.3, 0.25), ["joint moves at up to 0.47 rad/s; its thresholds cover 0.3"]),
+        (seen(0.45, 0.1), ["joint moves within ["]),
     ):
         process.seen = motion
         result = served.contactctl("start", str(csv(tmp_path, swing(served))))

@@ -82,6 +82,10 @@ class FakeStream:
         phase = "joining" if len(self.sent) < 3 else "following"
         return {"phase": phase, "contact": "contact of 1 Nm at b" if len(self.sent) > 4 else ""}
 
+    @property
+    def reply(self) -> dict[str, Any]:
+        return {"warnings": ["b moves at up to 2 rad/s"]} if len(self.sent) > 3 else {}
+
 
 def test_each_phase_is_shown_once_and_enter_rejoins(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -98,7 +102,7 @@ def test_each_phase_is_shown_once_and_enter_rejoins(
         "following",
     ]
     assert shown.out.endswith("; b is touched\n")
-    assert shown.err == "out of reach\n"
+    assert shown.err == "out of reach\n  warning: b moves at up to 2 rad/s\n"
 
 
 @pytest.mark.parametrize("words", [[], ["way.csv", "--leader", "x.sock"]])
