@@ -69,6 +69,7 @@ from bench.rigs.measurement_faults import (
     all_frozen,
     encoder_frozen,
     encoder_jump,
+    encoders_dark,
     gear_slips,
     hit_hard,
     infinite_reference,
@@ -108,6 +109,8 @@ class Case:
     """What is found of it sooner, and latched."""
     provable: bool = True
     """Whether anything can say that the drive stands; else only silence is left."""
+    by_motor: bool = False
+    """Whether a stand is proved only where the drive reports the position of its motor."""
     obeys: bool = False
     """Whether the drive says that it obeys and nothing says where it is: then it is neither proved
     to stand nor silenced, as silence would ask no more of it."""
@@ -212,8 +215,9 @@ CASES = (
     Case("NaN in the estimate", _C.NOT_FINITE, not_a_number, 1),
     Case("infinite reference", _C.NOT_FINITE, infinite_reference, 2),
     Case("encoder jump of 0.2 rad", _C.JUMP, encoder_jump, 1),
-    Case("encoder frozen", _C.FROZEN, encoder_frozen, 60),
+    Case("encoder frozen", _C.FROZEN, encoder_frozen, 60, by_motor=True, obeys=True),
     Case("everything measured frozen", _C.FROZEN, all_frozen, 12, provable=False, obeys=True),
+    Case("every encoder dark", _C.NOT_FOLLOWING, encoders_dark, 45, provable=False, obeys=True),
     Case("PDOs repeat themselves", _C.FROZEN, samples_repeat, 12, frames=True),
     Case("gear slips at 0.8 rad/s", _C.APART, gear_slips, 9),
     Case("current stuck", _C.TORQUE_STUCK, torque_stuck, 150, armed=False),

@@ -90,6 +90,29 @@ def all_frozen(on: BreakableArm) -> Iterator[None]:
         yield from for_ever()
 
 
+def encoders_dark(on: BreakableArm, share: float = 0.3) -> Iterator[None]:
+    """Supply of one drive's encoders gone: positions stay, and of the velocity, which the drive
+    filters, a share is left a tick later."""
+    joint = on.joint
+    held: list[Readings] = []
+    left = 1.0
+
+    def dark(r: Readings) -> Readings:
+        nonlocal left
+        held[:] = held or [r]
+        left *= share
+        velocity = round(left * held[0].motor_velocity[joint])
+        return replace(
+            r,
+            link_position=_at(r.link_position, joint, held[0].link_position[joint]),
+            motor_position=_at(r.motor_position, joint, held[0].motor_position[joint]),
+            motor_velocity=_at(r.motor_velocity, joint, velocity),
+        )
+
+    with on.sensing(dark):
+        yield from for_ever()
+
+
 def gear_slips(on: BreakableArm) -> Iterator[None]:
     """It slips while its motor turns."""
     slipped, joint, per_rad = 0.0, on.joint, 1.0 / on.drive.profile.link_position.scale

@@ -4,8 +4,9 @@ One sensor may repeat a value, be wrong, or be zero for ever. So a standstill ne
 a velocity that was seen to move and then to come down, or positions that were seen to change while
 the motor moved and then to rest. A sample that repeats to the last bit although the motor moves, or
 was commanded to, was not measured. Nor is a velocity that comes down more suddenly than a ramp and
-friction stop a motor, unless a sensor of motion changes afterwards: what one failure takes away at
-once is one witness. Time is an argument.
+friction stop a motor, or that fades while the motor's position rests, unless a sensor of motion
+changes afterwards: what one failure takes away at once is one witness, even where the drive's
+filter lets it fade. Time is an argument.
 """
 
 import math
@@ -26,23 +27,49 @@ PAUSE_S: Final = 0.03
 LAG_S: Final = 0.05
 #: So many equal readings in a row while the motor moves were not measured.
 FROZEN_READINGS: Final = 10
+#: So many changed positions in a row are a motion, not counts of a coarse encoder.
+MOVING_READINGS: Final = 3
 #: Times are products of ticks [s].
 ROUNDING_S: Final = 1e-6
 
 
 class Position:
-    """Position sensor of one drive: where it has rested, and when it changed."""
+    """Position sensor of one drive: where it has rested, when it changed, and whether it ended in
+    the middle of a motion."""
 
-    __slots__ = ("before_s", "changed_s", "here", "here_s", "value")
+    __slots__ = (
+        "_changes",
+        "_sampled_s",
+        "_speed",
+        "_sudden",
+        "before_s",
+        "changed_s",
+        "died",
+        "here",
+        "here_s",
+        "value",
+    )
 
-    def __init__(self) -> None:
+    def __init__(self, sudden: float = math.inf) -> None:
+        """sudden: as of Witness."""
+        self._sudden = sudden
         self.value = self.here = math.nan
-        self.before_s = self.here_s = self.changed_s = math.nan
+        self.before_s = self.here_s = self.changed_s = self._sampled_s = math.nan
+        self._changes, self._speed = 0, 0.0  # in a row, and the speed of the latest [rad/s]
+        self.died = False  # from a motion to rest within a sample, and it has rested since
 
     def take(self, now: float, value: float) -> bool:
         """Take a sample [rad]; NaN means none came. True if the value changed."""
-        if math.isnan(value) or value == self.value:
+        if math.isnan(value):
             return False
+        elapsed_s, self._sampled_s = now - self._sampled_s, now
+        if value == self.value:
+            if self._changes >= MOVING_READINGS and self._speed > self._sudden * elapsed_s > 0.0:
+                self.died = True
+            self._changes = self._changes if elapsed_s <= 0.0 else 0
+            return False
+        self._speed = abs(value - self.value) / elapsed_s if elapsed_s > 0.0 else 0.0
+        self._changes, self.died = self._changes + 1, False
         self.changed_s, self.value = now, value
         if not abs(value - self.here) <= STILL_RAD:
             self.here, self.here_s, self.before_s = value, now, self.here_s
@@ -74,6 +101,7 @@ class Witness:
         "_moved_s",
         "_same",
         "_sudden",
+        "_unseen_rad",
         "_velocity",
         "_velocity_s",
         "link",
@@ -83,9 +111,10 @@ class Witness:
     def __init__(self, sudden: float = math.inf) -> None:
         """sudden: deceleration that neither ramp nor friction explain [rad/s2 at the link]."""
         self._sudden = sudden
-        self.link, self.motor = Position(), Position()
+        self.link, self.motor = Position(sudden), Position(sudden)
         self._velocity = self._velocity_s = self._current = math.nan
-        self._died = False  # its velocity came down suddenly, and nothing has changed since
+        self._died = False  # its velocity came down as by a failure, and nothing has changed since
+        self._unseen_rad = 0.0  # way by its velocity since a position last changed
         self._changed_s = -math.inf  # when any of it was last another than before
         self._same = 0  # readings since, of a motor that was to move or reported motion
         self._moved_s = -math.inf  # when its velocity last was a motion
@@ -109,13 +138,12 @@ class Witness:
         link; NaN is none."""
         changed = self.link.take(now, link)
         changed = self.motor.take(now, motor) or changed
-        if velocity != self._velocity and not math.isnan(velocity):
-            self._died = not self.repeats and self._comes_down_suddenly(now, velocity)
-            self._velocity, changed = velocity, True
+        if not math.isnan(velocity):
+            self._died = self._dies(now, velocity, changed)
+            changed = changed or velocity != self._velocity
+            self._velocity, self._velocity_s = velocity, now
         elif changed:
             self._died = False
-        if not math.isnan(velocity):
-            self._velocity_s = now
         if current != self._current and not math.isnan(current):
             self._current, changed = current, True
         if abs(velocity) >= MOVES:
@@ -134,7 +162,7 @@ class Witness:
     def stands(self, now: float, velocity: float) -> bool:
         """True if all sensors agree that the motor stands, at this velocity [rad/s]."""
         speed = abs(velocity)
-        if self._died:
+        if self._died or (known := self._positions) and all(each.died for each in known):
             return False
         if speed < STANDS and self._came_down:
             return self._rest(now, PAUSE_S)
@@ -146,11 +174,17 @@ class Witness:
         motor = self.motor
         return motor.before_s >= since and not (motor.creeps or motor.rests(now, PAUSE_S))
 
-    def _comes_down_suddenly(self, now: float, velocity: float) -> bool:
-        """True if the velocity becomes a standstill with a deceleration that nothing explains."""
-        lost = abs(self._velocity) - abs(velocity)
-        suddenly = lost > self._sudden * (now - self._velocity_s)
-        return abs(self._velocity) >= MOVES and abs(velocity) < STANDS and suddenly
+    def _dies(self, now: float, velocity: float, moved: bool) -> bool:
+        """True if the velocity comes, or came, down as by a failure; moved: a position changed."""
+        speed, before, elapsed_s = abs(velocity), abs(self._velocity), now - self._velocity_s
+        self._unseen_rad = 0.0 if moved else self._unseen_rad + before * elapsed_s
+        if velocity == self._velocity:
+            return self._died and not moved
+        if before >= MOVES and before - speed > self._sudden * elapsed_s:
+            return not self.repeats
+        fades = speed < before and velocity * self._velocity >= 0.0
+        unseen = self.motor.known and self._unseen_rad > STILL_RAD
+        return fades and not moved and (self._died or unseen)
 
     @property
     def _came_down(self) -> bool:
@@ -161,8 +195,11 @@ class Witness:
     def _follow(self) -> bool:
         """True if one of its positions has changed for as long as it moved, or was to."""
         to_move_s = max(self._moved_s, self._commanded_s) - LAG_S
-        both = (self.link, self.motor)
-        return any(each.known and each.changed_s >= to_move_s for each in both)
+        return any(each.changed_s >= to_move_s for each in self._positions)
+
+    @property
+    def _positions(self) -> list[Position]:
+        return [each for each in (self.link, self.motor) if each.known]
 
     def _rest(self, now: float, seconds: float) -> bool:
         return self.link.rests(now, seconds) and self.motor.rests(now, seconds)

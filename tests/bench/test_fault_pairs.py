@@ -9,6 +9,8 @@ WORST = (
     ("encoder frozen", "quick stop said, and not kept"),
     ("everything measured frozen", "quick stop said, and not kept"),
     ("statusword false once: stops", "drive runs away"),
+    ("every encoder dark", "quick stop said, and not kept"),
+    ("quick stop said, and hunts", "every encoder dark"),
 )
 
 

@@ -177,14 +177,15 @@ def stopped(on: BreakableArm, fault: Iterator[None], case: Case) -> None:
         next(fault, None)
         on.tick()
     assert on.stops
+    provable = case.provable and (on.drive.profile.motor_position or not case.by_motor)
     for _ in range(PROVED_TICKS):
         next(fault, None)
         on.tick()
         proved = not on.rig.last.unproved
-        if on.speed < STANDS and (proved or (on.rig.tick.drives.silenced and not case.provable)):
+        if on.speed < STANDS and (proved or (on.rig.tick.drives.silenced and not provable)):
             break
     assert on.speed < STANDS
-    assert proved is case.provable
+    assert proved is bool(provable)
     assert proved or on.rig.tick.drives.silenced is not case.obeys
 
 
