@@ -69,7 +69,7 @@ class TrendLine:
             return
         if record.estimate is not None and record.mode in SENSING:
             self._send(record, estimator)
-        if self._ticks % LISTENS_EVERY == 0:
+        if self._ticks % LISTENS_EVERY == 0 and self._process is not None:  # sending may end it
             self._listen(self._process)
 
     def _send(self, record: TickRecord, estimator: Estimator) -> None:

@@ -19,7 +19,7 @@ from typing import Final
 
 from drivers.canopen.cia402 import UNPOWERED, DriveState
 from drivers.canopen.stop_distance import Distance
-from drivers.canopen.witness import STANDS, Witness
+from drivers.canopen.witness import MOVES, STANDS, Witness
 
 #: Readings, less so many for each other one, so that noise proves nothing.
 STILL_READINGS: Final = 2
@@ -49,6 +49,8 @@ VOID_READINGS: Final = 20
 #: At most so many count, and one that is not contrary takes a share away: slips are short.
 MOST_READINGS: Final = 25.0
 CALM_SHARE: Final = 0.25
+#: The proof of a drive under power is void after so long without a reading [s].
+PROOF_S: Final = 0.3
 #: A link is no longer where it stood from so far beyond its gap on [rad], identified to so much.
 LEFT_RAD: Final = 0.02
 LEEWAY: Final = 1.5
@@ -107,6 +109,10 @@ class StopWatch:
     """It was seen to stand, and nothing against it since."""
     cut: bool
     """Its quick stop does not stop it within its travel: it is to be without power."""
+    moves: bool
+    """Its last reading is a motion under power, whatever was proved."""
+    _read_s: float  # when it was last read
+    _powered: bool  # then
     _wrong: float  # ticks without obedience, less those with
     _now_s: float
     _resisting: bool  # it brakes as it can, and does not slow down
@@ -147,8 +153,9 @@ class StopWatch:
     def begin(self, now: float, stage: Stage, speed: float) -> None:
         """Begin a stop in this stage, from the last known `speed` [rad/s], at the positions of its
         last samples. Earlier proof is void."""
-        self.stage, self.proved, self.cut = stage, False, False
+        self.stage, self.proved, self.cut, self.moves = stage, False, False, False
         self._wrong, self._now_s = 0.0, now
+        self._read_s, self._powered = now, True
         self._distance.begin(self.witness.link.value, self.witness.motor.value, speed)
         self._resisting = False
         self._left_s, self._obeyed_s, self._least = math.nan, -math.inf, math.inf
@@ -160,15 +167,18 @@ class StopWatch:
 
     def allow(self) -> None:
         """It may run."""
-        self.stage, self.proved, self.cut = Stage.NONE, False, False
+        self.stage, self.proved, self.cut, self.moves = Stage.NONE, False, False, False
 
     def step(self, now: float, seen: Seen | None) -> Stage | None:
         """Judge what was seen since the last tick (None: nothing fresh), after `begin`. Returns the
         stage that begins, None while none does."""
         dt, self._now_s = now - self._now_s, now
         if seen is not None:
+            self._read_s = now
             seen = self._measured(now, seen)
             self._judge(now, seen)
+        elif self.proved and self._powered and now - self._read_s > PROOF_S:
+            self.begin(now, max(self.stage, Stage.SDO), self.speed)
         if self.proved or self.stage is Stage.SILENCE:
             return None
         if seen is not None and seen.state in OBEYING:
@@ -206,6 +216,8 @@ class StopWatch:
 
     def _judge(self, now: float, seen: Seen) -> None:
         """Keep whether it is proved to stand."""
+        self._powered = seen.state not in UNPOWERED
+        self.moves = abs(seen.velocity) >= MOVES and self._powered
         if seen.state not in OBEYING:
             if self.proved:
                 self.begin(now, Stage.SETPOINT, seen.velocity)
@@ -268,8 +280,8 @@ class StopWatch:
         if seen is not None:
             # Without power a drive that is pushed would go further.
             distance = self._distance
-            runs_on = self.runs_on and not distance.pushed
-            gone = max(distance.driven, distance.gone if runs_on else 0.0)
+            counts = self.runs_on and not distance.pushed
+            gone = max(distance.driven, distance.gone if counts else 0.0)
             self._beyond = _counted(self._beyond, against=gone > self._bounds.travel)
         return self._beyond >= self._bounds.ticks
 
@@ -278,9 +290,8 @@ class StopWatch:
         if self.stage is Stage.SETPOINT or not self._wrong:
             return False
         bounds, v = self._bounds, self.speed
-        left_s = bounds.patience_s
-        if self.stage is Stage.SDO:
-            left_s += bounds.ticks * bounds.period_s
+        stage_s = bounds.ticks * bounds.period_s if self.stage is Stage.SDO else 0.0
+        left_s = bounds.patience_s + stage_s
         gone = self._distance.gone + v * left_s + v * v / (2.0 * bounds.deceleration)
         return gone > bounds.travel * (1.0 - ROUNDING)
 

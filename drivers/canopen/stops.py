@@ -32,7 +32,7 @@ class Stops:
         patience_s = least_patience_s(drives)
         ticks = stage_ticks(patience_s, period_s)
         self.silent = False
-        """The last stage is reached: only SDO goes out, to drives that are not seen to stand."""
+        """The last stage is reached: only SDO goes out, to drives that are not heard to stand."""
         self._alone_s = math.inf  # when all have stopped by themselves after that
         self._drives = tuple(drives)
         self._nodes = tuple(drive.node for drive in drives)
@@ -57,16 +57,17 @@ class Stops:
         ]
         self._no_motors = [math.nan] * len(drives)
         self._repeat = [False] * len(drives)  # drives whose samples do, all of them
+        self._heard = [True] * len(drives)  # by samples of this tick that are measured
         self._asleep: set[int] = set()  # joints whose drives were NMT stopped in the last tick
         self.busy = False
         """Some drive is commanded to stop; while none is, `step` has nothing to do."""
 
     @property
     def unproved(self) -> list[int]:
-        """Joints commanded to stop and not confirmed at standstill."""
+        """Joints commanded to stop and not confirmed at standstill, or moving since."""
         if not self.busy:
             return []
-        return [i for i, watch in enumerate(self._watches) if watch.unproved]
+        return [i for i, watch in enumerate(self._watches) if watch.unproved or watch.moves]
 
     def may_be_off(self, joint: int) -> bool:
         """True where a drive stands, or its quick stop was seen not to stop it: a moving one gets a
@@ -213,6 +214,7 @@ class Stops:
     def _seen(self, joint: int, samples: Samples, state: DriveState) -> Seen | None:
         """Newest fresh reading of a drive; a sample holds more than a reading by SDO."""
         asked, motors = self._expedited[joint].take(), samples.motor_position
+        self._heard[joint] = bool(samples.fresh[joint]) and not self._repeat[joint]
         if not samples.fresh[joint]:
             return asked
         if self._repeat[joint]:
@@ -265,7 +267,10 @@ class Stops:
         watch = self._watches[joint]
         if watch.stage <= Stage.SETPOINT or joint in self._asleep:
             return None
+        unheard = not self._heard[joint]
         if watch.unproved:
             return PowerTarget.OFF if watch.cut else PowerTarget.QUICK_STOP
-        off = target is PowerTarget.OFF and not self.silent
-        return target if off and not self._expedited[joint].confirmed else None
+        if target is PowerTarget.OFF and not self.silent:
+            return target if unheard or not self._expedited[joint].confirmed else None
+        # Its proof is no newer than its readings.
+        return PowerTarget.QUICK_STOP if unheard else None

@@ -41,6 +41,7 @@ class Position:
         "_changes",
         "_sampled_s",
         "_speed",
+        "_speed_before",
         "_sudden",
         "before_s",
         "changed_s",
@@ -55,7 +56,8 @@ class Position:
         self._sudden = sudden
         self.value = self.here = math.nan
         self.before_s = self.here_s = self.changed_s = self._sampled_s = math.nan
-        self._changes, self._speed = 0, 0.0  # in a row, and the speed of the latest [rad/s]
+        self._changes = 0  # in a row
+        self._speed = self._speed_before = 0.0  # of the last two [rad/s]
         self.died = False  # from a motion to rest within a sample, and it has rested since
 
     def take(self, now: float, value: float) -> bool:
@@ -64,10 +66,12 @@ class Position:
             return False
         elapsed_s, self._sampled_s = now - self._sampled_s, now
         if value == self.value:
-            if self._changes >= MOVING_READINGS and self._speed > self._sudden * elapsed_s > 0.0:
+            speed = min(self._speed, self._speed_before)  # a jump is no motion
+            if self._changes >= MOVING_READINGS and speed > self._sudden * elapsed_s > 0.0:
                 self.died = True
             self._changes = self._changes if elapsed_s <= 0.0 else 0
             return False
+        self._speed_before = self._speed
         self._speed = abs(value - self.value) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._changes, self.died = self._changes + 1, False
         self.changed_s, self.value = now, value

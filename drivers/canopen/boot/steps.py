@@ -18,8 +18,10 @@ from drivers.canopen.boot.required_objects import (
 )
 from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.cia402 import QUICK_STOP, DriveState, drive_state, in_words
-from drivers.canopen.codec import link_side
+from drivers.canopen.codec import link_side, quantity
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
+from drivers.canopen.settings import PdoEntry
+from drivers.canopen.witness import STILL_RAD, STILL_S
 
 _LOOK_S: Final = 0.01
 #: A drive may go on showing the mode it had until its own cycle has taken the new one over.
@@ -95,19 +97,42 @@ def _await_standstill(drive: BootingDrive) -> None:
         return
     velocity = _velocity(drive)
     stop_s = min(_ramp_s(drive, velocity) + _SETTLING_S, _LONGEST_STOP_S)
-    for _ in range(math.ceil(stop_s / _LOOK_S)):
+    left_s = stop_s + STILL_S
+    while left_s > 0.0:
         left = drive_state(statusword) not in (
             DriveState.OPERATION_ENABLED,
             DriveState.FAULT_REACTION_ACTIVE,
         )
         if left and abs(velocity) < STANDSTILL:
-            return
+            if _rests(drive):
+                return
+            left_s -= STILL_S
         drive.wait(_LOOK_S)
+        left_s -= _LOOK_S
         statusword, velocity = drive.access.read(0x6041), _velocity(drive)
     raise DriveError(
         f"{drive.setup} does not stop: {stop_s:.2f} s after a quick stop it is in "
-        f"{in_words(statusword)} and moves at {velocity:+.3f} rad/s"
+        f"{in_words(statusword)} and moves at {velocity:+.3f} rad/s, or its positions change"
     )
+
+
+def _rests(drive: BootingDrive) -> bool:
+    """True if its positions rest, too: a velocity alone may be wrong."""
+    before = _positions(drive)
+    for _ in range(math.ceil(STILL_S / _LOOK_S)):
+        drive.wait(_LOOK_S)
+    pairs = zip(before, _positions(drive), strict=True)
+    return all(abs(now - then) <= STILL_RAD for then, now in pairs)
+
+
+def _positions(drive: BootingDrive) -> list[float]:
+    """Positions at the link [rad]: of the link, and of the motor where it has a sensor."""
+    of = drive.setup.drive
+    entries: list[PdoEntry] = ["link_position"]
+    if of.profile.motor_position is not None:
+        entries.append("motor_position")
+    places = [(quantity(of.profile, entry), link_side(of, entry)[0]) for entry in entries]
+    return [gain * drive.access.read(where.object, where.subindex) for where, gain in places]
 
 
 def _velocity(drive: BootingDrive) -> float:

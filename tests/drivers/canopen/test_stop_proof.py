@@ -284,12 +284,34 @@ def test_what_was_proved_is_void_when_it_runs_again() -> None:
     watch = commanded()
     for k in (1, 2):
         watch.step(k * T, STANDS)
-    for k in range(3, 50):
+    for k in range(3, 30):
         assert watch.step(k * T, None) is None, "its silence is no news"
     assert watch.proved
-    assert watch.step(0.5, RUNS) is None
+    assert watch.step(0.3, RUNS) is None
     assert watch.unproved
     assert watch.stage is Stage.SETPOINT
+
+
+@pytest.mark.parametrize(("last", "proved"), [(STANDS, False), (Seen(LIMP, 0.0, 0.0, 0.0), True)])
+def test_a_proof_under_power_is_as_old_as_its_last_reading(last: Seen, proved: bool) -> None:
+    watch = commanded()
+    for k in (1, 2, 3):
+        watch.step(k * T, STANDS if k < 3 else last)
+    assert watch.proved
+    for k in range(4, 36):
+        watch.step(k * T, None)
+    assert watch.proved is proved
+
+
+def test_a_motion_under_power_is_seen_before_the_proof_is_void() -> None:
+    watch = commanded()
+    for k in (1, 2):
+        watch.step(k * T, STANDS)
+    watch.step(0.03, Seen(STOPS, 0.5, 0.1, 0.005))
+    assert watch.moves
+    watch.step(0.04, STANDS)
+    assert watch.proved
+    assert not watch.moves
 
 
 def test_what_was_proved_begins_with_nothing_against_it() -> None:

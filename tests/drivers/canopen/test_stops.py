@@ -120,6 +120,8 @@ def test_a_drive_without_a_sample_is_told_by_sdo_in_the_same_tick(rested: Arm) -
     word, velocity = b"\x41\x60\0", b"\x6c\x60\0"
     link, motor = b"\xe4\x60\x01", b"\x64\x60\0"
     cycle = [word, velocity, link, word, velocity, motor]
+    *asked, command = asked  # a proof needs new readings, from the command on
+    assert command == b"\x40\x60\0"
     assert asked == [*cycle, *cycle, word][: len(asked)]
     assert asked.count(velocity) == 4, "twice after both positions were read"
     assert not arm.drives.silenced
@@ -146,7 +148,9 @@ def test_the_stages_of_a_drive_that_stays_in_operation(rested: Arm) -> None:
     sent, happened = arm.tick([])
     assert happened == crossed(Fact(Kind.UNPROVED, (3,), "no heartbeat of ours any more"))
     silence = [arm.tick(beats())[0] for _ in range(20)]
-    assert {cob_id for sent in silence for cob_id, _ in sent} == {0x603}, "questions, nothing else"
+    assert {cob_id for sent in silence for cob_id, _ in sent} == {0x600 + n for n in ALL}, (
+        "questions, nothing else"
+    )
     assert arm.drives.unfit() == [*range(N)], "all have missed us"
 
 
