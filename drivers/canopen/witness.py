@@ -166,7 +166,7 @@ class Witness:
     def stands(self, now: float, velocity: float) -> bool:
         """True if all sensors agree that the motor stands, at this velocity [rad/s]."""
         speed = abs(velocity)
-        if self._died or (known := self._positions) and all(each.died for each in known):
+        if self._died or ((known := self._positions) and all(each.died for each in known)):
             return False
         if speed < STANDS and self._came_down:
             return self._rest(now, PAUSE_S)
