@@ -1,8 +1,7 @@
 """Messages of the daemon's sockets, as the dictionaries that JSON makes.
 
 Made from the code by `make reference`: change them in `daemon/protocol/`. A key that is
-NotRequired may be missing: from a daemon that is older, or where it says nothing. Vectors have one
-number per joint, in the order of `Snapshot.joints`, SI units at the link side.
+NotRequired may be missing. Vectors are in the order of `Snapshot.joints`, SI at the link side.
 """
 # ruff: noqa: PLC0414 - other programs take all names from here
 
@@ -79,6 +78,7 @@ class StreamState(TypedDict):
     dropped: int  # targets out of order, repeated, or too late
     bounded: int  # targets outside the joint limits
     refused: int  # targets that were no numbers
+    after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
     contact: NotRequired[str]  # description of the contact that lasts; empty without one
 
 

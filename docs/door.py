@@ -32,8 +32,7 @@ from typing import Literal, NotRequired, TypedDict
 MESSAGES_HEAD: Final = '''"""Messages of the daemon's sockets, as the dictionaries that JSON makes.
 
 Made from the code by `make reference`: change them in `daemon/protocol/`. A key that is
-NotRequired may be missing: from a daemon that is older, or where it says nothing. Vectors have one
-number per joint, in the order of `Snapshot.joints`, SI units at the link side.
+NotRequired may be missing. Vectors are in the order of `Snapshot.joints`, SI at the link side.
 """
 # ruff: noqa: PLC0414 - other programs take all names from here
 

@@ -52,6 +52,12 @@ class Phase(StrEnum):
     WAITING = "waiting"  # stands until the stream is near, or is asked for anew
 
 
+CAUSES: Final = {
+    Phase.JOINING: "the arm is apart from it",
+    Phase.FOLLOWING: "the arm is near it",
+    Phase.STALLED: f"no target for {STALLED_S:g} s",
+    Phase.WAITING: f"until it is within {NEAR_RAD:g} rad of the arm, or is asked to rejoin",
+}
 STANDING: Final = frozenset({Phase.STALLED, Phase.WAITING})
 
 

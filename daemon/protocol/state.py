@@ -43,6 +43,7 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
     dropped: int  # targets out of order, repeated, or too late
     bounded: int  # targets outside the joint limits
     refused: int  # targets that were no numbers
+    after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
     contact: str = ""  # description of the contact that lasts; empty without one
 
 

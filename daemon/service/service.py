@@ -289,7 +289,7 @@ class Service:
         if own := self.streams.of(peer.connection, controller.stream):
             target = self.streams.target(request)
             own.put(target)
-            self.streams.refuse_far(target, q)
+            self.streams.refuse_far(target, q, begun=True)
             own.rejoin()
             return replace(self._reply(request), stream=controller.stream_state())
         stream = self.streams.begun(request, q, who)

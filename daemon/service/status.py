@@ -147,7 +147,8 @@ def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
     elif machine.paused and machine.mode is Mode.HOLDING:
         if load := tick.loads.advice:
             advice.append(f"announce the payload of the hand ({load}), or remove it")
-        advice.append(ASK_AGAIN if attended else "`contactctl start` goes on with the trajectory")
+        ask_again = attended and tick.controller.stream is None
+        advice.append(ASK_AGAIN if ask_again else "`contactctl start` goes on with the trajectory")
     if tick.loads.hint:
         advice.append(tick.loads.hint)
     found = tick.last.findings if tick.last else ()

@@ -44,8 +44,9 @@ class Streams:
         self.refuse_far(first, q)
         return TargetStream(who, self.settings, self.limits, first)
 
-    def refuse_far(self, target: Target, q: Vector) -> None:
-        """Raise TrajectoryError, with each joint, if a target is out of reach from q (n,) [rad]."""
+    def refuse_far(self, target: Target, q: Vector, *, begun: bool = False) -> None:
+        """Raise TrajectoryError, with each joint, if a target is out of reach from q (n,) [rad], of
+        a stream that is begun or not."""
         apart = np.abs(target.q - q)
         beyond = ~(apart <= self.settings.reach)
         far = [
@@ -56,6 +57,8 @@ class Streams:
         ]
         if far:
             way = way_to(self.joints, np.where(beyond, target.q, np.nan))
+            if begun:
+                way = "lead the arm or the stream nearer, or end the stream first: " + way
             raise TrajectoryError("; ".join([*far, way]))
 
     def own(self, stream: TargetStream, connection: int) -> None:

@@ -17,7 +17,7 @@ from daemon.motion.admittance import Allowance
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
-from daemon.motion.target_stream import ENDED_S, Phase, TargetStream
+from daemon.motion.target_stream import CAUSES, ENDED_S, Phase, TargetStream
 from daemon.protocol.bounds import LEAST_GAIN, MAX_GAIN
 from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
@@ -186,7 +186,7 @@ class Controller:
         stream = self.stream
         phase, before = stream.phase if stream else None, self._phase
         if phase is not before and stream and before:
-            self.machine.changes.append(Change(f"stream {phase}", f"it was {before}"))
+            self.machine.changes.append(Change(f"stream {phase}", CAUSES[phase]))
         self._phase = phase
 
     def _push(self, observed: ControlInput, dt: float) -> Vector:

@@ -171,6 +171,7 @@ def stream_state(stream: TargetStream, trajectory: str, contact: str) -> StreamS
         dropped=playout.dropped,
         bounded=stream.bounded,
         refused=stream.refused,
+        after_contact=stream.settings.after_contact.value,
         contact=contact,
     )
 

@@ -24,7 +24,7 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
-from programs.clients.stream_words import quality_in_words
+from programs.clients.stream_words import AFTER_CONTACT, quality_in_words
 
 SHOWN_LAG_S = 0.5
 SHOWN_SILENCE_S = 0.5
@@ -249,6 +249,8 @@ def _headline(state: State, *, stale: bool) -> Text:
     line.append(f"   {clock(state.time_s)}   tick {state.tick}")
     if state.mode in (Mode.ADMITTANCE, Mode.RETRACTING):
         then = "then it goes on" if state.moving else "then it holds"
+        if state.moving and state.stream is not None:
+            then = f"then it {AFTER_CONTACT[state.stream.after_contact]}"
         line.append(f"   quiet {state.quiet_s:.1f} s, {then}", "bright_cyan")
     elif state.mode == Mode.RETURNING:
         line.append("   goes back to its trajectory", "bright_cyan")

@@ -8,6 +8,7 @@ from rich.text import Text
 
 from daemon.protocol.lease import in_words
 from daemon.protocol.replies import Grant, Status, Trajectory
+from daemon.protocol.state import StreamState
 from programs.clients.payload import payload_in_words
 from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
 from programs.clients.sensitivity import sensitivity_lines
@@ -19,7 +20,7 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
-from programs.clients.stream_words import phase_in_words, quality_in_words
+from programs.clients.stream_words import AFTER_CONTACT, phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
 
 SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
@@ -44,7 +45,7 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     if status.changed:
         table.add_row("", Text(_changed(status), "yellow"))
-    table.add_row("trajectory", Text(_trajectory(status.trajectory)))
+    table.add_row("trajectory", Text(_trajectory(status.trajectory, status.stream)))
     if status.stream is not None:
         table.add_row("stream", Text(phase_in_words(status.stream)))
         table.add_row("", Text(quality_in_words(status.stream, status.link_position)))
@@ -140,7 +141,7 @@ def _levels(status: Status) -> list[str]:
     return ["configured    least  share", *lines] if lines else []
 
 
-def _trajectory(trajectory: Trajectory) -> str:
+def _trajectory(trajectory: Trajectory, stream: StreamState | None) -> str:
     if not trajectory.name:
         return "none configured: `contactctl start FILE.csv` runs one"
     words = {
@@ -154,6 +155,9 @@ def _trajectory(trajectory: Trajectory) -> str:
     at = "" if trajectory.state == "ready" or not begun else f" at {trajectory.time_s:.1f}{end} s"
     if trajectory.attended:
         words["paused"] = "paused, and forgotten when the program that began it ends"
+    if stream is not None:
+        words["paused"] = "paused: `contactctl start` goes on with it"
+        words["interrupted"] = f"{AFTER_CONTACT[stream.after_contact]} once the arm is released"
     return f"{trajectory.name}{at}: {words[trajectory.state]}"
 
 

@@ -8,10 +8,12 @@ PHASES = {
     "joining": "the arm goes slowly to the stream",
     "following": "the arm follows",
     "stalled": "no target comes: the arm stands",
-    "waiting": "the arm stands until the stream is near it",
+    "waiting": "the arm stands until the stream is within 0.05 rad of it",
     "interrupted": "the arm yields to a contact",
     "paused": "the arm holds until `contactctl start`",
 }
+
+AFTER_CONTACT = {"hold": "waits for the stream", "rejoin": "goes slowly back to the stream"}
 
 
 def phase_in_words(stream: StreamState) -> str:

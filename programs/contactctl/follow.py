@@ -24,14 +24,6 @@ if TYPE_CHECKING:
     from daemon.motion.trajectory_file import TrajectoryFile
     from daemon.protocol.replies import Status
 
-PHASES = {
-    "joining": "the arm goes slowly to the stream",
-    "following": "the arm follows",
-    "stalled": "no target comes: the arm stands",
-    "waiting": "the arm stands until the stream is near it; Enter rejoins",
-    "interrupted": "the arm yields",
-    "paused": "the arm holds until `contactctl start`",
-}
 REST_S = 1.0  # after the end of a file, so that the arm gets there
 
 
@@ -104,9 +96,16 @@ def _send(source: Iterator[Sent], stream: "Stream") -> None:
 
 def _phase(stream: "StreamState") -> str:
     """Phase of the arm, and the joint of a contact that lasts."""
-    words = f"{stream['phase']}: {PHASES[stream['phase']]}"
-    touched = stream.get("contact", "")
-    return f"{words}; {touched.partition(' at ')[2]} is touched" if touched else words
+    from programs.clients.stream_words import AFTER_CONTACT, PHASES
+
+    phase, words = stream["phase"], PHASES[stream["phase"]]
+    if touched := stream.get("contact", ""):
+        words = f"{words}; {touched.partition(' at ')[2]} is touched"
+    elif phase == "interrupted":
+        words = f"the contact is over; once it is quiet, the arm {AFTER_CONTACT[stream['after_contact']]}"
+    elif phase == "waiting":
+        words = f"{words}; Enter rejoins"
+    return f"{phase}: {words}"
 
 
 def _entered() -> bool:

@@ -81,6 +81,7 @@ STREAM = StreamState(
     dropped=0,
     bounded=1,
     refused=0,
+    after_contact="hold",
 )
 
 

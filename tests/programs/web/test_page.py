@@ -198,6 +198,7 @@ STREAM = StreamState(
     dropped=0,
     bounded=0,
     refused=0,
+    after_contact="hold",
 )
 
 
