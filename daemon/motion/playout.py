@@ -32,6 +32,9 @@ TOO_LATE_S: Final = 0.15
 HOLDOVER_S: Final = 0.15
 # Shortest time over which the velocity at the last target is measured [s].
 VELOCITY_S: Final = 0.02
+# Time by which a target may come earlier than the earliest one: a clock that is set further forwards
+# begins anew, and so does one that does not count seconds, at each target [s].
+EARLY_S: Final = 0.25
 # Share of real time by which reading may run fast or slow, to change its delay smoothly.
 SLEW: Final = 0.1
 # Time in which a lateness is forgotten [s], and drift of two clocks that is followed [s/s].
@@ -72,6 +75,7 @@ class Playout:
     jitter_s: float = 0.0  # largest lateness of the last seconds
     lost: int = 0  # targets that never came, by their numbers
     dropped: int = 0  # targets out of order, repeated or too late
+    jumps: int = 0  # of the sender's clock, forwards
     newest: Target = field(init=False)
     _velocity: Vector = field(init=False)  # at the newest
     _nodes: list[_Node] = field(init=False)
@@ -79,12 +83,14 @@ class Playout:
     _at_s: float = field(init=False)  # sender's time in the middle of the window
 
     def __post_init__(self) -> None:
-        q = self.first.q
-        self.newest = self.first
-        self._velocity = np.zeros_like(q)
-        self._nodes = [_Node(self.first.sent_s, q, np.zeros_like(q))]
-        self._base_s = self.now_s - self.first.sent_s
-        self._at_s = self.first.sent_s - self.delay_s
+        self._begin(self.first, self.now_s)
+
+    def _begin(self, target: Target, now_s: float) -> None:
+        self.newest = target
+        self._velocity = np.zeros_like(target.q)
+        self._nodes = [_Node(target.sent_s, target.q, np.zeros_like(target.q))]
+        self._base_s = now_s - target.sent_s
+        self._at_s = target.sent_s - self.delay_s
 
     @property
     def half_window_s(self) -> float:
@@ -98,12 +104,16 @@ class Playout:
 
     def put(self, target: Target, now_s: float) -> bool:
         """Take a target that came at now_s; False if it is dropped: out of order, repeated, sent
-        before the one before it or hardly later, or too late."""
+        before the one before it or hardly later, or too late; or if it begins a new time."""
         newest = self.newest
         late_s = now_s - target.sent_s - self._base_s
         soon = target.sent_s < newest.sent_s + LEAST_SPACING_S
         if target.number <= newest.number or soon or late_s > TOO_LATE_S:
             self.dropped += 1
+            return False
+        if late_s < -EARLY_S:
+            self.jumps += 1
+            self._begin(target, now_s)
             return False
         self._base_s += min(late_s, 0.0)
         self.jitter_s = max(self.jitter_s, late_s)

@@ -32,6 +32,8 @@ RESUMED_RAD: Final = 0.15
 # than two targets lost in a row.
 BRAKED_S: Final = 0.14
 STALLED_S: Final = 0.175
+# Time for which a contact is reported after its end, so that a slow sender hears of it [s].
+SAID_S: Final = 0.5
 # Silence after which the stream has ended [s].
 ENDED_S: Final = 0.5
 
@@ -111,6 +113,8 @@ class TargetStream:
     _now_s: float = 0.0
     _heard_s: float = 0.0
     _period_s: float = 0.0
+    _contact: str = ""
+    _touched_s: float = -math.inf
 
     def __post_init__(self) -> None:
         self.playout = Playout(self._within(self.first), 0.0)
@@ -121,7 +125,8 @@ class TargetStream:
         """Take a target that came since the last tick. One outside the joint limits is moved to
         the limit; one that is no number is left out."""
         numbers = (target.q, *([] if target.velocity is None else [target.velocity]))
-        if not (math.isfinite(target.sent_s) and all(np.isfinite(x).all() for x in numbers)):
+        since_s = target.sent_s - self.first.sent_s
+        if not (math.isfinite(since_s) and all(np.isfinite(x).all() for x in numbers)):
             self.refused += 1
             return
         if self.playout.put(self._within(target), self._now_s):
@@ -133,15 +138,13 @@ class TargetStream:
             self.phase = Phase.JOINING
 
     def _within(self, target: Target) -> Target:
-        limits = self.limits
+        """The target within the limits, its time since the first one: small times are exact."""
+        limits, velocity = self.limits, target.velocity
         q = np.minimum(np.maximum(target.q, limits.lower), limits.upper)
-        if (q == target.q).all() and target.velocity is None:
-            return target
-        velocity = target.velocity
         if velocity is not None:
             velocity = np.minimum(np.maximum(velocity, -limits.velocity), limits.velocity)
         self.bounded += int((q != target.q).any())
-        return Target(target.number, target.sent_s, q, velocity)
+        return Target(target.number, target.sent_s - self.first.sent_s, q, velocity)
 
     @property
     def moves(self) -> Reference:
@@ -167,6 +170,22 @@ class TargetStream:
     def ended(self) -> bool:
         """True once it has been silent for too long."""
         return self.silent_s > ENDED_S
+
+    @property
+    def clock_in_words(self) -> str:
+        """Jumps of the sender's clock; empty without any."""
+        jumps = self.playout.jumps
+        return f"; its time jumped forwards {jumps} times: `sent_s` is in seconds" if jumps else ""
+
+    @property
+    def contact(self) -> str:
+        """Description of the contact that lasts, or was over less than SAID_S ago."""
+        return self._contact if self._now_s - self._touched_s < SAID_S else ""
+
+    def touch(self, contact: str) -> None:
+        """Note the contact of this tick; empty without one."""
+        if contact:
+            self._contact, self._touched_s = contact, self._now_s
 
     def tick(self, dt: float) -> None:
         """Count dt [s]: in every tick, in each mode, from the start to the end of the stream."""

@@ -44,7 +44,7 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
     bounded: int  # targets outside the joint limits
     refused: int  # targets that were no numbers
     after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
-    contact: str = ""  # description of the contact that lasts; empty without one
+    contact: str = ""  # the one that lasts, or was over less than 0.5 s ago, described
 
 
 class Contact(msgspec.Struct, frozen=True, kw_only=True):

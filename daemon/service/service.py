@@ -232,7 +232,8 @@ class Service:
         goes_on: bool = False,
     ) -> None:
         # A continued motion stays with the client that began it.
-        if request.attended or not goes_on:
+        stays = goes_on and (not request.attended or self.loop.tick.controller.stream is not None)
+        if not stays:
             self.attendance.begin(peer.connection if request.attended else 0, self.loop.time_s)
         for text in warnings:
             _log.warning("start: %s", text)
@@ -285,13 +286,16 @@ class Service:
         controller, last = self.loop.tick.controller, self.loop.tick.last
         if last is None or last.decision is None:
             return self._reply(request, ["no samples of the drives yet"])
-        q = last.samples.link_position
-        if own := self.streams.of(peer.connection, controller.stream):
+        q, present = last.samples.link_position, controller.stream
+        own = self.streams.of(peer.connection, present)
+        if own and not controller.machine.paused:
             target = self.streams.target(request)
             own.put(target)
             self.streams.refuse_far(target, q, begun=True)
             own.rejoin()
-            return replace(self._reply(request), stream=controller.stream_state())
+            return self._followed(request)
+        if present and not own:
+            return self._reply(request, [f"the arm follows {present.sender} already"])
         stream = self.streams.begun(request, q, who)
         reply = self._reply(request, self.set_up.request(Event.START, who, stream))
         if reply.ok:
@@ -303,12 +307,16 @@ class Service:
         controller = self.loop.tick.controller
         stream = self.streams.of(peer.connection, controller.stream)
         if stream is None:
-            cause = f"the arm does not follow this connection: {controller.machine.cause}"
-            return self._reply(request, [cause])
+            not_any_more = self.streams.not_any_more(peer.connection)
+            return self._reply(request, [f"{not_any_more}: {controller.machine.cause}"])
         stream.put(self.streams.target(request))
+        return self._followed(request)
+
+    def _followed(self, request: requests.Follow | requests.Target) -> Reply:
+        """Reply to the sender of a stream that the arm follows."""
         self.streams.compare(self.process.seen)
-        warnings = list(self.streams.warnings)
-        return replace(self._reply(request), stream=controller.stream_state(), warnings=warnings)
+        state = self.loop.tick.controller.stream_state()
+        return replace(self._reply(request), stream=state, warnings=list(self.streams.warnings))
 
     def _arm(self, request: requests.Arm, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

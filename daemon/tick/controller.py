@@ -67,12 +67,9 @@ class Controller:
         return self.motion.stream if self.machine.moving or self.machine.paused else None
 
     def stream_state(self) -> StreamState | None:
-        """State of the stream, with the contact that lasts; None without a stream."""
-        if (stream := self.stream) is None:
-            return None
-        observed = self._observed
-        contact = (observed.hit or observed.touched) if observed else ""
-        return stream_state(stream, self.machine.trajectory, contact)
+        """State of the stream; None without one."""
+        stream = self.stream
+        return None if stream is None else stream_state(stream, self.machine.trajectory)
 
     @property
     def faulted(self) -> bool:
@@ -165,7 +162,7 @@ class Controller:
         self.doubt(time_s, observed.findings)
         self._follow(self._contacts.trigger(time_s, observed), time_s)
         self._follow(self._own.trigger(time_s, dt, observed), time_s)
-        self._hear(dt, time_s)
+        self._hear(dt, time_s, observed.hit or observed.touched)
         motion = self.motion
         push = self._push(observed, dt)
         motion.step(self.machine.mode, observed.q, observed.age_s, push, dt, observed.play)
@@ -173,19 +170,20 @@ class Controller:
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
-    def _hear(self, dt: float, time_s: float) -> None:
+    def _hear(self, dt: float, time_s: float, contact: str) -> None:
         """Count dt [s] for a stream, and forget one that has ended."""
         if stream := self.stream:
             stream.tick(dt)
+            stream.touch(contact)
             if stream.ended:
                 cause = f"the stream of {stream.sender} fell silent for {ENDED_S:g} s"
-                self._apply(Event.ABANDON, cause, time_s)
+                self._apply(Event.ABANDON, cause + stream.clock_in_words, time_s)
 
     def _report_phase(self) -> None:
         """Report a change of the stream's phase, with the modes."""
         stream = self.stream
         phase, before = stream.phase if stream else None, self._phase
-        if phase is not before and stream and before:
+        if phase is not before and phase and before:
             self.machine.changes.append(Change(f"stream {phase}", CAUSES[phase]))
         self._phase = phase
 

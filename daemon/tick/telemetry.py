@@ -155,9 +155,8 @@ def estimated(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def stream_state(stream: TargetStream, trajectory: str, contact: str) -> StreamState:
-    """State of a stream; trajectory: as of the mode machine; contact: description of the one that
-    lasts."""
+def stream_state(stream: TargetStream, trajectory: str) -> StreamState:
+    """State of a stream; trajectory: as of the mode machine."""
     playout = stream.playout
     return StreamState(
         sender=stream.sender,
@@ -172,7 +171,7 @@ def stream_state(stream: TargetStream, trajectory: str, contact: str) -> StreamS
         bounded=stream.bounded,
         refused=stream.refused,
         after_contact=stream.settings.after_contact.value,
-        contact=contact,
+        contact=stream.contact,
     )
 
 

@@ -1,0 +1,151 @@
+"""Senders of streams: their clocks, who owns a stream, and what its sender is answered."""
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from contactd_client.client import Client
+from contactd_client.connection import Connection
+from contactd_client.errors import ControlError
+from contactd_client.messages import Request
+from contactd_client.stream import Stream
+from daemon.modes.table import Mode
+from daemon.motion.seen import SeenMotion
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[ServedDaemon]:
+    with served_daemon(tmp_path) as served:
+        served.rig.enable()
+        yield served
+
+
+def here(served: ServedDaemon) -> float:
+    return float(served.rig.samples.link_position[0])
+
+
+@contextmanager
+def stream_of(
+    served: ServedDaemon, clock: Callable[[float], float] = lambda s: s
+) -> Iterator[Stream]:
+    """Stream of a new connection, with the daemon's time as `clock` makes it."""
+    with closing(Connection(served.path, 5.0)) as connection:
+        yield Stream(connection, 5.0, clock=lambda: clock(served.rig.time_s))
+
+
+def send(served: ServedDaemon, stream: Stream, q: float, ticks: int = 1) -> None:
+    for _ in range(ticks):
+        if stream.reply is None:
+            served.until(lambda: stream.to([q]))
+        else:
+            stream.to([q])
+        served.tick()
+
+
+@pytest.mark.parametrize("unit", [1e6, 1e9], ids=["us", "ns"])
+def test_a_clock_that_does_not_count_seconds_moves_nothing_and_is_named(
+    served: ServedDaemon, unit: float
+) -> None:
+    with stream_of(served) as stream:
+        send(served, stream, 0.4, 400)
+    served.run(0.5)
+    begun = here(served)
+    with stream_of(served, lambda s: unit * (1.8e9 + s)) as stream:
+        with pytest.raises(ControlError, match=r"jumped forwards \d+ times: `sent_s` is in sec"):
+            send(served, stream, begun, 300)
+        assert abs(here(served) - begun) < 0.05
+
+
+@pytest.mark.parametrize("time_s", [1e14, 1e17, 1e308, -1e308])
+def test_a_huge_time_that_repeats_is_no_fault(served: ServedDaemon, time_s: float) -> None:
+    with stream_of(served, lambda _: time_s) as stream:
+        send(served, stream, here(served), 15)
+        assert np.isfinite(served.rig.decision.reference).all()
+        assert served.rig.mode is Mode.TRACKING
+
+
+@pytest.mark.parametrize("step_s", [1.0, 1.8e9])
+def test_a_clock_that_is_set_forwards_is_followed_on(served: ServedDaemon, step_s: float) -> None:
+    begun, zero_s = here(served), served.rig.time_s
+
+    def leader(s: float) -> float:
+        return begun + 0.2 * math.sin(1.5 * (s - zero_s))
+
+    with stream_of(served, lambda s: s + (step_s if s > zero_s + 2.0 else 0.0)) as stream:
+        for k in range(600):
+            if k % 5 == 0 or stream.reply is None:
+                send(served, stream, leader(served.rig.time_s))
+            else:
+                served.tick()
+            if k > 300:
+                assert stream.state is not None
+                behind = leader(served.rig.time_s - stream.state["delay_s"])
+                assert float(served.rig.decision.reference[0]) == pytest.approx(behind, abs=0.05)
+
+
+def test_a_client_follows_twice_on_one_connection(served: ServedDaemon) -> None:
+    begun = here(served)
+    with closing(Connection(served.path, 5.0)) as connection:
+        for _ in range(2):
+            stream = Stream(connection, 5.0, clock=lambda: served.rig.time_s)
+            send(served, stream, begun, 50)
+            assert served.rig.mode is Mode.TRACKING
+            served.until(stream.end)
+            served.run(0.1)
+
+
+def test_a_start_of_another_client_leaves_the_stream_to_its_connection(
+    served: ServedDaemon,
+) -> None:
+    begun = here(served)
+    with Client(served.path) as other, stream_of(served) as stream:
+        send(served, stream, begun, 20)
+        assert served.until(lambda: other.ask({"command": "pause"}))["ok"]
+        send(served, stream, begun, 30)
+        served.until(lambda: other.ask({"command": "start", "attended": True}))
+        for k in range(30):
+            send(served, stream, begun + 0.01 * k)
+        assert served.rig.mode is Mode.TRACKING
+        stream._connection.close()
+        served.run(0.03)
+        assert served.rig.tick.controller.stream is None
+
+
+@pytest.mark.parametrize("ticks", [4, 6])
+def test_a_slow_sender_hears_of_a_short_touch(served: ServedDaemon, ticks: int) -> None:
+    """At 20 Hz; the touch begins and ends between two targets."""
+    begun, heard = here(served), set()
+    with stream_of(served) as stream:
+        send(served, stream, begun)
+        for k in range(300):
+            if k % 5 == 0:
+                stream.to([begun])
+            if k == 100:
+                assert served.rig.permit() == []
+            served.rig.arm.external_torque[0] = 6.0 if 0 <= k - 201 < ticks else 0.0
+            served.tick()
+            assert stream.state is not None
+            if contact := stream.state.get("contact"):
+                heard.add((k - 201) // 100)
+                assert "joint" in contact
+        assert heard == {0}, "within a second, and not for ever"
+
+
+def test_a_stream_of_follow_requests_is_warned_too(served: ServedDaemon) -> None:
+    begun, warnings = here(served), []
+    at = np.array([begun])
+    served.service.process.seen = SeenMotion(np.array([0.05]), at - 0.01, at + 0.01)
+    with Client(served.path) as client:
+        for k in range(40):
+            q = begun + 0.2 * math.sin(0.1 * k)
+            now_s = served.rig.time_s
+            request: Request = {"command": "follow", "q": [q], "sent_s": now_s, "number": k}
+            warnings += served.until(partial(client.ask, request)).get("warnings", [])
+            served.run(0.03)
+    assert warnings
