@@ -1,5 +1,6 @@
 """Requests of one stream of targets, and its answers. Pure."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -31,15 +32,15 @@ class Targets:
 
     def follow(self, q: Sequence[float], sent_s: float | None) -> bytes:
         """Request to follow from q [rad] on, of all joints, or to rejoin there."""
-        return encode({"command": "follow", "q": list(q), **self._stamp(sent_s)})
+        return encode({"command": "follow", "q": _numbers("q", q), **self._stamp(sent_s)})
 
     def target(
         self, q: Sequence[float], velocity: Sequence[float] | None, sent_s: float | None
     ) -> bytes:
         """Request with the next target: q [rad] and, where it is known, velocity [rad/s]."""
-        request: Request = {"command": "target", "q": list(q), **self._stamp(sent_s)}
+        request: Request = {"command": "target", "q": _numbers("q", q), **self._stamp(sent_s)}
         if velocity is not None:
-            request["velocity"] = list(velocity)
+            request["velocity"] = _numbers("velocity", velocity)
         return encode(request)
 
     def accept(self, packet: bytes) -> None:
@@ -52,3 +53,16 @@ class Targets:
     def _stamp(self, sent_s: float | None) -> Request:
         number, self._number = self._number, self._number + 1
         return {"sent_s": self._clock() if sent_s is None else sent_s, "number": number}  # type: ignore[typeddict-item]
+
+
+def _numbers(name: str, values: Sequence[float]) -> list[float]:
+    """The values as a list. Raises ControlError for one that is no finite number."""
+    numbers = list(values)
+    for i, value in enumerate(numbers):
+        try:
+            finite = math.isfinite(value)
+        except TypeError:
+            finite = False
+        if not finite:
+            raise ControlError(f"{name}[{i}] is {value!r}; a target has a finite number per joint")
+    return numbers

@@ -66,7 +66,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = sum(len(text.splitlines()) > LONG_FILE for text in python)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 56_000, 44_000),
+        Measure("lines of the product", lines(PRODUCT, root), 56_200, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 13_500, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 17_250, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 59_000, 45_000),

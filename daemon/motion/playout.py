@@ -32,8 +32,8 @@ TOO_LATE_S: Final = 0.15
 HOLDOVER_S: Final = 0.15
 # Shortest time over which the velocity at the last target is measured [s].
 VELOCITY_S: Final = 0.02
-# Time by which a target may come earlier than the earliest one: a clock that is set further forwards
-# begins anew, and so does one that does not count seconds, at each target [s].
+# Time by which a target may come earlier than the earliest one [s]: a clock that is set further
+# forwards begins anew, and one that does not count seconds does so at each target.
 EARLY_S: Final = 0.25
 # Share of real time by which reading may run fast or slow, to change its delay smoothly.
 SLEW: Final = 0.1

@@ -307,8 +307,8 @@ class Service:
         controller = self.loop.tick.controller
         stream = self.streams.of(peer.connection, controller.stream)
         if stream is None:
-            not_any_more = self.streams.not_any_more(peer.connection)
-            return self._reply(request, [f"{not_any_more}: {controller.machine.cause}"])
+            cause = self.streams.refusal(peer.connection, controller.machine.cause)
+            return self._reply(request, [cause])
         stream.put(self.streams.target(request))
         return self._followed(request)
 

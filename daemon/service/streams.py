@@ -37,10 +37,11 @@ class Streams:
         """Stream that the arm follows at `present`, if this connection sends it."""
         return present if connection == self._owner and present is self._stream else None
 
-    def not_any_more(self, connection: int) -> str:
-        """Reason why a connection that sends no stream has its target refused."""
-        once = "no longer follows" if connection == self._owner else "does not follow"
-        return f"the arm {once} this connection"
+    def refusal(self, connection: int, cause: str) -> str:
+        """Reason why the target of a connection is refused that sends no stream now."""
+        if connection != self._owner:
+            return "this connection sends no stream: `follow` begins one"
+        return f"the arm no longer follows this connection: {cause}"
 
     def begun(self, request: requests.Follow, q: Vector, who: str) -> TargetStream:
         """Stream that begins with a request, while the arm is at q (n,) [rad]. Raises

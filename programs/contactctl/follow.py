@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from common.errors import ControlError
+from common.errors import ControlError, UnreachableError
 from contactd_client.paths import view_socket_path
 from daemon.motion.trajectory_file import read_trajectory
 from programs.command_line.options import PATH, Command, Options, Range
 from programs.command_line.sentences import say
+from programs.contactctl.replies import IF_IT_MOVES, NOT_REACHED_ON_ITS_WAY
 
 if TYPE_CHECKING:
     from contactd_client.messages import StreamState
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from daemon.protocol.replies import Status
 
 REST_S = 1.0  # after the end of a file, so that the arm gets there
+
+
+class LeaderError(ControlError):
+    """The leader is not there, is another arm, or fell silent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +48,7 @@ class Sent:
 )
 @click.option(
     "--rate",
-    type=Range(min=10, max=200),
+    type=Range(min=20, max=200),
     default=50.0,
     show_default=True,
     metavar="HZ",
@@ -66,12 +71,25 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
     if file:
         source = _of_file(read_trajectory(file, status.joints), status, rate)
     else:
-        source = _of_leader(leader or path, status.joints)
-    with Client(path) as client, client.follow() as stream:
-        try:
+        source = _of_leader(leader or path, path, status.joints)
+    try:
+        with Client(path) as client, client.follow() as stream:
             _send(source, stream)
-        except KeyboardInterrupt:
-            say("halted", err=True)
+    except KeyboardInterrupt:
+        say("\nhalted", err=True)
+    except LeaderError as error:
+        raise ControlError(f"{error}; the arm halts") from error
+    except UnreachableError as error:
+        raise type(error)(f"{NOT_REACHED_ON_ITS_WAY} ({error})") from error
+    except ControlError as error:
+        raise ControlError(f"{_moving(options)}{error}") from error
+
+
+def _moving(options: Options) -> str:
+    """Joints that are not seen to stand, after a stream was refused; empty without any."""
+    with options.connect() as asking:
+        unproved = asking.ask_status().unproved
+    return f"not seen to stand: {', '.join(unproved)}; {IF_IT_MOVES}; " if unproved else ""
 
 
 def _send(source: Iterator[Sent], stream: "Stream") -> None:
@@ -80,10 +98,14 @@ def _send(source: Iterator[Sent], stream: "Stream") -> None:
     shown, warned = "", 0
     for sent in source:
         stream.to(sent.q, sent.velocity, sent.time_s)
-        if stream.state is not None and (words := _phase(stream.state)) != shown:
+        reply = stream.reply
+        if reply is None or (state := reply.get("stream")) is None:
+            continue
+        words = _phase(state) + ("" if reply["armed"] else "; not armed")
+        if words != shown:
             shown = words
             say(words)
-        warnings = stream.reply.get("warnings", []) if stream.reply else []
+        warnings = reply.get("warnings", [])
         if len(warnings) > warned:
             warned = len(warnings)
             say("\n".join(f"  warning: {text}" for text in warnings), err=True)
@@ -100,9 +122,10 @@ def _phase(stream: "StreamState") -> str:
 
     phase, words = stream["phase"], PHASES[stream["phase"]]
     if touched := stream.get("contact", ""):
-        words = f"{words}; {touched.partition(' at ')[2]} is touched"
+        words = f"{words}; {touched.partition(' at ')[2].partition(',')[0]} is touched"
     elif phase == "interrupted":
-        words = f"the contact is over; once it is quiet, the arm {AFTER_CONTACT[stream['after_contact']]}"
+        after = AFTER_CONTACT[stream["after_contact"]]
+        words = f"the contact is over; after the quiet time the arm {after}"
     elif phase == "waiting":
         words = f"{words}; Enter rejoins"
     return f"{phase}: {words}"
@@ -130,17 +153,26 @@ def _of_file(file: "TrajectoryFile", status: "Status", rate_hz: float) -> Iterat
             return
 
 
-def _of_leader(socket: Path, joints: Sequence[str]) -> Iterator[Sent]:
-    """Poses of another arm, as its daemon publishes them."""
+def _of_leader(socket: Path, own: Path, joints: Sequence[str]) -> Iterator[Sent]:
+    """Poses of another arm, as its daemon publishes them. Raises LeaderError where it does not."""
     from contactd_client.client import Client
 
     view = socket if socket.name.endswith("-view.sock") else view_socket_path(socket)
-    with Client(view) as client:
-        snapshot, states = client.states()
-        if list(snapshot["joints"]) != list(joints):
-            raise ControlError(
-                f"the leader has the joints {', '.join(snapshot['joints'])}; this arm has "
-                f"{', '.join(joints)}: they must be the same, in this order"
-            )
-        for state in states:
-            yield Sent(state["link_position"], state["link_velocity"], state["time_s"])
+    if view.resolve() == view_socket_path(own).resolve():
+        raise ControlError(f"{socket} is this arm itself; --leader takes the socket of another one")
+    try:
+        with Client(view) as client:
+            snapshot, states = client.states()
+            _refuse_others(snapshot["joints"], joints)
+            for state in states:
+                yield Sent(state["link_position"], state["link_velocity"], state["time_s"])
+    except ControlError as error:
+        raise LeaderError(f"leader {socket}: {error}") from error
+
+
+def _refuse_others(leads: Sequence[str], joints: Sequence[str]) -> None:
+    if list(leads) != list(joints):
+        raise ControlError(
+            f"it has the joints {', '.join(leads)}; this arm has {', '.join(joints)}: they must be "
+            "the same, in this order"
+        )

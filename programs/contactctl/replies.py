@@ -37,6 +37,7 @@ TO_REST = frozenset({"pause", "disarm", "stop", "disable"})  # what a person giv
 NOT_REACHED = "NOT REACHED: use the emergency stop."
 UNSEEN = "the arm is not seen to stand: use the emergency stop if it moves."
 NOT_REACHED_ON_ITS_WAY = "NOT REACHED: use the emergency stop if the arm moves."
+IF_IT_MOVES = "press the emergency stop if it moves"
 YIELDING = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})  # until the person lets go of the arm
 
 
@@ -109,7 +110,7 @@ def _not_seen_to_stand(reply: "Reply", unproved: list[str], silenced: bool) -> "
     reasons = [reply.message, *reply.reasons]
     if silenced:
         reasons.append("the drives hear nothing of contactd until `reset`")
-    text = f"not seen to stand: {', '.join(unproved)}; press the emergency stop if it moves"
+    text = f"not seen to stand: {', '.join(unproved)}; {IF_IT_MOVES}"
     return replace(reply, ok=False, message=text, reasons=reasons, unproved=unproved)
 
 

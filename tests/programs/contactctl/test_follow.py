@@ -84,7 +84,8 @@ class FakeStream:
 
     @property
     def reply(self) -> dict[str, Any]:
-        return {"warnings": ["b moves at up to 2 rad/s"]} if len(self.sent) > 3 else {}
+        warnings = {"warnings": ["b moves at up to 2 rad/s"]} if len(self.sent) > 3 else {}
+        return {"stream": self.state, "armed": True, **warnings}
 
 
 def test_each_phase_is_shown_once_and_enter_rejoins(
@@ -114,7 +115,12 @@ def test_it_takes_one_source(words: list[str]) -> None:
 
 def test_a_leader_with_other_joints_is_refused(fake_daemon: Any) -> None:
     with pytest.raises(ControlError, match="they must be the same, in this order"):
-        next(command._of_leader(fake_daemon.path, ["x"]))
+        next(command._of_leader(fake_daemon.path, Path("other.sock"), ["x"]))
+
+
+def test_an_arm_is_not_its_own_leader() -> None:
+    with pytest.raises(ControlError, match="is this arm itself"):
+        next(command._of_leader(Path("a.sock"), Path("a.sock"), ["x"]))
 
 
 # --- in real time -----------------------------------------------------------------------------
