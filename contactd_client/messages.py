@@ -79,7 +79,7 @@ class StreamState(TypedDict):
     bounded: int  # targets outside the joint limits
     refused: int  # targets that were no numbers
     after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
-    contact: NotRequired[str]  # description of the contact that lasts; empty without one
+    contact: NotRequired[str]  # the one that lasts, or was over less than 0.5 s ago, described
 
 
 class Permit(TypedDict):

@@ -18,6 +18,7 @@ from bench.study.world import LAWS
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Sinusoid
+from daemon.modes.contact_reactions import AfterQuiet
 from daemon.modes.table import GUIDED, Event, Mode
 
 WORK_S: Final = 240.0
@@ -97,7 +98,7 @@ def arm_of(seed: int) -> tuple[Robot, world.Law, bool]:
         for joint, reach in zip(c.joints, room.tolist(), strict=True)
     }
     trajectory = msgspec.structs.replace(c.trajectory, sinusoids=sinusoids)
-    admittance = msgspec.structs.replace(c.admittance, after_quiet="return")
+    admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
     c = msgspec.structs.replace(c, joints=joints, trajectory=trajectory, admittance=admittance)
     return replace(robot, configuration=c), LAWS[seed % len(LAWS)], own
 
