@@ -21,7 +21,7 @@ from drivers.canopen.cia402 import QUICK_STOP, DriveState, drive_state, in_words
 from drivers.canopen.codec import link_side, quantity
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
 from drivers.canopen.settings import PdoEntry
-from drivers.canopen.witness import STILL_RAD, STILL_S
+from drivers.canopen.witness import PAUSE_S, STILL_RAD
 
 _LOOK_S: Final = 0.01
 #: A drive may go on showing the mode it had until its own cycle has taken the new one over.
@@ -97,7 +97,7 @@ def _await_standstill(drive: BootingDrive) -> None:
         return
     velocity = _velocity(drive)
     stop_s = min(_ramp_s(drive, velocity) + _SETTLING_S, _LONGEST_STOP_S)
-    left_s = stop_s + STILL_S
+    left_s = stop_s + PAUSE_S
     while left_s > 0.0:
         left = drive_state(statusword) not in (
             DriveState.OPERATION_ENABLED,
@@ -106,20 +106,22 @@ def _await_standstill(drive: BootingDrive) -> None:
         if left and abs(velocity) < STANDSTILL:
             if _rests(drive):
                 return
-            left_s -= STILL_S
+            left_s -= PAUSE_S
         drive.wait(_LOOK_S)
         left_s -= _LOOK_S
         statusword, velocity = drive.access.read(0x6041), _velocity(drive)
     raise DriveError(
         f"{drive.setup} does not stop: {stop_s:.2f} s after a quick stop it is in "
-        f"{in_words(statusword)} and moves at {velocity:+.3f} rad/s, or its positions change"
+        f"{in_words(statusword)} and moves at {velocity:+.3f} rad/s"
+        + ("" if abs(velocity) >= STANDSTILL else ", but its positions change")
     )
 
 
 def _rests(drive: BootingDrive) -> bool:
-    """True if its positions rest, too: a velocity alone may be wrong."""
+    """True if its positions rest, too: a velocity alone may be wrong. Briefly, since a drive that
+    waits for our heartbeat loses its torque meanwhile."""
     before = _positions(drive)
-    for _ in range(math.ceil(STILL_S / _LOOK_S)):
+    for _ in range(math.ceil(PAUSE_S / _LOOK_S)):
         drive.wait(_LOOK_S)
     pairs = zip(before, _positions(drive), strict=True)
     return all(abs(now - then) <= STILL_RAD for then, now in pairs)

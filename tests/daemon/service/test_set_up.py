@@ -252,6 +252,8 @@ def test_what_other_drives_say_during_a_reset_is_judged_after_it(on: BreakableAr
 def test_a_moving_drive_stops_before_it_is_set_up(on: BreakableArm) -> None:
     """As at a start after a crash, with drives that do not mind the silence."""
     begin(on)
+    for drive in on.rig.arm.drives:
+        drive.put(0x1016, 1, 0)
     moving = np.abs(on.rig.arm.plant.theta_dot).max()
     assert moving > 0.05
     lines: list[str] = []
