@@ -8,7 +8,7 @@ cdef double _CREEPS_S, _NEAR_S, _NEAR, _GRAZES, _MARGIN, _MOST_MARGIN, _MARGIN_S
 
 cdef class Doubt:
     cdef readonly double[::1] value, lasted_s, upwards_owed_s, downwards_owed_s, low, high, cleared_s, upwards_s, downwards_s, away_s, near_s, depth, margin, needed_s
-    cdef readonly long long[::1] way, beyond, rubs, placed, moving, met
+    cdef readonly long long[::1] way, beyond, rubs, placed, moving, met, interrupted
 
     cpdef double at(self, Py_ssize_t i, double q) noexcept
     @cython.locals(depth=double, grazed=bint)

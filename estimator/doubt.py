@@ -72,8 +72,9 @@ class Doubt:
         self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place
         # Signed time for which the residual exceeded the lowered level, by direction of motion [s].
         self.upwards_s, self.downwards_s = np.zeros((2, n))
-        # How often the same place was met, entering it anew; and since when it was left [s].
-        self.met = np.zeros(n, dtype=np.int64)
+        # How often the same place was met, entering it anew, and how often it interrupted the arm;
+        # and since when it was left [s].
+        self.met, self.interrupted = np.zeros((2, n), dtype=np.int64)
         self.away_s = np.zeros(n)
 
     def at(self, i: int, q: float) -> float:
@@ -124,6 +125,7 @@ class Doubt:
         self.low[i] = min(self.low[i], q) if near else q
         self.high[i] = max(self.high[i], q) if near else q
         self.met[i] = self.met[i] + 1 if near else 1
+        self.interrupted[i] = self.interrupted[i] + 1 if near else 1
         self.placed[i], self.cleared_s[i], self.away_s[i] = 1, 0.0, 0.0
 
     def raise_all(self, i: int) -> None:
@@ -214,7 +216,7 @@ class Doubt:
         if agrees:
             self.cleared_s[i] += dt
             if self.cleared_s[i] > (_CLEARS_S if self.met[i] < 2 else _CLEARS_AGAIN_S):
-                self.placed[i] = self.met[i] = 0
+                self.placed[i] = self.met[i] = self.interrupted[i] = 0
             return
         if self.away_s[i] > 0.0:
             self.met[i] += 1

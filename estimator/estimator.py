@@ -71,6 +71,7 @@ class Estimator:
         self.residuals: Matrix = np.asarray(k.residual.corrected)
         """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
         self.given_up, self.met = np.asarray(k.given_up), np.asarray(k.doubt.met)
+        self.interrupted = np.asarray(k.doubt.interrupted)
         """how often the friction that was learned was given up, and one place interrupted (n,);
         those of now, not a copy"""
         self._sensing = np.asarray(k.sensing).view(np.bool_)

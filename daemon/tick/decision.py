@@ -42,6 +42,7 @@ class ControlInput:
     struck: bool = False  # a collision began in this tick
     sure: bool = True  # every joint senses, and no residual has just restarted
     load: str = ""  # description of a load at the hand that explains the whole residual
+    too_often: str = ""  # description of contacts in doubt that came again and again at one place
     play: Vector | float = 0.0  # distance links may fall down and up in their gaps, (2, n) [rad]
     # Residual that may move the arm; None: all that is thresholded.
     independent: IndependentResidual | None = None

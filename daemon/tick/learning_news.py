@@ -6,8 +6,10 @@ from typing import Final
 from daemon.protocol.state import Notice
 from estimator.estimator import Estimator
 
-#: Number of contacts at one place from which on it is reported.
+#: Number of contacts in doubt at one place from which on it is reported, and from which on the arm
+#: holds: with nobody there it would be interrupted for ever.
 OFTEN: Final = 3
+TOO_OFTEN: Final = 5
 
 
 class LearningNews:
@@ -17,6 +19,22 @@ class LearningNews:
         self._estimator, self._names = estimator, tuple(names)
         self._given_up = [0] * len(self._names)
         self._met = [0] * len(self._names)
+
+    @property
+    def too_often(self) -> str:
+        """Joint with contacts at the same place TOO_OFTEN, described; empty without one."""
+        interrupted = self._estimator.interrupted.tolist()
+        if max(interrupted) < TOO_OFTEN:
+            return ""
+        for i, (name, times) in enumerate(zip(self._names, interrupted, strict=True)):
+            if times >= TOO_OFTEN:
+                return (
+                    f"{name}: interrupted at the same place {times} times, near {self._at(i)} rad"
+                )
+        return ""
+
+    def _at(self, i: int) -> str:
+        return f"{self._estimator.place(i):.2f}"
 
     def step(self) -> tuple[Notice, ...]:
         """News of this tick; most often none."""
@@ -30,7 +48,7 @@ class LearningNews:
             if now > before
         ]
         texts += [
-            f"{name}: contact at the same place {OFTEN} times, near {estimator.place(i):.2f} rad: "
+            f"{name}: contact at the same place {OFTEN} times, near {self._at(i)} rad: "
             "a cable, a hose, or something in the way?"
             for i, (name, before, now) in enumerate(zip(self._names, self._met, met, strict=True))
             if before < OFTEN <= now

@@ -71,6 +71,8 @@ class OwnEvents:
         """Event after the quiet time, with the reasons why the trajectory does not go on here."""
         if not self._machine.moving:
             return Event.SETTLE, []
+        if observed.too_often:
+            return Event.SETTLE, [observed.too_often]
         if self.after_quiet is AfterQuiet.RETURN:
             return Event.RETURN, []
         q, place, limits = observed.q, self._motion.follower.place, self._motion.limits

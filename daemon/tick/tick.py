@@ -233,6 +233,7 @@ class Tick:
             load=load,
             struck=any(one.level == "collision" for one in estimate.contacts),
             sure=self._sensing.sure,
+            too_often=self._learning_news.too_often,
             drives=samples.drives,
             findings=findings,
             recent=complete or bool((samples.age_s < RECENT_PERIODS * self._period_s).all()),

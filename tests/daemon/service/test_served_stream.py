@@ -137,9 +137,7 @@ def test_a_second_stream_is_refused_and_its_targets_too(
     with closing(Leader(served)) as other:
         with pytest.raises(ControlError, match=r"the arm follows uid .* already"):
             other.to(here(served))
-        with pytest.raises(
-            ControlError, match="this connection sends no stream"
-        ):
+        with pytest.raises(ControlError, match="this connection sends no stream"):
             served.until(
                 lambda: other.stream._exchange(
                     encode({"command": "target", "q": [0.0], "sent_s": 9.0, "number": 1})

@@ -15,7 +15,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.study import alone, world
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid
-from daemon.modes.contact_reactions import ContactReaction
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import GUIDED, YIELDING, Event, Mode
 from programs.simulate.simulated_robot import read_simulation
 
@@ -33,7 +33,7 @@ def robot_with(joint: Callable[[Joint], Joint] = lambda j: j, **changes: Any) ->
     c = robot.configuration
     joints = [joint(j) if i == ELBOW else j for i, j in enumerate(c.joints)]
     trajectory = msgspec.structs.replace(c.trajectory, sinusoids={c.joint_names[ELBOW]: SWING})
-    admittance = msgspec.structs.replace(c.admittance, after_quiet="return")
+    admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
     changed: Configuration = msgspec.structs.replace(
         c, joints=joints, trajectory=trajectory, admittance=admittance, **changes
     )
@@ -135,6 +135,36 @@ def test_a_cable_below_the_stated_level_interrupts_once_and_is_named() -> None:
     named = [text for text in watched.notices if "contact at the same place 3 times" in text]
     assert len(named) == 1
     assert named[0].startswith("LElbowRoll: ")
+
+
+def test_friction_beyond_all_levels_interrupts_no_more_than_five_times() -> None:
+    """A shoulder that breaks away with twice its friction: no level is for it, and the arm holds."""
+    swing = Sinusoid(amplitude=0.35, frequency_Hz=0.15)
+    robot = load_robot(ROMEO)
+    c = robot.configuration
+    yaw = c.joint_names[1]
+    trajectory = msgspec.structs.replace(c.trajectory, sinusoids={yaw: swing})
+    admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
+    c = msgspec.structs.replace(c, trajectory=trajectory, admittance=admittance)
+    robot = replace(robot, configuration=c)
+    arm = replace(world.subject(robot, world.LAWS[1], 4), drift=0.0)
+    on = ArmInTheLoop(arm, robot, START)
+    on.start()
+    on.run(4.0)
+    assert on.arm() == []
+    on.run(90.0)
+    plant, factors = on.harness.plant, np.ones(7)
+    usual = plant.coulomb.sum(axis=0) / on.tick.estimator.transmission.engaged_coulomb
+    factors[1] = 2.0 / usual[1]
+    plant.scale_friction(factors)
+    interrupted, before = 0, on.mode
+    for _ in range(4000):
+        on.step()
+        interrupted += on.mode is Mode.ADMITTANCE and before is not Mode.ADMITTANCE
+        before = on.mode
+    assert 3 <= interrupted <= 6
+    assert on.mode is Mode.HOLDING
+    assert "interrupted at the same place 5 times" in on.tick.controller.machine.cause
 
 
 def test_once_the_cable_is_gone_the_level_sinks_again() -> None:
