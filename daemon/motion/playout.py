@@ -93,6 +93,11 @@ class Playout:
         self._at_s = target.sent_s - self.delay_s
 
     @property
+    def speed(self) -> Vector:
+        """Velocity (n,) [rad/s] at the newest target."""
+        return self._velocity
+
+    @property
     def half_window_s(self) -> float:
         """Half width of the window of the mean [s]: that of a period, or more."""
         return max(0.5 * self.period_s, LEAST_HALF_WINDOW_S)

@@ -28,6 +28,8 @@ STREAM_SHARE: Final = 0.8
 NEAR_RAD: Final = 0.05
 # The same, within which a stream that was silent for a moment is followed on at once [rad].
 RESUMED_RAD: Final = 0.15
+# Share of the velocity limit from which on a stream counts as faster: jitter adds to its velocity.
+FASTER: Final = 1.5
 # Silence after which the arm brakes [s], and after which the stream has stalled: at 20 Hz more
 # than two targets lost in a row.
 BRAKED_S: Final = 0.14
@@ -72,10 +74,11 @@ class StreamSettings:
     join_velocity: float  # [rad/s]
 
 
-def next_phase(phase: Phase, *, silent: bool, apart: float, reach: float) -> Phase:
+def next_phase(phase: Phase, *, silent: bool, apart: float, newest: float, reach: float) -> Phase:
     """Phase of the next tick. silent: no target comes; apart: of the furthest joint from its target
-    [rad], which is gone to within `reach` [rad]."""
-    near = apart < NEAR_RAD
+    as it is read [rad], which is gone to within `reach` [rad]; newest: the same, from the newest
+    target: a stream that jumps across the arm is near it only between two targets."""
+    near = max(apart, newest) < NEAR_RAD
     match phase:
         case Phase.WAITING:
             return Phase.JOINING if near and not silent else phase
@@ -84,9 +87,11 @@ def next_phase(phase: Phase, *, silent: bool, apart: float, reach: float) -> Pha
         case _ if apart > reach:
             return Phase.WAITING
         case Phase.STALLED:
-            return Phase.FOLLOWING if apart < RESUMED_RAD else Phase.JOINING
+            resumed = max(apart, newest) < RESUMED_RAD
+            return Phase.FOLLOWING if resumed else Phase.JOINING
         case Phase.JOINING:
-            return Phase.FOLLOWING if near else phase
+            joined = apart < NEAR_RAD and newest < RESUMED_RAD
+            return Phase.FOLLOWING if joined else phase
         case Phase.FOLLOWING:
             return phase
 
@@ -100,7 +105,7 @@ class TargetStream:
     limits: Limits
     first: Target
     phase: Phase = Phase.JOINING
-    bounded: int = 0  # targets outside the joint limits
+    bounded: int = 0  # targets outside the joint limits, or faster
     refused: int = 0  # targets that are no numbers
     name: str = "a stream"
     duration: float = math.inf
@@ -110,6 +115,7 @@ class TargetStream:
     playout: Playout = field(init=False)
     _tracker: Tracker | None = None
     _braked: bool = False
+    _rejoins: bool = False
     _now_s: float = 0.0
     _heard_s: float = 0.0
     _period_s: float = 0.0
@@ -131,9 +137,11 @@ class TargetStream:
             return
         if self.playout.put(self._within(target), self._now_s):
             self._heard_s = self._now_s
+            self.bounded += int((np.abs(self.playout.speed) > FASTER * self.limits.velocity).any())
 
-    def rejoin(self) -> None:
-        """Go to where the stream is, after a contact."""
+    def rejoin(self, *, interrupted: bool) -> None:
+        """Go to where the stream is, after a contact; interrupted: once that is over."""
+        self._rejoins = interrupted
         if self.phase is Phase.WAITING:
             self.phase = Phase.JOINING
 
@@ -143,7 +151,8 @@ class TargetStream:
         q = np.minimum(np.maximum(target.q, limits.lower), limits.upper)
         if velocity is not None:
             velocity = np.minimum(np.maximum(velocity, -limits.velocity), limits.velocity)
-        self.bounded += int((q != target.q).any())
+        fast = velocity is not None and (velocity != target.velocity).any()
+        self.bounded += int(fast or (q != target.q).any())
         return Target(target.number, target.sent_s - self.first.sent_s, q, velocity)
 
     @property
@@ -196,7 +205,8 @@ class TargetStream:
     def go_on(self, q: Vector, *, again: bool) -> None:
         """Begin at q (n,) [rad], at standstill; again: after a contact, or a halt."""
         self._tracker = Tracker(q.copy(), STREAM_SHARE * self.limits.acceleration)
-        waits = again and self.settings.after_contact is AfterContact.HOLD
+        holds = self.settings.after_contact is AfterContact.HOLD and not self._rejoins
+        waits, self._rejoins = again and holds, False
         self.phase = Phase.WAITING if waits else Phase.JOINING
 
     def reference(self, q: Vector, velocity: Vector, dt: float) -> Reference:
@@ -211,6 +221,7 @@ class TargetStream:
             self.phase,
             silent=self.silent_s > STALLED_S,
             apart=apart,
+            newest=float(np.abs(self.playout.newest.q - tracker.q).max()),
             reach=self.settings.reach,
         )
         braked, self._braked = self._braked, self.silent_s > BRAKED_S or self.phase in STANDING

@@ -41,7 +41,7 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
     delay_s: float  # by which the arm follows behind the sender
     lost: int  # targets that never came
     dropped: int  # targets out of order, repeated, or too late
-    bounded: int  # targets outside the joint limits
+    bounded: int  # targets outside the joint limits, or faster
     refused: int  # targets that were no numbers
     after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
     contact: str = ""  # the one that lasts, or was over less than 0.5 s ago, described

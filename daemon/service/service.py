@@ -292,7 +292,7 @@ class Service:
             target = self.streams.target(request)
             own.put(target)
             self.streams.refuse_far(target, q, begun=True)
-            own.rejoin()
+            own.rejoin(interrupted=controller.machine.mode is not Mode.TRACKING)
             return self._followed(request)
         if present and not own:
             return self._reply(request, [f"the arm follows {present.sender} already"])

@@ -48,7 +48,7 @@ NOT_RUN: Final = (
     (r" contactd fleet", "asks a router: tests/programs/zenoh"),
     (r" contactd-(web|zenoh|foxglove)", SERVES),
     (r"^docs/lerobot\.md ", "needs two arms, and LeRobot: `make lerobot`"),
-    (r"--socket (leader|follower)\.sock", "needs two arms: tests/programs/contactctl/test_follow.py"),
+    (r"--socket (leader|follower)\.sock", "needs two arms"),
     (r" contactctl follow ", "takes real time: tests/programs/contactctl/test_follow.py"),
     (r" contactctl watch", "needs a terminal: tests/programs/contactctl/test_live_states.py"),
     (r" contactctl health", "reads records of days: tests/programs/trends"),

@@ -83,7 +83,41 @@ NEAR, OFF, FAR = 0.01, 0.3, 0.6  # from the target [rad]
     ],
 )
 def test_phases(phase: Phase, silent: bool, apart: float, after: Phase) -> None:
-    assert next_phase(phase, silent=silent, apart=apart, reach=REACH) is after
+    assert next_phase(phase, silent=silent, apart=apart, newest=apart, reach=REACH) is after
+
+
+@pytest.mark.parametrize(
+    ("phase", "newest", "after"),
+    [(W, OFF, W), (W, NEAR, J), (J, OFF, J), (J, 0.1, F), (S, OFF, J), (F, OFF, F)],
+)
+def test_a_stream_that_jumps_across_the_arm_is_not_near_it(
+    phase: Phase, newest: float, after: Phase
+) -> None:
+    assert next_phase(phase, silent=False, apart=NEAR, newest=newest, reach=REACH) is after
+
+
+def test_a_rejoin_that_is_asked_for_during_the_contact_counts_after_it_once() -> None:
+    made = stream()
+    for k, phase in enumerate((J, W)):
+        made.tick(DT)
+        if k == 0:
+            made.rejoin(interrupted=True)
+        made.go_on(np.array([0.3, 0.0]), again=True)
+        assert made.phase is phase
+
+
+@pytest.mark.parametrize("velocity", [None, np.array([0.0, 9.0])])
+def test_a_stream_that_is_faster_than_the_limits_counts_as_bounded(
+    velocity: np.ndarray | None,
+) -> None:
+    made, slow = stream(), stream()
+    for k in range(1, 20):
+        made.put(Target(k, k * DT, np.array([0.0, 0.02 * (k % 10)]), velocity))
+        slow.put(Target(k, k * DT, np.array([0.0, 0.01 * k])))
+        made.tick(DT)
+        slow.tick(DT)
+    assert made.bounded > 5
+    assert slow.bounded == 0
 
 
 def test_it_joins_slowly_and_then_follows() -> None:
@@ -166,7 +200,7 @@ def test_after_a_contact_it_waits_for_the_stream_or_goes_there() -> None:
     sender.send(0.0, 0.0, ticks=50)
     made.go_on(np.array([0.3, 0.0]), again=True)
     assert sender.send(0.0, 0.0, ticks=40)[0] == 0.3
-    made.rejoin()
+    made.rejoin(interrupted=False)
     assert sender.send(0.0, 0.0, ticks=300)[0] == pytest.approx(0.0, abs=1e-3)
 
 

@@ -138,7 +138,7 @@ def test_a_cable_below_the_stated_level_interrupts_once_and_is_named() -> None:
 
 
 def test_friction_beyond_all_levels_interrupts_no_more_than_five_times() -> None:
-    """A shoulder that breaks away with twice its friction: no level is for it, and the arm holds."""
+    """A shoulder breaks away with twice its friction: no level is for it, and the arm holds."""
     swing = Sinusoid(amplitude=0.35, frequency_Hz=0.15)
     robot = load_robot(ROMEO)
     c = robot.configuration

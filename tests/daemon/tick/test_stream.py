@@ -147,3 +147,20 @@ def test_no_stream_brings_a_setpoint_beyond_a_limit(
                 change = np.abs(velocity - before)
                 assert (change <= LIMITS.acceleration * T + 1e-9).all()
             assert ((arm.q >= LIMITS.lower) & (arm.q <= LIMITS.upper)).all()
+
+
+@pytest.mark.parametrize("far", [0.1, 0.3])
+def test_a_waiting_arm_stays_where_a_stream_jumps_from_one_side_of_it_to_the_other(
+    streamed: Streamed, far: float
+) -> None:
+    streamed.guided()
+    stands = streamed.arm.q.copy()
+    for side in (-far, far):
+        streamed.q = stands + side
+        for _ in range(20):  # at 20 Hz: targets between them are read
+            streamed.run(T)
+            streamed.number += 4
+            for _ in range(4):
+                streamed.arm.step()
+    assert streamed.stream.phase is Phase.WAITING
+    np.testing.assert_allclose(streamed.arm.q, stands, atol=1e-3)
