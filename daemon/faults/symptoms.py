@@ -47,7 +47,7 @@ SECTION_OF: Final[dict[Condition, str]] = {
     _C.APART: "motor-and-link-apart",
     _C.TORQUE_SATURATED: "it-presses",
     _C.JOINT_LIMIT: "it-presses",
-    _C.RESIDUAL_LIMIT: "it-yields-when-nobody-touches-it",
+    _C.RESIDUAL_LIMIT: "it-yields-without-a-touch",
     _C.NOT_FINITE: "the-program-fails",
     _C.PROGRAM_ERROR: "the-program-fails",
 }

@@ -316,7 +316,7 @@ class Service:
         """Reply to the sender of a stream that the arm follows."""
         self.streams.compare(self.process.seen)
         state = self.loop.tick.controller.stream_state()
-        return replace(self._reply(request), stream=state, warnings=list(self.streams.warnings))
+        return replace(self._reply(request), stream=state, warnings=self.streams.warnings)
 
     def _arm(self, request: requests.Arm, peer: Peer) -> Reply:
         answer = self.permission.arm(request, peer, self.loop.time_s)

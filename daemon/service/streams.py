@@ -25,8 +25,7 @@ class Streams:
     joints: Sequence[str]
     limits: Limits
     settings: StreamSettings
-    warnings: list[str] = field(default_factory=list)
-    """of the stream, which moved faster or further than the thresholds cover"""
+    _warnings: dict[str, str] = field(default_factory=dict)  # by joint and kind
     _owner: int = 0
     _stream: TargetStream | None = None
     _fastest: Vector = field(init=False)
@@ -69,9 +68,15 @@ class Streams:
 
     def own(self, stream: TargetStream, connection: int) -> None:
         """Record the connection that sends a stream, once the arm follows it."""
-        self._stream, self._owner, self.warnings = stream, connection, []
+        self._stream, self._owner, self._warnings = stream, connection, {}
         self._lowest = self._highest = stream.moves.q
         self._fastest = np.zeros_like(self._lowest)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings that the stream moved faster or further than its thresholds cover, in the order
+        in which they came."""
+        return list(self._warnings.values())
 
     def compare(self, seen: SeenMotion) -> None:
         """Warn where the stream moves faster or further than its thresholds cover: a path is
@@ -82,10 +87,11 @@ class Streams:
         self._lowest = np.minimum(self._lowest, moves.q)
         self._highest = np.maximum(self._highest, moves.q)
         found = seen.warnings(self.joints, self._fastest, self._lowest, self._highest)
-        if len(found) > len(self.warnings):
-            self.warnings = found
-            for text in found:
+        for text in found:
+            kind = " ".join(text.split()[:3])
+            if kind not in self._warnings:
                 _log.warning("the stream of %s: %s", self._stream.sender, text)
+            self._warnings[kind] = text
 
     def target(self, request: requests.Follow | requests.Target) -> Target:
         """Target of a request. Raises TrajectoryError for one of other joints."""

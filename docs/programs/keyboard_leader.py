@@ -25,7 +25,7 @@ def lead(screen: "curses.window", path: Path) -> None:
     with Client(path) as client:
         status = client.status()
         joints, q = status["joints"], list(status["link_position"])
-        chosen, direction, until_s = 0, 0.0, 0.0
+        chosen, direction, until_s, bounded = 0, 0.0, 0.0, 0
         with client.follow() as arm:
             due_s = time.monotonic()
             while (key := screen.getch()) != ord("q"):
@@ -41,8 +41,13 @@ def lead(screen: "curses.window", path: Path) -> None:
                 if now_s < until_s:
                     q[chosen] += direction * SPEED * PERIOD_S
                 arm.to(q)
-                phase = arm.state["phase"] if arm.state else ""
-                screen.addstr(0, 0, f"{joints[chosen]:20} {q[chosen]:+.3f} rad  {phase:12}")
+                phase, outside = "", 0
+                if arm.state:
+                    phase, outside = arm.state["phase"], arm.state["bounded"]
+                if outside > bounded:  # at a joint limit
+                    q, bounded = list(arm.state["target"]), outside
+                with contextlib.suppress(curses.error):  # a narrow terminal
+                    screen.addstr(0, 0, f"{joints[chosen]:20} {q[chosen]:+.3f} rad  {phase:12}")
                 due_s += PERIOD_S
                 time.sleep(max(due_s - time.monotonic(), 0.0))
 
@@ -50,10 +55,14 @@ def lead(screen: "curses.window", path: Path) -> None:
 def main() -> None:
     """Lead until q; print why the arm no longer follows."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else usual_socket_path()
+    if not sys.stdin.isatty():
+        sys.exit("the keyboard is read from a terminal")
     try:
         curses.wrapper(lead, path)
     except ControlError as error:
         sys.exit(str(error))
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import itertools
 import select
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,13 +68,14 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
 
     with options.connect() as asking:
         status, path = asking.ask_status(), asking.path
-    if file:
-        source = _of_file(read_trajectory(file, status.joints), status, rate)
-    else:
-        source = _of_leader(leader or path, path, status.joints)
+    way = read_trajectory(file, status.joints) if file else None
     try:
         with Client(path) as client, client.follow() as stream:
-            _send(source, stream)
+            if way is None:
+                _send(_of_leader(leader or path, path, status.joints), stream)
+                return
+            _send(_of_file(way, status, rate, lambda: _follows(stream)), stream)
+            _refuse_elsewhere(stream)
     except KeyboardInterrupt:
         say("\nhalted", err=True)
     except LeaderError as error:
@@ -83,6 +84,12 @@ def follow(options: Options, file: Path | None, leader: Path | None, rate: float
         raise type(error)(f"{NOT_REACHED_ON_ITS_WAY} ({error})") from error
     except ControlError as error:
         raise ControlError(f"{_moving(options)}{error}") from error
+
+
+def _refuse_elsewhere(stream: "Stream") -> None:
+    """Raise ControlError if the arm does not follow at the end of a file."""
+    if stream.state and not _follows(stream):
+        raise ControlError(f"the file came to its end, and the arm did not: {_phase(stream.state)}")
 
 
 def _moving(options: Options) -> str:
@@ -101,19 +108,23 @@ def _send(source: Iterator[Sent], stream: "Stream") -> None:
         reply = stream.reply
         if reply is None or (state := reply.get("stream")) is None:
             continue
-        words = _phase(state) + ("" if reply["armed"] else "; not armed")
+        words = _phase(state) + ("" if reply.get("armed") else "; not armed")
         if words != shown:
             shown = words
             say(words)
         warnings = reply.get("warnings", [])
-        if len(warnings) > warned:
-            warned = len(warnings)
-            say("\n".join(f"  warning: {text}" for text in warnings), err=True)
+        for text in warnings[warned:]:
+            say(f"  warning: {text}", err=True)
+        warned = len(warnings)
         if _entered():
             try:
                 stream.rejoin(sent.q, sent.time_s)
             except ControlError as error:
                 say(str(error), err=True)
+
+
+def _follows(stream: "Stream") -> bool:
+    return stream.state is not None and stream.state["phase"] == "following"
 
 
 def _phase(stream: "StreamState") -> str:
@@ -138,18 +149,24 @@ def _entered() -> bool:
     return bool(sys.stdin.readline())
 
 
-def _of_file(file: "TrajectoryFile", status: "Status", rate_hz: float) -> Iterator[Sent]:
-    """Poses of a trajectory, at its own speed; joints that it does not name stay."""
+def _of_file(
+    file: "TrajectoryFile", status: "Status", rate_hz: float, joined: Callable[[], bool]
+) -> Iterator[Sent]:
+    """Poses of a trajectory: the first one until the arm has joined there, then at its own speed;
+    joints that it does not name stay."""
     places = [status.joints.index(joint) for joint in file.joints]
     begun_s, span_s = time.monotonic(), file.times[-1] - file.times[0]
+    begins_s, waits = 0.0, True
     for k in itertools.count():
-        elapsed_s = k / rate_hz
-        time.sleep(max(begun_s + elapsed_s - time.monotonic(), 0.0))
+        sent_s = k / rate_hz
+        time.sleep(max(begun_s + sent_s - time.monotonic(), 0.0))
+        waits = waits and (k == 0 or not joined())
+        begins_s = sent_s if waits else begins_s
         q = list(status.link_position)
-        for place, value in zip(places, file.at(file.times[0] + elapsed_s), strict=True):
+        for place, value in zip(places, file.at(file.times[0] + sent_s - begins_s), strict=True):
             q[place] = value
-        yield Sent(q, None, elapsed_s)
-        if elapsed_s > span_s + REST_S:
+        yield Sent(q, None, sent_s)
+        if sent_s - begins_s > span_s + REST_S:
             return
 
 

@@ -52,12 +52,15 @@ def test_a_file_is_sent_at_its_speed_and_other_joints_stay(
     b = status.joints[1]
     (tmp_path / "way.csv").write_text(f"time_s,{b}\n1.0,0.0\n2.0,0.5\n")
     file = read_trajectory(tmp_path / "way.csv", status.joints)
-    sent = list(command._of_file(file, status, 20.0))
+    sent = list(command._of_file(file, status, 20.0, lambda: True))
     assert [one.time_s for one in sent[:3]] == [0.0, 0.05, 0.1]
     assert [one.q[1] for one in sent[:3]] == pytest.approx([0.0, 0.025, 0.05])
     assert sent[-1].q[1] == 0.5
     assert {one.q[0] for one in sent} == {status.link_position[0]}
     assert clock.now_s - 100.0 == pytest.approx(1.0 + command.REST_S, abs=0.11)
+    joins = iter([False, False, True])
+    waits = command._of_file(file, status, 20.0, lambda: next(joins))
+    assert [next(waits).q[1] for _ in range(5)] == pytest.approx([0.0, 0.0, 0.0, 0.025, 0.05])
 
 
 class FakeStream:
