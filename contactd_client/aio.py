@@ -98,6 +98,8 @@ class AsyncConnection:
                 return packets
             except OSError as error:
                 raise _gone(error) from error
+            if not size and packets:
+                return packets  # the end is found by the next call
             if not size:
                 raise HungUpError("the daemon closed the connection")
             packets.append(bytes(memoryview(_buffer)[:size]))

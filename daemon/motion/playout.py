@@ -152,7 +152,9 @@ class Playout:
         self.jitter_s -= dt / FORGET_S * self.jitter_s
         self._base_s += DRIFT * dt
         error_s = now_s - self._base_s - self.delay_s - self._at_s - dt
-        self._at_s += dt + min(max(error_s, -SLEW * dt), SLEW * dt)
+        # Further behind than any delay, of a clock that runs too fast: the past is left out.
+        most_s = error_s if error_s > EARLY_S else SLEW * dt
+        self._at_s += dt + min(max(error_s, -SLEW * dt), most_s)
 
     def read(self, ahead_s: float = 0.0) -> tuple[Vector, Vector]:
         """Means over the window: pose (n,) [rad] now, and velocity (n,) [rad/s] `ahead_s` later."""

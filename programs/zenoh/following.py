@@ -84,7 +84,7 @@ class Following:
                 self._line = self.connect()
                 self.say(f"follows publisher {publisher.hex()}")
             self._line.to(q, velocity, target.stamp_s or sent_s)
-        except (CdrError, ContactdError) as error:
+        except (CdrError, ContactdError, OSError) as error:
             self._refuse(publisher, str(error), now_s)
             self.close()
         return None

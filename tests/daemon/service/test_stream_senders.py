@@ -89,6 +89,18 @@ def test_a_clock_that_is_set_forwards_is_followed_on(served: ServedDaemon, step_
                 assert float(served.rig.decision.reference[0]) == pytest.approx(behind, abs=0.05)
 
 
+def test_a_clock_that_runs_too_fast_is_followed_at_the_delay_that_is_reported(
+    served: ServedDaemon,
+) -> None:
+    begun, zero_s = here(served), served.rig.time_s
+    with stream_of(served, lambda s: zero_s + 1.5 * (s - zero_s)) as stream:
+        for k in range(500):
+            q = begun + 0.2 * math.sin(0.01 * k)
+            send(served, stream, q)
+            if k > 100:
+                assert float(served.rig.decision.reference[0]) == pytest.approx(q, abs=0.1)
+
+
 def test_a_client_follows_twice_on_one_connection(served: ServedDaemon) -> None:
     begun = here(served)
     with closing(Connection(served.path, 5.0)) as connection:

@@ -18,7 +18,7 @@ import pytest
 import contactd_client
 from common.errors import ContactdError
 from contactd_client import Client, ControlError, Joined, Lost, UnreachableError, watch
-from contactd_client.aio import AsyncClient
+from contactd_client.aio import AsyncClient, AsyncConnection
 from contactd_client.aio import watch as watch_async
 from contactd_client.paths import view_socket_path
 from daemon.protocol.replies import Reply
@@ -302,3 +302,15 @@ def test_contactd_itself_stands_on_it(fake_daemon: Any) -> None:
     with OwnClient(fake_daemon.path) as client:
         assert client.ask_status().pid == 4711
     assert OwnClient.__init__.__globals__["Connection"] is contactd_client.client.Connection
+
+
+def test_asyncio_hears_what_came_before_the_end_of_the_connection() -> None:
+    ours, its_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, its_end:
+        ours.setblocking(False)
+        its_end.send(b"why")
+        its_end.shutdown(socket.SHUT_WR)
+        connection = AsyncConnection(ours)
+        assert connection.waiting() == [b"why"]
+        with pytest.raises(ControlError, match="closed the connection"):
+            connection.waiting()

@@ -1,5 +1,6 @@
 """Targets from the network: whose are followed, in which order of joints, and when no more."""
 
+import errno
 import itertools
 import struct
 from collections.abc import Sequence
@@ -54,9 +55,12 @@ class Network:
         self.lines: list[Line] = []
         self.said: list[str] = []
         self.now_s = 10.0
+        self.error: OSError | None = None
         self.following = Following(self._connect, lambda: JOINTS, self.said.append)
 
     def _connect(self) -> Line:
+        if self.error:
+            raise self.error
         self.lines.append(Line())
         return self.lines[-1]
 
@@ -86,6 +90,16 @@ def test_a_stream_that_was_stopped_does_not_begin_again_by_itself() -> None:
     assert "until it falls silent: stop by uid 0" in network.said[-1]
     network.send(after_s=SILENT_S + 0.01)
     assert len(network.lines) == 2
+
+
+def test_an_error_of_the_machine_refuses_and_ends_nothing() -> None:
+    network = Network()
+    network.error = OSError(errno.EMFILE, "Too many open files")
+    network.send()
+    assert "Too many open files" in network.said[-1]
+    network.error = None
+    network.send(after_s=2.0 * SILENT_S)
+    assert network.lines[-1].sent
 
 
 def test_one_publisher_at_a_time() -> None:
