@@ -199,7 +199,6 @@ class TargetStream:
     def tick(self, dt: float) -> None:
         """Count dt [s]: in every tick, in each mode, from the start to the end of the stream."""
         self._now_s += dt
-        self._period_s = dt
         self.playout.step(self._now_s, dt)
 
     def go_on(self, q: Vector, *, again: bool) -> None:
@@ -212,7 +211,7 @@ class TargetStream:
     def reference(self, q: Vector, velocity: Vector, dt: float) -> Reference:
         """Reference dt [s] later, of an arm at q (n,) [rad] with setpoints `velocity` (n,) [rad/s].
         Raises RuntimeError before `go_on`."""
-        tracker = self._tracker
+        tracker, self._period_s = self._tracker, dt
         if tracker is None:
             raise RuntimeError("the stream has no pose to begin from")
         target, speed = self.playout.read(LAG_S)

@@ -48,6 +48,7 @@ class Controller:
         self._own = OwnEvents(tuning, self.machine, motion, self.quiet, self._allowance)
         self._observed: ControlInput | None = None
         self._phase: Phase | None = None  # of the stream, as reported
+        self._stepped_s = 0.0  # time of the latest step
         self._finding: Finding | None = None  # the last one that changed the mode
 
     @property
@@ -162,7 +163,7 @@ class Controller:
         self.doubt(time_s, observed.findings)
         self._follow(self._contacts.trigger(time_s, observed), time_s)
         self._follow(self._own.trigger(time_s, dt, observed), time_s)
-        self._hear(dt, time_s, observed.hit or observed.touched)
+        self._hear(time_s, observed.hit or observed.touched)
         motion = self.motion
         push = self._push(observed, dt)
         motion.step(self.machine.mode, observed.q, observed.age_s, push, dt, observed.play)
@@ -170,10 +171,12 @@ class Controller:
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)
 
-    def _hear(self, dt: float, time_s: float, contact: str) -> None:
-        """Count dt [s] for a stream, and forget one that has ended."""
+    def _hear(self, time_s: float, contact: str) -> None:
+        """Count the time for a stream, all of it where a tick is late, and forget one that has
+        ended."""
+        elapsed_s, self._stepped_s = time_s - self._stepped_s, time_s
         if stream := self.stream:
-            stream.tick(dt)
+            stream.tick(elapsed_s)
             stream.touch(contact)
             if stream.ended:
                 cause = f"the stream of {stream.sender} fell silent for {ENDED_S:g} s"

@@ -164,3 +164,21 @@ def test_a_waiting_arm_stays_where_a_stream_jumps_from_one_side_of_it_to_the_oth
                 streamed.arm.step()
     assert streamed.stream.phase is Phase.WAITING
     np.testing.assert_allclose(streamed.arm.q, stands, atol=1e-3)
+
+
+@pytest.mark.parametrize("held_up_s", [0.05, 0.1, 0.2])
+def test_the_silence_goes_on_while_the_daemon_is_held_up(
+    streamed: Streamed, held_up_s: float
+) -> None:
+    """Its ticks are left out; their time has passed."""
+    for _ in range(100):
+        streamed.q = streamed.q + [0.004, 0.0]
+        streamed.run(T)
+    arm, moving = streamed.arm, streamed.arm.decisions[-1].velocity[0]
+    last_s = arm.time_s
+    assert moving > 0.3
+    arm.tick += round(held_up_s / T)
+    while arm.decisions[-1].velocity[0] > 0.005:
+        arm.step()
+    braking_s = moving / LIMITS.acceleration[0]
+    assert arm.time_s - last_s <= max(0.15, held_up_s) + braking_s + 3 * T
