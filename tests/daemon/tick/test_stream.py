@@ -172,7 +172,7 @@ def test_the_silence_goes_on_while_the_daemon_is_held_up(
 ) -> None:
     """Its ticks are left out; their time has passed."""
     for _ in range(100):
-        streamed.q = streamed.q + [0.004, 0.0]
+        streamed.q = streamed.q + np.array([0.004, 0.0])
         streamed.run(T)
     arm, moving = streamed.arm, streamed.arm.decisions[-1].velocity[0]
     last_s = arm.time_s
