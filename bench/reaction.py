@@ -17,7 +17,7 @@ joints that a hand moves faster than any setpoint are printed, and not held agai
 
 Faults of one drive are made at nearly its full speed, too.
 
-`--part pairs` makes every two faults on one arm, the second while the drives stop for the first,
+`--part pairs` makes every two faults on one arm, the second 4, 20 or 60 ticks after the first,
 and compares what the daemon says with what the simulated motors do: nothing may be said to stand,
 nor `reset` be accepted, while a joint moves by itself, and no frame of ours may take the power of
 one that moves before a ramp was tried. `--sample N --seed S` tries N of them by chance.

@@ -8,7 +8,7 @@ from lerobot.cameras import make_cameras_from_configs
 from lerobot.robots import Robot
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
-from contactd_client import Client, Stream
+from contactd_client import Client, ControlError, Stream
 from lerobot_robot_contactd.config_contactd import ContactdConfig
 from lerobot_robot_contactd.latest import LatestState, control_socket, joints_of
 
@@ -17,6 +17,8 @@ MODES: Final = (
     "stopping", "faulted",
 )  # fmt: skip
 """In an observation a mode is its place here; -1: unknown."""
+SILENCE: Final = "fell silent"
+"""Words of the daemon's reason why it forgot a stream that only paused."""
 
 
 class Contactd(Robot):
@@ -107,14 +109,26 @@ class Contactd(Robot):
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """Send the next target, and return it; the arm begins with the first. Raises ControlError,
-        with the reason, where the arm does not follow, or not any more."""
+        with the reason, where the arm does not follow, or not any more. After silence alone, as
+        while LeRobot saves an episode, the arm begins anew: slowly."""
         if self._client is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         q = [float(action[f"{joint}.pos"]) for joint in self.joints]
+        try:
+            self._follow().to(q)
+        except ControlError as error:
+            if SILENCE not in str(error):
+                raise
+            self._client.close()
+            self._client, self._stream = Client(control_socket(self.config.socket)), None
+            self._follow().to(q)
+        return {f"{joint}.pos": value for joint, value in zip(self.joints, q, strict=True)}
+
+    def _follow(self) -> Stream:
+        assert self._client is not None
         if self._stream is None:
             self._stream = self._client.follow()
-        self._stream.to(q)
-        return {f"{joint}.pos": value for joint, value in zip(self.joints, q, strict=True)}
+        return self._stream
 
     def disconnect(self) -> None:
         """Halt the arm, and end all connections."""

@@ -1,7 +1,7 @@
 """Pairs of faults on one arm, judged by the simulated drives: does what the daemon says hold?
 
-The second fault begins while the drives stop for the first. What moves is what the simulated
-motors do, whatever anybody measures.
+The second fault begins while the drives stop for the first, just after, or once they stand. What
+moves is what the simulated motors do, whatever is measured.
 """
 
 import itertools
@@ -22,8 +22,9 @@ from simulator.axis import Axis
 
 #: All pairs are tried at one place: two encoders, current, and seven joints.
 PLACE: Final = PLACES[0]
-#: The second fault begins so many ticks after the first: most arms are on their ramps then.
-LATER_TICKS: Final = 4
+#: The second fault begins so many ticks after the first: most arms are on their ramps then, have
+#: just been proved to stand, or have stood for long.
+LATER_TICKS: Final = (4, 20, 60)
 TICKS: Final = 120
 #: So far a motor goes at least that moves on after it was said to stand [rad], in so many ticks; a
 #: link that comes to the end of its gap knocks its motor for a tick.
@@ -78,22 +79,24 @@ SINGLES: Final = tuple(s.case for s in SHOWN if s.place == PLACE and s.case.name
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two faults, the first first, on one joint or on two."""
+    """Two faults, the first first, on one joint or on two, and `later` ticks between them."""
 
     first: Case
     second: Case
     apart: bool
+    later: int  # ticks
 
     def __str__(self) -> str:
         where = "another joint" if self.apart else "the same joint"
-        return f"{self.first.name} | {self.second.name} ({where})"
+        return f"{self.first.name} | {self.second.name} {self.later} ticks later ({where})"
 
 
 PAIRS: Final = tuple(
-    Pair(first, second, apart)
+    Pair(first, second, apart, later)
     for first, second in itertools.permutations(SINGLES, 2)
     for apart in (False, True)
     if not (apart and JOINTLESS & {first.name, second.name})
+    for later in LATER_TICKS
 )
 
 
@@ -232,10 +235,10 @@ def judged_on(on: BreakableArm, pair: Pair) -> Verdict:
     start(on, armed=pair.first.armed and pair.second.armed)
     judge = Judge(on)
     there = (on.joint + 1) % len(on.drives) if pair.apart else on.joint
-    made = ((pair.first, on.joint, 0), (pair.second, there, LATER_TICKS))
+    made = ((pair.first, on.joint, 0), (pair.second, there, pair.later))
     with ExitStack() as cleanup:
         faults: list[tuple[Iterator[None], int]] = []
-        for tick in range(TICKS):
+        for tick in range(pair.later + TICKS):
             for case, joint, begins in made:
                 if tick == begins:
                     with on.at(joint):

@@ -14,10 +14,9 @@ WORST = (
 )
 
 
-def named(first: str, second: str) -> Pair:
-    return next(
-        p for p in PAIRS if (p.first.name, p.second.name, p.apart) == (first, second, False)
-    )
+def named(first: str, second: str, later: int = 4) -> Pair:
+    wanted = (first, second, False, later)
+    return next(p for p in PAIRS if (p.first.name, p.second.name, p.apart, p.later) == wanted)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from bench.rigs.lockstep import DESK_ARM
+from bench.rigs.processes import pair
 from daemon.protocol.state import Snapshot, State
+from programs.clients.client import Client
+from programs.clients.waiting import asked_until
 from programs.contactd import contactd
 from programs.recordings import lerobot
 from programs.recordings.lerobot import Frames, cameras_of, frame
@@ -157,3 +161,46 @@ def test_lerobot_finds_the_plug_in() -> None:
     shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     assert "ContactdConfig" in shown
     assert "ContactdLeaderConfig" in shown
+
+
+PAUSES = """
+import sys, time
+from contactd_client import Client, ControlError
+from lerobot_robot_contactd import Contactd, ContactdConfig
+
+robot = Contactd(ContactdConfig(socket=sys.argv[1], id="x"))
+robot.connect()
+seen = robot.get_observation()
+action = {f"{joint}.pos": seen[f"{joint}.pos"] for joint in robot.joints}
+
+def act():
+    for _ in range(25):
+        robot.send_action(action)
+        time.sleep(0.02)
+
+act()
+time.sleep(1.0)
+act()
+print("goes on")
+with Client(sys.argv[1]) as other:
+    other.ask({"command": "stop"})
+try:
+    act()
+except ControlError as error:
+    print(error)
+"""
+
+
+@needs_lerobot
+def test_after_a_pause_the_arm_follows_on_and_after_a_stop_it_does_not() -> None:
+    with pair(DESK_ARM) as arm:
+        client, _, _ = arm.subscribed()
+        client.close()
+        with Client(arm.door, 10.0) as asking:
+            assert asking.request("enable").ok
+            now = asked_until(asking.ask_status, lambda now: now.mode == "holding", 10.0)
+        assert now.mode == "holding"
+        words = [ENVIRONMENT / "bin/python", "-c", PAUSES, arm.door]
+        shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert shown.startswith("goes on\n")
+    assert "no longer follows this connection: stop by uid" in shown
