@@ -124,7 +124,7 @@ class Answers:
             return ""
         for stop, outdated in OUTDATED_BY.items():
             if request.command in outdated and after < self._stopped_at[stop]:
-                return f"a {stop} overtook it; ask again"
+                return f"a {stop} overtook it"
         if has_hung_up(connection.socket):
             return "the client has hung up"
         return ""

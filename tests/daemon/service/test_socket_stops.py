@@ -126,7 +126,7 @@ def test_what_a_stop_has_overtaken_does_not_move_the_arm_afterwards(
     assert {request.command for request, _ in handler.seen[1:]} == done
     for command in overtaken:
         reply = told(waiting[command])
-        assert reply == {"ok": False, "message": f"{command}: a {stop} overtook it; ask again"}
+        assert reply == {"ok": False, "message": f"{command}: a {stop} overtook it"}
         waiting[command].send(json.dumps({"command": command}).encode())
         control.poll(handler)
         assert told(waiting[command])["ok"] is True
