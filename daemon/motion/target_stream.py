@@ -215,14 +215,11 @@ class TargetStream:
         if tracker is None:
             raise RuntimeError("the stream has no pose to begin from")
         target, speed = self.playout.read(LAG_S)
-        apart = float(np.abs(target - tracker.q).max())
-        self.phase = next_phase(
-            self.phase,
-            silent=self.silent_s > STALLED_S,
-            apart=apart,
-            newest=float(np.abs(self.playout.newest.q - tracker.q).max()),
-            reach=self.settings.reach,
-        )
+        apart = newest = float(np.abs(target - tracker.q).max())
+        if self.phase is not Phase.FOLLOWING:
+            newest = float(np.abs(self.playout.newest.q - tracker.q).max())
+        silent, reach = self.silent_s > STALLED_S, self.settings.reach
+        self.phase = next_phase(self.phase, silent=silent, apart=apart, newest=newest, reach=reach)
         braked, self._braked = self._braked, self.silent_s > BRAKED_S or self.phase in STANDING
         if self._braked:
             if not braked:
