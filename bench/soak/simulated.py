@@ -200,6 +200,7 @@ def _soak(
         trouble.after()
         state, plant = rig.state(), rig.arm.plant  # as it is published
         service.doors()
+        service.reloading = False  # its files are as they were
         watch.see(
             state,
             lease_until_s=leases.until_s,
