@@ -206,7 +206,8 @@ def test_a_stream_is_shown_with_its_phase(screens: Screens, arm: FakeDaemon, pag
     arm.changes = ARMED | {"stream": STREAM}
     screen = screens.open(f"{page.url}?scene=off", PHONE)
     screen.live()
-    screen.begins("#stream", "Stream waiting: the arm stands until the stream is within 0.05 rad of it")
+    waits = "Stream waiting: the arm stands until the stream is within 0.05 rad of it"
+    screen.begins("#stream", waits)
     screen.picture("stream_phone")
     arm.changes = ARMED | {"stream": None}
     screen.hides("#stream")
