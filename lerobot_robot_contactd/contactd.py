@@ -19,6 +19,8 @@ MODES: Final = (
 """In an observation a mode is its place here; -1: unknown."""
 SILENCE: Final = "fell silent"
 """Words of the daemon's reason why it forgot a stream that only paused."""
+FOLLOWS: Final = frozenset({"joining", "following", "stalled"})
+"""Phases of an arm that is not held back by a contact, or by a person."""
 
 
 class Contactd(Robot):
@@ -110,14 +112,17 @@ class Contactd(Robot):
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
         """Send the next target, and return it; the arm begins with the first. Raises ControlError,
         with the reason, where the arm does not follow, or not any more. After silence alone, as
-        while LeRobot saves an episode, the arm begins anew: slowly."""
+        while LeRobot saves an episode, the arm begins anew, slowly; not where it waits after a
+        contact."""
         if self._client is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         q = [float(action[f"{joint}.pos"]) for joint in self.joints]
+        state = self._stream.state if self._stream else None
         try:
             self._follow().to(q)
         except ControlError as error:
-            if SILENCE not in str(error):
+            follows = state is not None and state["phase"] in FOLLOWS
+            if not follows or SILENCE not in str(error):
                 raise
             self._client.close()
             self._client, self._stream = Client(control_socket(self.config.socket)), None

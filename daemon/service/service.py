@@ -203,7 +203,12 @@ class Service:
                 reply = self._reply(request, newer)
             case _:  # a ModeRequest
                 event = EVENT_OF[type(request)]
+                controller = self.loop.tick.controller
+                ends = event is Event.PAUSE and self.streams.of(peer.connection, controller.stream)
                 reply = self._reply(request, self.set_up.request(event, who))
+                if ends and reply.ok:
+                    # Its sender ends the stream; a pause by others holds the arm until `start`.
+                    controller.request(Event.ABANDON, "the end of its stream", self.loop.time_s)
         return reply
 
     def _at_the_end(self, request: Request) -> list[str]:
@@ -288,13 +293,16 @@ class Service:
             return self._reply(request, ["no samples of the drives yet"])
         q, present = last.samples.link_position, controller.stream
         own = self.streams.of(peer.connection, present)
-        if own and not controller.machine.paused:
+        if own and controller.machine.paused:
+            why = f"the arm holds: {controller.machine.cause}; `contactctl start` goes on"
+            return self._reply(request, [why])
+        if own:
             target = self.streams.target(request)
             own.put(target)
             self.streams.refuse_far(target, q, begun=True)
             own.rejoin(interrupted=controller.machine.mode is not Mode.TRACKING)
             return self._followed(request)
-        if present and not own:
+        if present:
             return self._reply(request, [f"the arm follows {present.sender} already"])
         stream = self.streams.begun(request, q, who)
         reply = self._reply(request, self.set_up.request(Event.START, who, stream))

@@ -180,6 +180,8 @@ class Controller:
             stream.touch(contact)
             if stream.ended:
                 cause = f"the stream of {stream.sender} fell silent for {ENDED_S:g} s"
+                if self.machine.paused:  # silence is no reason to forget who paused it
+                    cause = f"{self.machine.cause}; the stream of {stream.sender} has ended"
                 self._apply(Event.ABANDON, cause + stream.clock_in_words, time_s)
 
     def _report_phase(self) -> None:

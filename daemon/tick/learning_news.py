@@ -7,7 +7,7 @@ from daemon.protocol.state import Notice
 from estimator.estimator import Estimator
 
 #: Number of contacts in doubt at one place from which on it is reported, and from which on the arm
-#: holds: with nobody there it would be interrupted for ever.
+#: holds: without a hand it would be interrupted for ever.
 OFTEN: Final = 3
 TOO_OFTEN: Final = 5
 

@@ -129,6 +129,21 @@ def test_a_start_of_another_client_leaves_the_stream_to_its_connection(
         assert served.rig.tick.controller.stream is None
 
 
+def test_a_pause_by_another_client_is_undone_by_no_sender(served: ServedDaemon) -> None:
+    """Neither by a rejoin nor, as LeRobot's plug-in begins anew, after silence."""
+    begun = here(served)
+    with Client(served.path) as other, stream_of(served) as stream:
+        send(served, stream, begun, 20)
+        served.until(lambda: other.ask({"command": "pause"}))
+        served.run(0.1)
+        with pytest.raises(ControlError, match=r"pause by uid .*; `contactctl start` goes on"):
+            served.until(lambda: stream.rejoin([begun + 0.3]))
+        served.run(1.0)
+        assert served.rig.mode is Mode.HOLDING
+        assert "pause by uid" in served.rig.tick.controller.machine.cause
+        assert "fell silent" not in served.rig.tick.controller.machine.cause
+
+
 @pytest.mark.parametrize("ticks", [4, 6])
 def test_a_slow_sender_hears_of_a_short_touch(served: ServedDaemon, ticks: int) -> None:
     """At 20 Hz; the touch begins and ends between two targets."""
