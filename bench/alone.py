@@ -1,6 +1,6 @@
 """Motion without a person: armed arms that learned what is no longer true.
 
-    python -m bench.alone [--arms N] [--first SEED] [--kind KIND] [--jobs N] [--json]
+    python -m bench.alone [--arms N] [--first SEED] [--kind KIND] [--retract] [--jobs N] [--json]
 
 N arms as wide as the world, with the three laws of friction and gains of 0.1 to 5 rad/s per Nm, or
 their own, swing with all joints for four minutes, armed. Then each meets one change: something that
@@ -33,6 +33,7 @@ from bench.study import changes
 from bench.study.alone import Job, arm_of, course
 from bench.study.changes import KINDS, LASTING, Change, Kind
 from bench.study.monte_carlo import spread
+from daemon.modes.contact_reactions import ContactReaction
 
 LATER_S = 0.15  # than usual, from which on a touch is missed
 
@@ -59,7 +60,7 @@ class Result:
 
 def run(job: Job) -> Result:
     """One arm with its change, and without."""
-    robot, _, own = arm_of(job.seed)
+    robot, _, own = arm_of(job.seed, job.reaction)
     change = changes.draw(job.kind, robot.configuration, job.seed)
     seen, false, level = course(job, change, happens=True)
     other, _, usual = course(job, change, happens=False)
@@ -123,10 +124,15 @@ def row_of(r: Result) -> dict[str, Any]:
 @click.option("--arms", type=click.IntRange(min=1), default=36, show_default=True)
 @click.option("--first", type=click.IntRange(min=0), default=1, show_default=True)
 @click.option("--kind", type=click.Choice(KINDS), default=None, help="Only this kind of change.")
+@click.option("--retract", is_flag=True, help="Arms that back away from contacts.")
 @JOBS
 @click.option("--json", "as_json", is_flag=True)
-def main(arms: int, first: int, kind: Kind | None, processes: int, as_json: bool) -> None:
-    jobs = [Job(seed, kind or KINDS[seed % len(KINDS)]) for seed in range(first, first + arms)]
+def main(
+    arms: int, first: int, kind: Kind | None, retract: bool, processes: int, as_json: bool
+) -> None:
+    reaction = ContactReaction.RETRACT if retract else ContactReaction.ADMITTANCE
+    seeds = range(first, first + arms)
+    jobs = [Job(seed, kind or KINDS[seed % len(KINDS)], reaction) for seed in seeds]
     results: list[Result] = []
     for result in spread(run, jobs, processes, "arms"):
         results.append(result)

@@ -178,9 +178,8 @@ def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
         stop_timeout_s=c.supervisor.stop_timeout_s,
     )
     t = build_transmission(c)
-    contact = row(c, lambda j: j.thresholds.contact)
     coulomb = largest_coulomb(t, row(c, lambda j: j.wiring.max_current_A))
-    witness = HandWitness(contact, coulomb, t.motor_viscous + t.link_viscous)
+    witness = HandWitness(coulomb, t.motor_viscous + t.link_viscous)
     return Controller(tuning, build_motion(robot, links_trusted=links_trusted), witness)
 
 

@@ -242,7 +242,7 @@ def _mistakes() -> str:
         (mistake.words, "`identify wiring`" if mistake.only_wiring else f"`{mistake.field}`")
         for mistake in MISTAKES
     ]
-    return _table(("what is written", "told at"), *rows)
+    return _table(("what is written", "reported at"), *rows)
 
 
 # --- contactctl -----------------------------------------------------------------------------------

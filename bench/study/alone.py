@@ -18,7 +18,7 @@ from bench.study.world import LAWS
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Sinusoid
-from daemon.modes.contact_reactions import AfterQuiet
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import GUIDED, Event, Mode
 
 WORK_S: Final = 240.0
@@ -50,6 +50,7 @@ class Job:
 
     seed: int
     kind: Kind
+    reaction: ContactReaction = ContactReaction.ADMITTANCE  # to contact
 
 
 @dataclass
@@ -75,7 +76,9 @@ class Course:
         return median
 
 
-def arm_of(seed: int) -> tuple[Robot, world.Law, bool]:
+def arm_of(
+    seed: int, contact: ContactReaction = ContactReaction.ADMITTANCE
+) -> tuple[Robot, world.Law, bool]:
     """Robot of one arm, its law of friction, and whether it has its own gains."""
     robot = load_robot(ROMEO)
     c, rng = robot.configuration, np.random.default_rng((seed, 71))
@@ -99,7 +102,9 @@ def arm_of(seed: int) -> tuple[Robot, world.Law, bool]:
     }
     trajectory = msgspec.structs.replace(c.trajectory, sinusoids=sinusoids)
     admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
-    c = msgspec.structs.replace(c, joints=joints, trajectory=trajectory, admittance=admittance)
+    reactions = msgspec.structs.replace(c.reactions, contact=contact)
+    changed = {"trajectory": trajectory, "admittance": admittance, "reactions": reactions}
+    c = msgspec.structs.replace(c, joints=joints, **changed)
     return replace(robot, configuration=c), LAWS[seed % len(LAWS)], own
 
 
@@ -218,7 +223,7 @@ def course(
 ) -> tuple[Course, tuple[int, int], float]:
     """One arm, with the change, without, or with it from the beginning (`always`); returns what was
     seen, the false contacts of both moments, and the level at the end [Nm]."""
-    robot, law, _ = arm_of(job.seed)
+    robot, law, _ = arm_of(job.seed, job.reaction)
     watched = Watched(robot, law, job.seed, change)
     on, seen = watched.on, watched.seen
     if always:

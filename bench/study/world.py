@@ -44,7 +44,6 @@ STIFFNESS: Final = (300.0, 4000.0)
 STEPPING: Final = 0.3
 """share of the arms whose drives do not interpolate"""
 
-
 LOAD: Final = (0.0, 0.15)
 """friction per transmitted torque, of half of the arms ..."""
 EFFICIENCY: Final = (0.7, 0.95)

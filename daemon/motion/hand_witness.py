@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.arrays import Vector
 from estimator.contact import dead_band
@@ -36,12 +37,13 @@ SETTLES: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class IndependentResidual:
-    """Residual of a tick as far as it is independent of learning [Nm], with the level in force and
-    the stated one [Nm]."""
+    """Residual of a tick as far as it is independent of learning [Nm], with the level in force, the
+    stated and the configured one [Nm]."""
 
     agreed: Vector
     threshold: Vector
     stated: Vector
+    configured: Vector
 
 
 def agreed(residual: Vector, uncorrected: Vector) -> Vector:
@@ -59,10 +61,9 @@ def beyond_stated(independent: IndependentResidual) -> Vector:
 class HandWitness:
     """Watch on one arm while it yields."""
 
-    def __init__(self, contact: Vector, coulomb: Vector, viscous: Vector) -> None:
-        """contact: configured levels [Nm]; coulomb [Nm], viscous [Nm s/rad]: identified friction of
-        motor and link."""
-        self._contact, self._coulomb, self._viscous = contact, coulomb, viscous
+    def __init__(self, coulomb: Vector, viscous: Vector) -> None:
+        """coulomb [Nm], viscous [Nm s/rad]: identified friction of motor and link."""
+        self._coulomb, self._viscous = coulomb, viscous
         n = len(coulomb)
         self._alone_s, self._alone_rad, self._seen_s = np.zeros((3, n))
         self._stands = np.zeros(n, dtype=np.bool_)
@@ -77,11 +78,19 @@ class HandWitness:
         self._alone_s[:] = self._alone_rad[:] = self._seen_s[:] = 0.0
         self._stands[:] = False
 
+    def witnessed(
+        self, independent: IndependentResidual, motor_velocity: Vector
+    ) -> NDArray[np.bool_]:
+        """Joints (n,) on which a hand is witnessed in this tick."""
+        friction = self._coulomb + self._viscous * np.abs(motor_velocity)
+        beyond = np.maximum(independent.stated, independent.configured + friction)
+        hand: NDArray[np.bool_] = np.abs(independent.agreed) > beyond
+        return hand
+
     def step(self, independent: IndependentResidual, motor_velocity: Vector, dt: float) -> Vector:
         """Thresholded residual [Nm] that may move the arm in the next dt [s]."""
         size, speed = np.abs(independent.agreed), np.abs(motor_velocity)
-        friction = self._coulomb + self._viscous * speed
-        hand = size > np.maximum(independent.stated, self._contact + friction)
+        hand = self.witnessed(independent, motor_velocity)
         self._seen_s = np.where(hand, ALONE_S, np.maximum(self._seen_s - dt, 0.0))
         seen = self._seen_s > 0.0
         along = (independent.agreed * motor_velocity > 0.0) & (size > independent.threshold) & ~seen

@@ -75,6 +75,11 @@ class Motion:
         path = self.follower.place.path
         return path if isinstance(path, TargetStream) else None
 
+    def rest(self, q: Vector) -> Vector:
+        """Positions (n,) [rad] at which joints come to rest that brake now, at q [rad]."""
+        braked: Vector = q + 0.5 * self.velocity * np.abs(self.velocity) / self.limits.acceleration
+        return braked
+
     def retract(self, q: Vector, thresholded: Vector) -> None:
         """Back away from q [rad] in the direction of the thresholded residual [Nm]."""
         pushed = self.gains.value * thresholded

@@ -20,6 +20,7 @@ class ContactEvents:
         self._reactions, self._machine = reactions, machine
         self._motion, self._quiet = motion, quiet
         self.stage = ReleaseStage.NONE
+        self._opposed = False
 
     def pressed(self, observed: ControlInput) -> str:
         """Contact still present after the arm stopped for it: a collision that lasts, or the rest
@@ -33,6 +34,7 @@ class ContactEvents:
         released = before is Mode.RELEASING
         end = self._motion.giving_way.end
         self.stage = after_release(event, end) if released else after_change(self.stage)
+        self._opposed |= before is Mode.RETRACTING and event is Event.HALT
 
     def trigger(self, time_s: float, observed: ControlInput) -> Trigger | None:
         """Event of the contacts of one tick; None without one, or without a reaction to it."""
@@ -40,6 +42,7 @@ class ContactEvents:
             return None
         touched = any(observed.thresholded.tolist())
         self._quiet.sense(touched, time_s, sure=observed.sure)
+        self._opposed &= not self._quiet.expired
         retracting = mode is Mode.RETRACTING and self._motion.under_way
         attentive = mode in ATTENTIVE or (mode is Mode.RETRACTING and not retracting)
         if attentive and not observed.touched and observed.sure:
@@ -84,7 +87,7 @@ class ContactEvents:
         if event is Event.RELEASE and self._machine.can(event):
             event = event if self._releases(observed) else Event.HALT
         elif event is Event.RETRACT:
-            event = event if observed.avoided.any() else Event.HALT
+            event = event if observed.avoided.any() and not self._opposed else Event.HALT
         return None if event is Event.HALT and self._machine.mode is Mode.HOLDING else event
 
     def _releases(self, observed: ControlInput) -> bool:

@@ -5,6 +5,8 @@ No I/O and no clock: time is an argument, requests come in between two ticks, an
 plain data. The motion in each mode is in `motion`, its bounds in `limits` and `admittance`.
 """
 
+import numpy as np
+
 from common.arrays import Vector
 from daemon.faults.finding import Finding, strongest
 from daemon.faults.table import Condition
@@ -199,6 +201,15 @@ class Controller:
             return observed.thresholded
         return witness.step(independent, observed.motor_velocity, dt)
 
+    def _backed_away(self, observed: ControlInput) -> Vector:
+        """Thresholded residual (n,) [Nm] that the arm backs away from: that of joints on which a
+        hand is witnessed. Where none is, it stands until one is, or until it is quiet."""
+        witness, independent = self._witness, observed.independent
+        if witness is None or independent is None:
+            return observed.avoided
+        hand = witness.witnessed(independent, observed.motor_velocity)
+        return np.where(hand, observed.avoided, 0.0)
+
     def doubt(self, time_s: float, findings: tuple[Finding, ...]) -> None:
         """React to findings; also before the first complete samples."""
         if not findings:
@@ -239,7 +250,7 @@ class Controller:
             self._set_up(before, event, self._observed, time_s)
         elif event is Event.RETRACT:
             # From its reference: where it can get no further away, it stands stiff.
-            self.motion.retract(self.motion.reference, self._observed.avoided)
+            self.motion.retract(self.motion.reference, self._backed_away(self._observed))
 
     def _set_up(self, before: Mode, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
@@ -254,7 +265,7 @@ class Controller:
             self.quiet.restart(time_s)
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
-            motion.retract(observed.q, observed.avoided)
+            motion.retract(motion.rest(observed.q), self._backed_away(observed))
         elif mode is Mode.RELEASING:
             motion.release(observed.q, observed.avoided, observed.residual)
         elif mode is Mode.RETURNING:

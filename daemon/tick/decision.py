@@ -59,6 +59,13 @@ class ControlInput:
         return self.thresholded if self.independent is None else beyond_stated(self.independent)
 
     @property
+    def opposing(self) -> Vector:
+        """Residual (n,) [Nm] beyond the configured level, which stops an arm that backs away."""
+        if self.independent is None:
+            return self.thresholded
+        return dead_band(self.independent.agreed, self.independent.configured)
+
+    @property
     def pressing(self) -> Vector:
         """Residual (n,) [Nm] beyond the stated level that still presses a joint that lets go, with
         learned friction, as without it a clamp seems looser than it is; none that is due to

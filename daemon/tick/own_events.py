@@ -54,7 +54,7 @@ class OwnEvents:
         if bound := self._allowance.bound_reached(observed.q):
             return Trigger(Event.BOUND, bound)
         if mode is Mode.RETRACTING and self._motion.under_way:
-            opposed = self._motion.opposed(observed.thresholded)
+            opposed = self._motion.opposed(observed.opposing)
             return Trigger(Event.HALT, "pushed against while retracting") if opposed else None
         if not self._quiet.expired:
             return None

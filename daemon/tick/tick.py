@@ -249,6 +249,7 @@ class Tick:
             agreed(estimate.residual, estimate.uncorrected),
             estimate.threshold,
             estimate.threshold + lowered,
+            self.estimator.contact,
         )
 
     def _notices(

@@ -20,13 +20,15 @@ LEARNED, STATED = 0.1, 0.4
 
 
 def witness() -> HandWitness:
-    made = HandWitness(np.array([CONTACT]), np.array([COULOMB]), np.array([VISCOUS]))
+    made = HandWitness(np.array([COULOMB]), np.array([VISCOUS]))
     made.begin()
     return made
 
 
 def step(on: HandWitness, size: float, velocity: float, stated: float = STATED) -> float:
-    felt = IndependentResidual(np.array([size]), np.array([LEARNED]), np.array([stated]))
+    felt = IndependentResidual(
+        np.array([size]), np.array([LEARNED]), np.array([stated]), np.array([CONTACT])
+    )
     return float(on.step(felt, np.array([velocity]), T)[0])
 
 
@@ -125,5 +127,5 @@ def test_one_tick_the_other_way_does_not_wipe_what_was_counted() -> None:
 
 def test_the_arm_backs_away_from_nothing_that_only_learning_shows() -> None:
     level, stated = np.full(3, LEARNED), np.full(3, STATED)
-    felt = IndependentResidual(np.array([0.3, 0.5, -0.6]), level, stated)
+    felt = IndependentResidual(np.array([0.3, 0.5, -0.6]), level, stated, stated)
     np.testing.assert_allclose(beyond_stated(felt), [0.0, 0.1, -0.2])

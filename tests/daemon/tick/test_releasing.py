@@ -277,7 +277,7 @@ def without_learning(torque: float) -> dict[str, Any]:
     friction, too."""
     levels = np.array([0.8, 0.8])
     agreed = np.array([torque, 0.0])
-    return {"independent": IndependentResidual(agreed, 0.2 * levels, levels)}
+    return {"independent": IndependentResidual(agreed, 0.2 * levels, levels, levels)}
 
 
 def test_learned_friction_begins_no_release_and_goes_on_with_none() -> None:
