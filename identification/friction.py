@@ -169,8 +169,8 @@ def _judged(
     play_of_joint: float,
     settings: EstimatorSettings,
 ) -> FrictionFit:
-    shows = float(np.ptp(rows.gravity[:, i])) >= _SHOWS * solved.coefficients[0]
-    gravity = solved.gravity if shows else float("nan")
+    change = float(np.ptp(rows.gravity[:, i]))
+    gravity = solved.gravity if change >= _SHOWS * solved.coefficients[0] else float("nan")
     verdict, reason = verdict_on(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
     if about := wider(play_of_joint, float(t.half_gap[i])):
         verdict, reason = Verdict.WRONG_GAP, about
@@ -190,6 +190,7 @@ def _judged(
         r2=solved.r2,
         condition=solved.condition,
         gravity_scale=gravity,
+        gravity_change=change,
         offset=solved.offset,
         rotor_doubt=doubt,
         stiction=solved.stiction,

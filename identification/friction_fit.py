@@ -10,7 +10,7 @@ from identification.sticking import SURE
 
 WIDE = 0.15
 """Width of the interval of a friction over it, beyond which it is worth to know it better."""
-_95 = 1.96  # standard errors in half of a 95 % interval
+NORMAL_95 = 1.96  # standard errors in half of a 95 % interval
 _MATTERS = 0.1
 _SURE = 6.0
 """Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
@@ -40,6 +40,8 @@ class FrictionFit:
     gravity_scale: float
     """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
     gravity hardly changes."""
+    gravity_change: float
+    """Range of the model's gravity over the motion [Nm]."""
     offset: float
     """Torque [Nm] that the current shows all the time, and nothing takes."""
     rotor_doubt: str
@@ -65,8 +67,19 @@ class FrictionFit:
         did not show."""
         if "K_load" not in self.values:
             return None
-        share, off = self.values["K_load"], _95 * self.errors["K_load"]
+        share, off = self.values["K_load"], NORMAL_95 * self.errors["K_load"]
         return max(share - off, 0.0), min(share + off, 0.5)
+
+    def half_interval(self, name: str) -> float:
+        """Half of the 95 % interval of a coefficient."""
+        return NORMAL_95 * self.errors[name]
+
+    @property
+    def gravity_off(self) -> float:
+        """Torque [Nm] by which the model's gravity is off; 0 where that is a small part of the
+        friction, or not known."""
+        off = abs(self.gravity_scale - 1.0) * self.gravity_change
+        return off if off > _MATTERS * self.values["K_theta_s"] else 0.0
 
     @property
     def unsure(self) -> float:
@@ -81,7 +94,7 @@ class FrictionFit:
             np.sqrt(self.errors[name] ** 2 - (1.0 - shorter) * self.noise[name] ** 2) / size
             for name, size in self._sizes()
         ]
-        return float(2.0 * _95 * max(widths))
+        return float(2.0 * NORMAL_95 * max(widths))
 
     def seconds_for(self, width: float) -> float:
         """Length [s] of a motion like this one after which `unsure` is `width`; infinite where what
@@ -89,7 +102,7 @@ class FrictionFit:
         needed = []
         for name, size in self._sizes():
             noise = self.noise[name] ** 2
-            left = (0.5 * width / _95 * size) ** 2 - (self.errors[name] ** 2 - noise)
+            left = (0.5 * width / NORMAL_95 * size) ** 2 - (self.errors[name] ** 2 - noise)
             needed.append(self.seconds * noise / left if left > 0.0 else float("inf"))
         return max(needed)
 

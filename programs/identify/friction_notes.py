@@ -56,9 +56,9 @@ def _half(width: float) -> str:
 def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
     """Sentence about good fits by whose gravity torque constants or masses are off, or none."""
     about = [
-        f"{fit.joint} by {100.0 * (fit.gravity_scale - 1.0):+.0f} %"
+        f"{fit.joint} by {100.0 * (fit.gravity_scale - 1.0):+.0f} % ({fit.gravity_off:.2g} Nm)"
         for fit in _good(fits)
-        if abs(fit.gravity_scale - 1.0) > _SCALE
+        if abs(fit.gravity_scale - 1.0) > _SCALE and fit.gravity_off
     ]
     if not about:
         return ()

@@ -1,5 +1,7 @@
 """How well friction is known, and after how long a motion it would be known better."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,8 +16,8 @@ def fit(noise: float, stays: float, coulomb: float = 1.0, viscous: float = 0.5) 
         values={"K_theta_s": coulomb, "K_theta_v": viscous},
         errors={"K_theta_s": float(np.hypot(noise, stays)), "K_theta_v": 0.001},
         noise={"K_theta_s": noise, "K_theta_v": 0.001},
-        seconds=60.0, r2=1.0, condition=1.0, gravity_scale=1.0, offset=0.0, rotor_doubt="",
-        stiction=0.0, stiction_error=1.0,
+        seconds=60.0, r2=1.0, condition=1.0, gravity_scale=1.0, gravity_change=1.0, offset=0.0,
+        rotor_doubt="", stiction=0.0, stiction_error=1.0,
     )  # fmt: skip
 
 
@@ -40,3 +42,16 @@ def test_a_longer_motion_takes_off_noise_and_no_more(noise, stays, seconds):
 
 def test_viscous_friction_that_hardly_matters_is_no_reason():
     assert fit(0.01, 0.0, viscous=0.0).unsure == pytest.approx(3.92 * 0.01)
+
+
+@pytest.mark.parametrize(
+    ("scale", "change", "off"),
+    [(0.88, 0.05, 0.0), (0.88, 2.0, 0.24), (1.25, 4.0, 1.0), (1.0, 9.0, 0.0), (np.nan, 9.0, 0.0)],
+)
+def test_gravity_that_is_off_by_little_of_the_friction_is_not_off(scale, change, off):
+    one = replace(fit(0.01, 0.0), gravity_scale=scale, gravity_change=change)
+    assert one.gravity_off == pytest.approx(off)
+
+
+def test_what_is_printed_is_half_of_a_95_percent_interval():
+    assert fit(0.05, 0.0).half_interval("K_theta_s") == pytest.approx(0.098)

@@ -136,15 +136,18 @@ def _entry(
 
 
 def _figures(fit: "FrictionFit") -> str:
+    """Values, each with half of its 95 % interval."""
+    from identification.friction_fit import NORMAL_95
+
     def one(name: str, unit: str) -> str:
         if name not in fit.values:
             return ""
-        return f"{name} {fit.values[name]:.3g} +- {fit.errors[name]:.1g} {unit}"
+        return f"{name} {fit.values[name]:.3g} +- {fit.half_interval(name):.2g} {unit}"
 
     parts = [one("K_theta_s", "Nm"), one("K_theta_v", "Nm s/rad")]
     parts.append(one("B", "kg m2") if fit.rotor_trusted else "B not taken")
     if fit.stiction_known:
-        parts.append(f"stiction {fit.stiction:.2f} +- {fit.stiction_error:.1g}")
+        parts.append(f"stiction {fit.stiction:.2f} +- {NORMAL_95 * fit.stiction_error:.1g}")
     if fit.load:
         parts.append("load {:.3f} to {:.3f}".format(*fit.load))
     parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]

@@ -66,17 +66,19 @@ def test_the_person_of_the_bench_reads_it():
 
 
 @pytest.mark.parametrize(
-    ("scale", "verdict", "says"),
+    ("scale", "off", "verdict", "says"),
     [
-        (1.0, Verdict.GOOD, None),
-        (1.09, Verdict.GOOD, None),
-        (float("nan"), Verdict.GOOD, None),
-        (1.25, Verdict.GOOD, "masses are off: elbow by +25 %"),
-        (0.85, Verdict.GOOD, "masses are off: elbow by -15 %"),
-        (1.4, Verdict.WRONG_GRAVITY, None),  # its own reason says it
+        (1.0, 0.0, Verdict.GOOD, None),
+        (1.09, 0.4, Verdict.GOOD, None),
+        (float("nan"), 0.0, Verdict.GOOD, None),
+        (1.25, 1.0, Verdict.GOOD, "masses are off: elbow by +25 % (1 Nm)"),
+        (0.85, 0.6, Verdict.GOOD, "masses are off: elbow by -15 % (0.6 Nm)"),
+        (0.85, 0.0, Verdict.GOOD, None),  # of next to nothing
+        (1.4, 1.0, Verdict.WRONG_GRAVITY, None),  # its own reason says it
     ],
 )
-def test_gravity_that_does_not_fit_is_reported(scale, verdict, says) -> None:
-    notes = off_scale([SimpleNamespace(joint="elbow", gravity_scale=scale, verdict=verdict)])
+def test_gravity_that_does_not_fit_is_reported(scale, off, verdict, says) -> None:
+    fit = SimpleNamespace(joint="elbow", gravity_scale=scale, gravity_off=off, verdict=verdict)
+    notes = off_scale([fit])
     assert len(notes) == (says is not None)
     assert all(says in note for note in notes)
