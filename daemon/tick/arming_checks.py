@@ -155,7 +155,7 @@ class ArmingChecks:
                 "at rest or its speed may hide that much (`contactd identify friction`, then "
                 "thresholds; if it only rests, `contactctl start` first; if this remains, set its "
                 "`thresholds.contact` to at least "
-                f"{estimate.threshold[i] / RAISED:.2f} Nm)",
+                f"{np.ceil(100.0 * estimate.threshold[i] / RAISED) / 100.0:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded == 0.0).tolist():
             if (for_s := time_s - self._touched_s[i]) < SENSES_S:

@@ -231,6 +231,8 @@ def test_how_far_levels_may_be_raised(calm: Rig, times: float, refused: bool) ->
     (shown,) = (check for check in found.checks if check.name == "thresholds")
     assert f"{times * configured:.2f}" in shown.text
     assert f"{configured:.2f} Nm" in shown.text
+    if refused:  # another level than it has
+        assert f"to at least {configured + 0.01:.2f} Nm" in shown.text
 
 
 def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
