@@ -118,7 +118,6 @@ def _judged(name: str, fit: _Fit, unseen: float, enough: int) -> GapResult:
         # A link that bounces rests inside its gap, never beyond: scatter is no mere noise.
         confidence=1.96 * float(fit.errors[2]) + fit.scatter + unseen,
         skew_s=fit.skew,
-        skew_confidence_s=1.96 * float(fit.errors[3]),
         crossings=crossings,
         harmonics=fit.harmonics,
     )

@@ -55,7 +55,6 @@ class GapResult:
     crossings: int = 0
     skew_s: float = float("nan")
     """Delay of the link encoder behind the motor's [s]; NaN where it does not show"""
-    skew_confidence_s: float = float("nan")
     harmonics: tuple[Harmonic, ...] = ()
     """Errors of the encoders that repeat with a turn, as motion shows them"""
     coulomb: float = float("nan")

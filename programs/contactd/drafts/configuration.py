@@ -22,6 +22,7 @@ INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
 PEAK = 1.8  # times the rated current
 SLOWLY = 0.5  # [rad/s]
 POSITION_GAIN = 4.0  # [1/s]
+FRICTION_OFF = 0.3  # most by which levels are raised, as friction is a guess [Nm]
 STRONGEST = 3000.0  # [Nm] at a joint: an arm beyond this is not one that a person may touch
 
 
@@ -152,6 +153,7 @@ def _joint(
     if not drive.link_encoder:
         of_gap = "no gap is found, nor used, without a link encoder: `known: {gap: ...}` states it"
     check = f"   {MARK}: which of the drives" if several else ""
+    contact = 0.2 * motor + min(0.15 * motor, FRICTION_OFF)
     f = figure
     return f"""\
   - name: {quoted(one.joint)}
@@ -165,7 +167,7 @@ def _joint(
     rotor_inertia: {f(rotor)}   # a guess until `contactd identify friction`
     half_gap: {f(gap)}   # {of_gap}
     friction: {{motor_coulomb: {f(0.03 * motor)}, motor_viscous: {f(0.02 * motor)}}}
-    thresholds: {{contact: {f(0.2 * motor)}, collision: {f(1.2 * motor)}}}
+    thresholds: {{contact: {f(contact)}, collision: {f(1.2 * motor)}}}
     limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \
 velocity: {f(velocity)}, acceleration: 2, quick_stop: 6}}
     admittance_gain: 0.1
