@@ -153,7 +153,7 @@ def _joint(
     if not drive.link_encoder:
         of_gap = "no gap is found, nor used, without a link encoder: `known: {gap: ...}` states it"
     check = f"   {MARK}: which of the drives" if several else ""
-    contact = 0.2 * motor + min(0.15 * motor, FRICTION_OFF)
+    contact = 0.2 * motor + min(0.1 * motor, FRICTION_OFF)
     f = figure
     return f"""\
   - name: {quoted(one.joint)}
