@@ -76,8 +76,13 @@ class Motion:
         return path if isinstance(path, TargetStream) else None
 
     def rest(self, q: Vector) -> Vector:
-        """Positions (n,) [rad] at which joints come to rest that brake now, at q [rad]."""
-        braked: Vector = q + 0.5 * self.velocity * np.abs(self.velocity) / self.limits.acceleration
+        """Positions (n,) [rad] at which joints come to rest that brake now, at q [rad], none so far
+        away that the position loop would accelerate them."""
+        speed = np.abs(self.velocity)
+        times_s = np.minimum(
+            0.5 * speed / self.limits.acceleration, 1.0 / self._manner.position_gain
+        )
+        braked: Vector = q + self.velocity * times_s
         return braked
 
     def retract(self, q: Vector, thresholded: Vector) -> None:

@@ -265,7 +265,8 @@ class Controller:
             self.quiet.restart(time_s)
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
-            motion.retract(motion.rest(observed.q), self._backed_away(observed))
+            push = self._backed_away(observed)
+            motion.retract(observed.q if push.any() else motion.rest(observed.q), push)
         elif mode is Mode.RELEASING:
             motion.release(observed.q, observed.avoided, observed.residual)
         elif mode is Mode.RETURNING:

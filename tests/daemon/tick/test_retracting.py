@@ -1,5 +1,7 @@
 """Backing away from what the arm met: how far, from what again, and when not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,3 +139,25 @@ def test_a_joint_without_gain_does_not_back_away(tracking: Make) -> None:
     arm.touch(2.0)
     arm.run(0.5)
     np.testing.assert_allclose(arm.q, where, atol=1e-3)
+
+
+def test_from_a_blow_in_motion_it_backs_away_as_far_as_from_one_at_rest(tracking: Make) -> None:
+    arm = tracking(contact=R.REPORT, collision=R.RETRACT)
+    arm.run(1.0)
+    start, speed = arm.q[0], arm.decisions[-1].velocity[0]
+    assert speed < -0.1
+    arm.hit(2.0)
+    arm.run(1.5)
+    assert min(decision.velocity[0] for decision in arm.decisions[-150:]) >= speed
+    assert arm.q[0] == pytest.approx(start + MANNER.retract_distance, abs=4e-3)
+
+
+@pytest.mark.parametrize("gain", [2.0, 8.0, 30.0])
+def test_where_it_comes_to_rest_is_no_reason_to_go_faster(gain: float) -> None:
+    arm = holding_arm()
+    motion = arm.controller.motion
+    motion._manner = replace(MANNER, position_gain=gain)
+    motion.velocity = np.array([1.0, -0.3])
+    way = motion.rest(np.zeros(2))
+    assert (way * motion.velocity > 0.0).all()
+    assert (np.abs(gain * way) <= np.abs(motion.velocity) + 1e-12).all()
