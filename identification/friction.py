@@ -195,4 +195,5 @@ def _judged(
         rotor_doubt=doubt,
         stiction=solved.stiction,
         stiction_error=solved.stiction_error,
+        load_bound=solved.load_bound,
     )

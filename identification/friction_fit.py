@@ -6,11 +6,11 @@ import numpy as np
 
 from estimator.transmission import Transmission, load_range, stiction_range
 from identification.friction_verdict import Verdict
+from identification.regression import NORMAL_95
 from identification.sticking import SURE
 
 WIDE = 0.15
 """Width of the interval of a friction over it, beyond which it is worth to know it better."""
-NORMAL_95 = 1.96  # standard errors in half of a 95 % interval
 _MATTERS = 0.1
 _SURE = 6.0
 """Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
@@ -50,6 +50,8 @@ class FrictionFit:
     """Share of K_theta_s that near rest is what the last motion left; NaN where it did not show"""
     stiction_error: float
     """Its standard error"""
+    load_bound: float
+    """Most that the Coulomb friction per transmitted torque may be, seen or not (95 %)."""
 
     @property
     def rotor_trusted(self) -> bool:

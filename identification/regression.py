@@ -28,6 +28,8 @@ from identification.touches import touches
 GAIN = 25.0
 """K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that a light rotor's inertia comes
 out 15 to 30 % low; with 8, gravity and acceleration can no longer be separated."""
+NORMAL_95 = 1.96
+"""Standard errors in half of a 95 % interval."""
 HELD_OUT = 0.3
 """Share of the motion, at its end, that R2 is measured on and the coefficients are not fitted to.
 The coefficients that are answered are fitted to all of it."""
@@ -83,6 +85,8 @@ class Solution:
     stiction: float
     """Share of the Coulomb friction that sticks, and its standard error"""
     stiction_error: float
+    load_bound: float
+    """Upper end of the 95 % interval of friction per transmitted torque, used or not"""
     left: Vector
     """(N,) [Nm] that this friction does not explain, and how much each row counts, (N,)"""
     weight: Vector
@@ -174,8 +178,9 @@ def solve_joint(
     )
     if left_over < _LEAVES * without:
         used, r2 = more, _held_out(A, N, y, weight, more, train)
-    coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
-    if used[LOAD] and not errors[LOAD] < LOAD_SURE:
+    coefficients, errors, condition = solve(A, N, y, weight, more, rows.time_s)
+    load_bound = float(coefficients[-1] + NORMAL_95 * errors[-1])
+    if not used[LOAD] or not errors[LOAD] < LOAD_SURE:
         used[LOAD] = False
         coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
     left = _unexplained(A, N, y, weight, used)
@@ -191,7 +196,7 @@ def solve_joint(
     return Solution(
         coefficients=coefficients, errors=errors, r2=r2, condition=condition,
         gravity=1.0 - float(beside[0]), offset=float(beside[_OFFSET]), touched=touched,
-        stiction=stiction, stiction_error=stiction_error, left=left, weight=weight,
+        stiction=stiction, stiction_error=stiction_error, load_bound=load_bound, left=left, weight=weight,
     )  # fmt: skip
 
 

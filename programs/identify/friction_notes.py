@@ -10,6 +10,8 @@ LONGEST_S = 600
 _STEP_S = 10
 _SCALE = 0.1
 """Misfit of gravity beyond which it is reported (share)."""
+_LOAD = 0.1
+"""Friction per transmitted torque beyond which one that may be hidden is reported."""
 
 
 def wide_intervals(fits: list[FrictionFit], *, masses_identified: bool) -> tuple[str, ...]:
@@ -66,6 +68,22 @@ def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
         f"torque constants or masses are off: {', '.join(about)}. Friction and rotor are off by as "
         "much where it is `torque_constant`, as their errors show: check it by the motor's data "
         "sheet first, as masses identified with it would hide that",
+    )
+
+
+def load_doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
+    """Sentence about the joints on which friction that grows with load would not show, or none."""
+    about = [
+        f"{fit.joint} (up to {fit.load_bound:.2g} of it, as gravity changes by only "
+        f"{fit.gravity_change:.2g} Nm)"
+        for fit in _good(fits)
+        if fit.load is None and fit.load_bound > _LOAD
+    ]
+    if not about:
+        return ()
+    return (
+        f"friction that grows with the load would not show at {', '.join(about)}: where it "
+        "matters, `friction` again with a payload in the hand (`contactctl payload`)",
     )
 
 

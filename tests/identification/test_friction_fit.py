@@ -17,7 +17,7 @@ def fit(noise: float, stays: float, coulomb: float = 1.0, viscous: float = 0.5) 
         errors={"K_theta_s": float(np.hypot(noise, stays)), "K_theta_v": 0.001},
         noise={"K_theta_s": noise, "K_theta_v": 0.001},
         seconds=60.0, r2=1.0, condition=1.0, gravity_scale=1.0, gravity_change=1.0, offset=0.0,
-        rotor_doubt="", stiction=0.0, stiction_error=1.0,
+        rotor_doubt="", stiction=0.0, stiction_error=1.0, load_bound=0.0,
     )  # fmt: skip
 
 

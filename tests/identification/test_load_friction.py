@@ -57,9 +57,18 @@ def test_friction_per_load_is_found_beside_that_without(arm, course, driving, dr
     assert (adopted.load_friction_error >= 0.005).all()
 
 
+@pytest.mark.parametrize(("driving", "driven"), [(0.005, 0.005), (0.01, 0.02)])
+def test_a_share_that_does_not_show_is_within_its_bound(arm, course, driving, driven) -> None:
+    fits, _ = identified(arm, course, GearSettings(load_driving=driving, load_driven=driven))
+    hidden = [fit for fit in fits if fit.load is None]
+    assert hidden
+    assert all(0.5 * (driving + driven) <= fit.load_bound for fit in hidden), hidden
+
+
 def test_friction_that_no_load_changes_has_no_share_of_it(arm, course) -> None:
     fits, _ = identified(arm, course, GearSettings())
     assert [fit.load for fit in fits] == [None] * 7
+    assert all(0.0 <= fit.load_bound < 0.05 for fit in fits)
     adopted = adopt(replace(arm.transmission, load_friction=0.1, load_friction_error=0.1), fits)
     assert not adopted.load_friction.any(), "its mean is in the Coulomb friction"
     assert not adopted.load_friction_error.any()

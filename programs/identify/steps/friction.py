@@ -53,7 +53,12 @@ def friction_outcome(
     from identification.friction_verdict import Verdict
     from identification.limit_cycle import limit_cycles
     from identification.log_checks import refuse_implausible
-    from programs.identify.friction_notes import off_scale, rotor_doubts, wide_intervals
+    from programs.identify.friction_notes import (
+        load_doubts,
+        off_scale,
+        rotor_doubts,
+        wide_intervals,
+    )
     from programs.identify.log_notes import late_encoders, offsets
     from programs.identify.plots import plot_friction
     from programs.identify.swinging import spoilt, swing_sentence
@@ -96,7 +101,7 @@ def friction_outcome(
         notes += (f"{shown.discarded_s:.1f} s discarded: {', '.join(shown.touched)} was touched, "
                   "or met something",)  # fmt: skip
     notes += late_encoders(c.joint_names, shown.late)
-    notes += off_scale(fits)
+    notes += off_scale(fits) + load_doubts(fits)
     notes += offsets(c, np.array([fit.offset for fit in fits]))
     draw = partial(plot_friction, log, shown)
     return Outcome(lines=lines, entries={**entries}, notes=notes + rotor_doubts(fits), draw=draw)
@@ -137,7 +142,7 @@ def _entry(
 
 def _figures(fit: "FrictionFit") -> str:
     """Values, each with half of its 95 % interval."""
-    from identification.friction_fit import NORMAL_95
+    from identification.regression import NORMAL_95
 
     def one(name: str, unit: str) -> str:
         if name not in fit.values:
@@ -150,6 +155,8 @@ def _figures(fit: "FrictionFit") -> str:
         parts.append(f"stiction {fit.stiction:.2f} +- {NORMAL_95 * fit.stiction_error:.1g}")
     if fit.load:
         parts.append("load {:.3f} to {:.3f}".format(*fit.load))
+    elif math.isfinite(fit.load_bound):
+        parts.append(f"load below {fit.load_bound:.2g}")
     parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]
     if math.isfinite(fit.gravity_scale):
         parts.append(f"K_c/gravity {fit.gravity_scale:.2f}")

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from bench.rigs.person import LONGER
 from identification.friction_verdict import Verdict
 from programs.contactd.contactd import main
-from programs.identify.friction_notes import LONGEST_S, off_scale, wide_intervals
+from programs.identify.friction_notes import LONGEST_S, load_doubts, off_scale, wide_intervals
 
 URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
 
@@ -80,5 +80,23 @@ def test_the_person_of_the_bench_reads_it():
 def test_gravity_that_does_not_fit_is_reported(scale, off, verdict, says) -> None:
     fit = SimpleNamespace(joint="elbow", gravity_scale=scale, gravity_off=off, verdict=verdict)
     notes = off_scale([fit])
+    assert len(notes) == (says is not None)
+    assert all(says in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("load", "bound", "verdict", "says"),
+    [
+        (None, 0.3, Verdict.GOOD, "at wrist (up to 0.3 of it, as gravity changes by only 0.05 Nm)"),
+        (None, 0.05, Verdict.GOOD, None),
+        ((0.1, 0.4), 0.4, Verdict.GOOD, None),
+        (None, 0.3, Verdict.BAD_FIT, None),
+    ],
+)
+def test_load_friction_that_would_not_show_is_reported(load, bound, verdict, says) -> None:
+    fit = SimpleNamespace(
+        joint="wrist", load=load, load_bound=bound, gravity_change=0.05, verdict=verdict
+    )
+    notes = load_doubts([fit])
     assert len(notes) == (says is not None)
     assert all(says in note for note in notes)
