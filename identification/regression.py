@@ -196,7 +196,8 @@ def solve_joint(
     return Solution(
         coefficients=coefficients, errors=errors, r2=r2, condition=condition,
         gravity=1.0 - float(beside[0]), offset=float(beside[_OFFSET]), touched=touched,
-        stiction=stiction, stiction_error=stiction_error, load_bound=load_bound, left=left, weight=weight,
+        stiction=stiction, stiction_error=stiction_error, load_bound=load_bound,
+        left=left, weight=weight,
     )  # fmt: skip
 
 

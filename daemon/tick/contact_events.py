@@ -34,7 +34,8 @@ class ContactEvents:
         released = before is Mode.RELEASING
         end = self._motion.giving_way.end
         self.stage = after_release(event, end) if released else after_change(self.stage)
-        self._opposed |= before is Mode.RETRACTING and event is Event.HALT
+        opposed = before is Mode.RETRACTING and event is Event.HALT and self._motion.under_way
+        self._opposed |= opposed
 
     def trigger(self, time_s: float, observed: ControlInput) -> Trigger | None:
         """Event of the contacts of one tick; None without one, or without a reaction to it."""
@@ -86,8 +87,9 @@ class ContactEvents:
         none where it holds already."""
         if event is Event.RELEASE and self._machine.can(event):
             event = event if self._releases(observed) else Event.HALT
-        elif event is Event.RETRACT:
-            event = event if observed.avoided.any() and not self._opposed else Event.HALT
+        elif event is Event.RETRACT and (self._opposed or not observed.avoided.any()):
+            # One that stands without a hand goes on to stand.
+            event = None if self._machine.mode is Mode.RETRACTING else Event.HALT
         return None if event is Event.HALT and self._machine.mode is Mode.HOLDING else event
 
     def _releases(self, observed: ControlInput) -> bool:

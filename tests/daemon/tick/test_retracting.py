@@ -1,6 +1,7 @@
 """Backing away from what the arm met: how far, from what again, and when not."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
+from daemon.motion.hand_witness import HandWitness, IndependentResidual
 from tests.fake_daemon import MakeArm as Make
 from tests.ideal_arm import MANNER, IdealArm, holding_arm
 
@@ -161,3 +163,43 @@ def test_where_it_comes_to_rest_is_no_reason_to_go_faster(gain: float) -> None:
     way = motion.rest(np.zeros(2))
     assert (way * motion.velocity > 0.0).all()
     assert (np.abs(gain * way) <= np.abs(motion.velocity) + 1e-12).all()
+
+
+def test_where_no_hand_is_witnessed_it_stands_until_one_is(tracking: Make) -> None:
+    arm = tracking(contact=R.RETRACT)
+    arm.controller._witness = HandWitness(np.full(2, 0.5), np.zeros(2))
+
+    def felt(torque: float) -> dict[str, Any]:
+        """Fields of ControlInput at a level of 0.4 Nm, of which half is in force."""
+        levels = np.full(2, 0.4)
+        independent = IndependentResidual(np.array([torque, 0.0]), 0.5 * levels, levels, levels)
+        return {**arm.push(torque - 0.2), "independent": independent}
+
+    arm.run(0.3, **felt(0.6))
+    assert arm.mode is M.RETRACTING
+    start = arm.q[0]
+    arm.run(0.3, **felt(0.6))
+    arm.run(0.3, **felt(0.3))
+    assert arm.mode is M.RETRACTING
+    assert arm.q[0] == pytest.approx(start, abs=1e-3)
+    arm.run(0.6, **felt(1.2))
+    assert arm.q[0] - start == pytest.approx(MANNER.retract_distance, abs=4e-3)
+
+
+def test_pushed_against_on_the_way_it_backs_away_from_nothing_until_it_is_quiet(
+    tracking: Make,
+) -> None:
+    arm = tracking(contact=R.RETRACT)
+    arm.touch(2.0)
+    arm.run(0.1)
+    arm.touch(-0.3)
+    arm.run(0.2)
+    assert arm.mode is M.HOLDING
+    start = arm.q[0]
+    arm.run(1.0, **arm.push(-0.5))
+    assert arm.mode is M.HOLDING
+    assert arm.q[0] == pytest.approx(start, abs=1e-3)
+    arm.run(2.1)
+    arm.run(0.6, **arm.push(-0.5))
+    assert arm.mode is M.RETRACTING
+    assert arm.q[0] < start - 0.5 * MANNER.retract_distance
