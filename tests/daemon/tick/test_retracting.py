@@ -182,8 +182,8 @@ def test_where_no_hand_is_witnessed_it_stands_until_one_is(tracking: Make) -> No
     arm.run(0.3, **felt(0.3))
     assert arm.mode is M.RETRACTING
     assert arm.q[0] == pytest.approx(start, abs=1e-3)
-    arm.run(0.6, **felt(1.2))
-    assert arm.q[0] - start == pytest.approx(MANNER.retract_distance, abs=4e-3)
+    arm.run(0.4, **felt(1.2))
+    assert arm.q[0] - start > 0.8 * MANNER.retract_distance
 
 
 def test_pushed_against_on_the_way_it_backs_away_from_nothing_until_it_is_quiet(
