@@ -52,6 +52,7 @@ class Motion:
         self.limits, self.gains, self.follower = limits, gains, follower
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
+        self._loose = False  # stands with no position loop, as it backs away from nothing
         self._go(self.reference, self.reference, 1.0)
 
     # --- begin a mode, from the measured pose q within the limits ------------------------------
@@ -75,21 +76,13 @@ class Motion:
         path = self.follower.place.path
         return path if isinstance(path, TargetStream) else None
 
-    def rest(self, q: Vector) -> Vector:
-        """Positions (n,) [rad] at which joints come to rest that brake now, at q [rad], none so far
-        away that the position loop would accelerate them."""
-        speed = np.abs(self.velocity)
-        times_s = np.minimum(
-            0.5 * speed / self.limits.acceleration, 1.0 / self._manner.position_gain
-        )
-        braked: Vector = q + self.velocity * times_s
-        return braked
-
     def retract(self, q: Vector, thresholded: Vector) -> None:
-        """Back away from q [rad] in the direction of the thresholded residual [Nm]."""
+        """Back away from q [rad] in the direction of the thresholded residual [Nm]; without one,
+        stand where the drives bring the arm to rest."""
         pushed = self.gains.value * thresholded
         furthest = float(np.abs(pushed).max())
-        share = self._manner.retract_distance / furthest if furthest > 0.0 else 0.0
+        self._loose = furthest == 0.0
+        share = 0.0 if self._loose else self._manner.retract_distance / furthest
         self._go(q, q + share * pushed, self._manner.retract_velocity)
 
     def release(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
@@ -187,11 +180,11 @@ class Motion:
             case Mode.ADMITTANCE:
                 pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
                 return self.limits.soft_stop(q, pushed, gain, play)
-            case Mode.RELEASING:
+            case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them
                 # back.
                 self.hold(q)
-                return self.giving_way.velocity(q)
+                return self.giving_way.velocity(q) if mode is Mode.RELEASING else np.zeros_like(q)
             case Mode.TRACKING:
                 stream = self.stream
                 wanted = (

@@ -265,8 +265,7 @@ class Controller:
             self.quiet.restart(time_s)
         home = motion.reference if allowance.home is None else allowance.home
         if mode is Mode.RETRACTING:
-            push = self._backed_away(observed)
-            motion.retract(observed.q if push.any() else motion.rest(observed.q), push)
+            motion.retract(observed.q, self._backed_away(observed))
         elif mode is Mode.RELEASING:
             motion.release(observed.q, observed.avoided, observed.residual)
         elif mode is Mode.RETURNING:

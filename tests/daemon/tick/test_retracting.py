@@ -1,6 +1,5 @@
 """Backing away from what the arm met: how far, from what again, and when not."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -152,17 +151,6 @@ def test_from_a_blow_in_motion_it_backs_away_as_far_as_from_one_at_rest(tracking
     arm.run(1.5)
     assert min(decision.velocity[0] for decision in arm.decisions[-150:]) >= speed
     assert arm.q[0] == pytest.approx(start + MANNER.retract_distance, abs=4e-3)
-
-
-@pytest.mark.parametrize("gain", [2.0, 8.0, 30.0])
-def test_where_it_comes_to_rest_is_no_reason_to_go_faster(gain: float) -> None:
-    arm = holding_arm()
-    motion = arm.controller.motion
-    motion._manner = replace(MANNER, position_gain=gain)
-    motion.velocity = np.array([1.0, -0.3])
-    way = motion.rest(np.zeros(2))
-    assert (way * motion.velocity > 0.0).all()
-    assert (np.abs(gain * way) <= np.abs(motion.velocity) + 1e-12).all()
 
 
 def test_where_no_hand_is_witnessed_it_stands_until_one_is(tracking: Make) -> None:
