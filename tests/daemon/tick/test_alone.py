@@ -12,8 +12,7 @@ import pytest
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.rigs.arm_without_bus import Subject
 from bench.rigs.lockstep import ROMEO
-from bench.study import alone, changes, world
-from bench.study.changes import Change
+from bench.study import alone, world
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
@@ -26,7 +25,6 @@ SWING = Sinusoid(amplitude=0.3, frequency_Hz=0.2)
 MOVES = 0.02  # [rad/s]
 MOST_S = 0.3
 """of motion with no person at work"""
-MOST_RAD = 0.02
 
 
 def robot_with(joint: Callable[[Joint], Joint] = lambda j: j, **changes: Any) -> Robot:
@@ -245,17 +243,3 @@ def test_a_release_moves_no_joint_by_learned_friction_that_is_gone() -> None:
     on.run(2.0)
     assert on.tick.controller.machine.cause.startswith("let go of contact at LElbowRoll (")
     assert abs(float(plant.theta[shoulder]) - begin) < 0.02
-
-
-@pytest.mark.parametrize(("seed", "joint", "factor"), [(2, 0, 2.5), (7, 1, 2.5), (1, 2, 3.0)])
-def test_friction_alone_makes_no_arm_back_away(seed: int, joint: int, factor: float) -> None:
-    """It is interrupted, and stands until it is quiet."""
-    robot, law, _ = alone.arm_of(seed, ContactReaction.RETRACT)
-    change = Change("friction", joint, factor, 0.0)
-    watched = alone.Watched(robot, law, seed, change)
-    watched.run(20.0)
-    changes.begin(change, watched.on)
-    watched.run(30.0)
-    assert watched.seen.false
-    assert watched.seen.alone_s <= MOST_S
-    assert watched.seen.alone_rad <= MOST_RAD
