@@ -150,11 +150,11 @@ def _conditions() -> str:
 
 
 def _condition(condition: Condition) -> str:
-    """A section to look up: the words of a fault, and all of its row."""
+    """A section to look up: the words of a fault, and its row; the overview has its check."""
     row = TABLE[condition]
     return (
         f"### {condition}\n\n"
-        f"**{_in_words(row.response).capitalize()}.** Arming check: `{row.check}`.\n\n"
+        f"**{_in_words(row.response).capitalize()}.**\n\n"
         f"- *When:* {row.when}.\n"
         f"- *Why:* {row.why}.\n"
         f"- *Do:* {_linked(row.advice)}. "
