@@ -150,20 +150,16 @@ def _conditions() -> str:
 
 
 def _condition(condition: Condition) -> str:
-    """A section to look up: the words of a fault, and all of its row."""
+    """A section to look up: the words of a fault, and its row; the overview has its check."""
     row = TABLE[condition]
     return (
         f"### {condition}\n\n"
-        f"**{_in_words(row.response).capitalize()}.** Arming check: `{row.check}`.\n\n"
-        f"- *Found when:* {row.when}.\n"
+        f"**{_in_words(row.response).capitalize()}.**\n\n"
+        f"- *When:* {row.when}.\n"
         f"- *Why:* {row.why}.\n"
-        f"- *What to do:* {_linked(row.advice)}. By its symptom: "
-        f"[{_titled(SECTION_OF[condition])}](troubleshooting.md#{SECTION_OF[condition]})."
+        f"- *Do:* {_linked(row.advice)}. "
+        f"[More](troubleshooting.md#{SECTION_OF[condition]})."
     )
-
-
-def _titled(anchor: str) -> str:
-    return anchor.replace("-", " ")
 
 
 def _linked(text: str) -> str:
