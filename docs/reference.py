@@ -10,6 +10,7 @@ program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
+import copy
 import inspect
 import re
 import sys
@@ -50,10 +51,12 @@ file, line, field, value and what is allowed. Unknown keys are refused. SI units
 unless a name says otherwise. A field without a default must be given.
 """
 
+COMMON = frozenset(one.name for one in main.params)
 CONTACTCTL = """
 # Reference of `contactctl`
 
-What each command says of itself. What they mean for the arm is in [operating.md](operating.md).
+The commands' own help. Every command takes `--socket` and `--json`, too. What commands mean for the
+arm: [operating](operating.md).
 """
 
 
@@ -67,7 +70,9 @@ def contactctl_page() -> str:
     """docs/contactctl.md."""
     parts = [MADE.rstrip() + CONTACTCTL, _help(main, "contactctl")]
     for name, command in main.commands.items():
-        parts.append(f"\n## {name}\n\n{_help(command, f'contactctl {name}')}")
+        own = copy.copy(command)
+        own.params = [one for one in command.params if one.name not in COMMON]
+        parts.append(f"\n## {name}\n\n{_help(own, f'contactctl {name}')}")
     return "\n".join(parts)
 
 
@@ -246,8 +251,10 @@ def _mistakes() -> str:
 
 def _help(command: click.Command, name: str) -> str:
     context = click.Context(command, info_name=name, terminal_width=80, max_content_width=80)
-    context.help_option_names = ["-h", "--help"]
+    context.help_option_names = []
     text = command.get_help(context).replace("\b", "").rstrip()
+    # The commands of a group are the sections that follow.
+    text = re.sub(r"\n\nCommands:\n.*", "", text, flags=re.DOTALL)
     return f"```\n{text}\n```"
 
 
