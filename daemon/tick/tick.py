@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.arrays import Vector
+from daemon.faults.conditions import Condition, Response
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition, Response
 from daemon.modes.machine import Change
 from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Mode, refusal
 from daemon.motion.hand_witness import IndependentResidual, agreed

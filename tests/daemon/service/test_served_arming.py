@@ -10,9 +10,9 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from common.errors import ControlError
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.modes.table import Mode
 from daemon.protocol.requests import bare
 from daemon.protocol.socket_path import Peer

@@ -9,8 +9,8 @@ import pytest
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.faults.conditions import Condition
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import GetStatus, bare
