@@ -86,13 +86,13 @@ def test_what_cannot_be_read_or_written_is_answered(
 ) -> None:
     control = served.service.control
     if encodes:
-        encode, calls = control._encoder.encode, iter([breaks])
+        encode, calls = control._hearing._encoder.encode, iter([breaks])
 
         class Encoder:
             def encode(self, reply: Any) -> bytes:
                 return bytes(next(calls, encode)(reply))
 
-        control._encoder = Encoder()  # type: ignore[assignment]
+        control._hearing._encoder = Encoder()  # type: ignore[assignment]
     else:
 
         class Decoder:
