@@ -13,11 +13,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from daemon.config.delays import LATEST_S, delays
 from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
-from daemon.faults.detector import patience_deaf
-from estimator.estimate import SENSED_PERIODS
 from estimator.model import Model
 from estimator.transmission import stiction_range
 from estimator.urdf import MovedLink
@@ -49,10 +48,6 @@ SHAFT = (1e-4, 10.0)
 OF_RANGE = 1.0 / 8.0
 """Share of its range that a joint may fall through its gap, from border to border."""
 WIDEST_HALF_GAP = 0.2  # [rad]; a gear with more has no teeth left
-LONGEST_TIMEOUT_MS = 500
-"""Longest time that a drive may continue when its master is silent."""
-LATEST_S = 0.15
-"""Time within which a steady torque of twice its level must be detected [s]."""
 BENDING = 0.005  # [rad]; what a gear bends under the motor's largest torque, at least
 
 
@@ -86,9 +81,8 @@ class Bounded:
         allowed = f"{low} to {high}" if self.low else f"up to {high}"
         if math.isinf(self.high):
             allowed = f"from {low} on"
-        return Problem(
-            self.keys, self.where, f"{what} what can be: {allowed} {self.unit}, {self.why}"
-        )
+        text = f"{what} what can be: {allowed} {self.unit}, {self.why}"
+        return Problem(self.keys, self.where, text)
 
 
 def beyond(c: Configuration, model: Model) -> list[Problem]:
@@ -99,7 +93,7 @@ def beyond(c: Configuration, model: Model) -> list[Problem]:
 
 def near(c: Configuration, model: Model) -> list[Problem]:
     """Warnings about values close to their bounds, in a configuration that is within them."""
-    return [*_deaf(c), *(b.problem for b in bounded(c, model) if b.near and not b.refused)]
+    return [*delays(c), *(b.problem for b in bounded(c, model) if b.near and not b.refused)]
 
 
 def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
@@ -117,38 +111,6 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
     if sum(link.mass > 0.0 for link in model.links) > 2:
         for link in model.links:
             yield _mass(c, link, sum(other.mass for other in model.links) - link.mass)
-
-
-def _deaf(c: Configuration) -> Iterator[Problem]:
-    """Times that delay the detection of a touch or of a failure. Not refused: such an arm still
-    holds."""
-    stale_s = c.supervisor.stale_ticks * c.period_s
-    if stale_s > LATEST_S:
-        yield Problem(
-            ["supervisor", "stale_ticks"],
-            "supervisor.stale_ticks",
-            f"{c.supervisor.stale_ticks} ticks: a drive that sends nothing is found after "
-            f"{stale_s:.3g} s, more than {LATEST_S:g} s, in which it is unknown where its joint "
-            "goes",
-        )
-    for name, profile in c.drives.items():
-        if profile.master_timeout_ms > LONGEST_TIMEOUT_MS:
-            yield Problem(
-                ["drives", name, "master_timeout_ms"],
-                f"drives.{name}.master_timeout_ms",
-                f"{profile.master_timeout_ms} ms: for so long its joints go on, at up to "
-                f"limits.velocity, when the daemon has died; usual is 100, up to "
-                f"{LONGEST_TIMEOUT_MS} no warning is given",
-            )
-    seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
-    if seconds > LATEST_S:
-        yield Problem(
-            ["period_ms"],
-            "period_ms",
-            f"{c.period_ms} ms: where samples go missing, the arm stops or holds only after "
-            f"{seconds:.2g} s in which a touch may go undetected; up to 40 ms it takes at most "
-            f"{LATEST_S:g} s",
-        )
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:
@@ -253,22 +215,14 @@ def _transmission(i: int, joint: Joint, motor: float) -> Iterator[Bounded]:
         f"at which the joint falls freely through {OF_RANGE:g} of its range of {span:.4g} rad, and "
         f"never more than {WIDEST_HALF_GAP:g} rad",
     )
-    for name in ("motor_coulomb", "link_coulomb", "gap_coulomb"):
-        yield Bounded(
-            *at(i, joint, "friction", name),
-            getattr(friction, name),
-            high,
-            "Nm",
-            f"{FELT:g} of {of}: little would be left to move the joint",
-        )
-    for name in ("motor_viscous", "link_viscous", "gap_viscous"):
-        yield Bounded(
-            *at(i, joint, "friction", name),
-            getattr(friction, name),
-            high / limits.velocity,
-            "Nm s/rad",
-            f"with which friction at limits.velocity takes {FELT:g} of {of}",
-        )
+    takes = f"with which friction at limits.velocity takes {FELT:g} of {of}"
+    for kind, most, unit, why in (
+        ("coulomb", high, "Nm", f"{FELT:g} of {of}: little would be left to move the joint"),
+        ("viscous", high / limits.velocity, "Nm s/rad", takes),
+    ):
+        for name in (f"motor_{kind}", f"link_{kind}", f"gap_{kind}"):
+            value = getattr(friction, name)
+            yield Bounded(*at(i, joint, "friction", name), value, most, unit, why)
     yield Bounded(
         *at(i, joint, "rotor_inertia"),
         joint.rotor_inertia,
