@@ -19,7 +19,6 @@ from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
 from estimator.model import Model
 from estimator.transmission import stiction_range
-from estimator.urdf import MovedLink
 
 GRAVITY = 9.81  # [m/s2]
 
@@ -106,11 +105,7 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)
-    for link in model.links:
-        yield _shape(c, link, reach)
-    if sum(link.mass > 0.0 for link in model.links) > 2:
-        for link in model.links:
-            yield _mass(c, link, sum(other.mass for other in model.links) - link.mass)
+    yield from _bodies(c, model, reach)
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:
@@ -152,13 +147,9 @@ def _motor(i: int, joint: Joint, weight: float) -> Iterator[Bounded]:
         f"with which the motor holds {TOO_STRONG:g} times the weight of the whole arm at its reach "
         f"({weight:.3g} Nm by the URDF) at max_current_A: are masses in kg and lengths in m?",
     )
-    yield Bounded(
-        *at(i, joint, "wiring", "max_current_A"),
-        wiring.max_current_A,
-        SURGE * wiring.rated_current_A,
-        "A",
-        f"{SURGE:g} times rated_current_A: no motor is made for more",
-    )
+    most = SURGE * wiring.rated_current_A
+    why = f"{SURGE:g} times rated_current_A: no motor is made for more"
+    yield Bounded(*at(i, joint, "wiring", "max_current_A"), wiring.max_current_A, most, "A", why)
 
 
 def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bounded]:
@@ -183,13 +174,9 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         f"with which contact and what is added at limits.velocity come to {high:.4g} Nm, {FELT:g} "
         f"of {of}",
     )
-    yield Bounded(
-        *at(i, joint, "thresholds", "collision"),
-        levels.collision,
-        STRONGEST_BLOW * motor,
-        "Nm",
-        f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands",
-    )
+    blow = STRONGEST_BLOW * motor
+    why = f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands"
+    yield Bounded(*at(i, joint, "thresholds", "collision"), levels.collision, blow, "Nm", why)
     share = settings.stiction_share + stiction_range(friction.stiction)[1]
     coulomb = friction.motor_coulomb + friction.link_coulomb
     unsure = settings.unknown_side_share if joint.half_gap > 0 else 0.0
@@ -223,28 +210,16 @@ def _transmission(i: int, joint: Joint, motor: float) -> Iterator[Bounded]:
         for name in (f"motor_{kind}", f"link_{kind}", f"gap_{kind}"):
             value = getattr(friction, name)
             yield Bounded(*at(i, joint, "friction", name), value, most, unit, why)
-    yield Bounded(
-        *at(i, joint, "rotor_inertia"),
-        joint.rotor_inertia,
-        high / limits.acceleration,
-        "kg m2",
-        f"with which the rotor takes {FELT:g} of {of} at limits.acceleration",
-    )
-    yield Bounded(
-        *at(i, joint, "gap_spring", "stiffness"),
-        joint.gap_spring.stiffness,
-        motor / BENDING,
-        "Nm/rad",
-        f"with which {of} bends the gear by {BENDING:g} rad: the correction would be all of that "
-        "torque",
-    )
-    yield Bounded(
-        *at(i, joint, "gap_spring", "damping"),
-        joint.gap_spring.damping,
-        high / limits.velocity,
-        "Nm s/rad",
-        f"with which the correction at limits.velocity is {FELT:g} of {of}",
-    )
+    why = f"with which the rotor takes {FELT:g} of {of} at limits.acceleration"
+    most = high / limits.acceleration
+    yield Bounded(*at(i, joint, "rotor_inertia"), joint.rotor_inertia, most, "kg m2", why)
+    spring, bends = joint.gap_spring, f"with which {of} bends the gear by {BENDING:g} rad"
+    why = f"{bends}: the correction would be all of that torque"
+    most = motor / BENDING
+    yield Bounded(*at(i, joint, "gap_spring", "stiffness"), spring.stiffness, most, "Nm/rad", why)
+    why = f"with which the correction at limits.velocity is {FELT:g} of {of}"
+    most = high / limits.velocity
+    yield Bounded(*at(i, joint, "gap_spring", "damping"), spring.damping, most, "Nm s/rad", why)
 
 
 def _links(c: Configuration, joint: Joint, load: Load) -> Iterator[Bounded]:
@@ -256,26 +231,16 @@ def _links(c: Configuration, joint: Joint, load: Load) -> Iterator[Bounded]:
     yield Bounded(["urdf"], what, needed, high, "Nm", of)
 
 
-def _mass(c: Configuration, link: MovedLink, others: float) -> Bounded:
-    return Bounded(
-        ["urdf"],
-        f"urdf ({c.urdf}), line {link.line}: link {link.name!r}",
-        link.mass,
-        HEAVIEST * others,
-        "kg",
-        f"{HEAVIEST:g} times all other moving links together: is it in kg?",
-    )
-
-
-def _shape(c: Configuration, link: MovedLink, reach: float) -> Bounded:
-    return Bounded(
-        ["urdf"],
-        f"urdf ({c.urdf}), line {link.line}: link {link.name!r}",
-        link.moment,
-        link.mass * (0.5 * reach) ** 2,
-        "kg m2",
-        f"its mass of {link.mass:g} kg at half the reach of the whole arm ({reach:.3g} m)",
-    )
+def _bodies(c: Configuration, model: Model, reach: float) -> Iterator[Bounded]:
+    links, mass = model.links, sum(link.mass for link in model.links)
+    places = [f"urdf ({c.urdf}), line {link.line}: link {link.name!r}" for link in links]
+    for link, where in zip(links, places, strict=True):
+        why = f"its mass of {link.mass:g} kg at half the reach of the whole arm ({reach:.3g} m)"
+        yield Bounded(["urdf"], where, link.moment, link.mass * (0.5 * reach) ** 2, "kg m2", why)
+    if sum(link.mass > 0.0 for link in links) > 2:
+        why = f"{HEAVIEST:g} times all other moving links together: is it in kg?"
+        for link, where in zip(links, places, strict=True):
+            yield Bounded(["urdf"], where, link.mass, HEAVIEST * (mass - link.mass), "kg", why)
 
 
 def _weightless(c: Configuration, model: Model) -> Iterator[Problem]:
