@@ -146,7 +146,7 @@ def test_a_drive_that_does_not_obey_is_told_by_sdo_and_else_named(
 ) -> None:
     with wound(Mode.HOLDING, "brake") as arm:
         listen, drive = arm.rig.arm.receive, arm.rig.arm.drives[0]
-        deaf = {pdo.cob_id for pdo in drive.receive_pdos}
+        deaf = {pdo.cob_id for pdo in drive.pdos.received}
         deaf |= {0x600 + drive.node} if deaf_to_sdo else set()
         arm.rig.arm.receive = lambda m: None if m.arbitration_id in deaf else listen(m)  # type: ignore[method-assign]
         assert arm.bring_to_rest() == named
