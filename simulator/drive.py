@@ -139,7 +139,7 @@ class Drive:
                 self._lose_master()
             else:
                 self.due = min(self.due, self._heard_at + 1e-3 * limit_ms)
-        if self.nmt is Nmt.OPERATIONAL and self.pdos.by_event:
+        if self.nmt is Nmt.OPERATIONAL and any(pdo.by_event for pdo in self.pdos.sent):
             self._wired.sample()
             self._show_state()
             self.pdos.transmit_due(now)

@@ -168,11 +168,6 @@ class Pdos:
             if (data := pdo.on_sync()) is not None:
                 self._send(pdo.cob_id, data)
 
-    @property
-    def by_event(self) -> bool:
-        """True where one is sent on its own initiative."""
-        return any(pdo.by_event for pdo in self.sent)
-
     def transmit_due(self, now: float) -> None:
         """Send the TPDOs that a change or the event timer calls for."""
         for pdo in self.sent:

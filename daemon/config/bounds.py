@@ -165,15 +165,10 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         "contact is detected; below, the noise of its current is detected as a contact",
         LEAST * motor,
     )
-    speed = joint.limits.velocity
-    yield Bounded(
-        *at(i, joint, "thresholds", "per_speed"),
-        levels.per_speed,
-        max(0.0, high - levels.contact) / speed,
-        "Nm s/rad",
-        f"with which contact and what is added at limits.velocity come to {high:.4g} Nm, {FELT:g} "
-        f"of {of}",
-    )
+    most = max(0.0, high - levels.contact) / joint.limits.velocity
+    both = f"with which contact and what is added at limits.velocity come to {high:.4g} Nm"
+    why = f"{both}, {FELT:g} of {of}"
+    yield Bounded(*at(i, joint, "thresholds", "per_speed"), levels.per_speed, most, "Nm s/rad", why)
     blow = STRONGEST_BLOW * motor
     why = f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands"
     yield Bounded(*at(i, joint, "thresholds", "collision"), levels.collision, blow, "Nm", why)
@@ -194,14 +189,10 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
 def _transmission(i: int, joint: Joint, motor: float) -> Iterator[Bounded]:
     limits, friction, of, high = joint.limits, joint.friction, _of(motor), FELT * motor
     span = limits.upper - limits.lower
-    yield Bounded(
-        *at(i, joint, "half_gap"),
-        joint.half_gap,
-        min(0.5 * OF_RANGE * span, WIDEST_HALF_GAP),
-        "rad",
-        f"at which the joint falls freely through {OF_RANGE:g} of its range of {span:.4g} rad, and "
-        f"never more than {WIDEST_HALF_GAP:g} rad",
-    )
+    most = min(0.5 * OF_RANGE * span, WIDEST_HALF_GAP)
+    falls = f"at which the joint falls freely through {OF_RANGE:g} of its range of {span:.4g} rad"
+    why = f"{falls}, and never more than {WIDEST_HALF_GAP:g} rad"
+    yield Bounded(*at(i, joint, "half_gap"), joint.half_gap, most, "rad", why)
     takes = f"with which friction at limits.velocity takes {FELT:g} of {of}"
     for kind, most, unit, why in (
         ("coulomb", high, "Nm", f"{FELT:g} of {of}: little would be left to move the joint"),
