@@ -36,6 +36,8 @@ LISTED: Final = ROOT / "tests" / "equivalent_mutants.yaml"
 PATIENCE_S: Final = 120.0
 
 TESTS: Final[dict[str, tuple[str, ...]]] = {
+    "daemon/faults/conditions.py": ("tests/daemon/faults/test_table.py",),
+    "daemon/faults/drives_and_bus.py": ("tests/daemon/faults/test_table.py",),
     "daemon/faults/table.py": ("tests/daemon/faults/test_table.py",),
     "daemon/faults/finding.py": ("tests/daemon/faults/test_finding.py",),
     "daemon/faults/detector.py": ("tests/daemon/faults/test_detector.py",),
@@ -76,10 +78,8 @@ def mutants(file: str, python: str) -> list[Mutant]:
     try:
         said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError) as error:
-        words = getattr(error, "stderr", "")
-        raise click.ClickException(
-            f"mutmut does not run (make mutants): {error}\n{words}"
-        ) from error
+        text = f"mutmut does not run (make mutants): {error}\n{getattr(error, 'stderr', '')}"
+        raise click.ClickException(text) from error
     return [Mutant(file, **made) for made in json.loads(said)]
 
 

@@ -43,7 +43,8 @@ from bench.rigs.measurement_faults import all_frozen, encoder_frozen
 from bench.study.fault_pairs import PAIRS, judged_each, sampled
 from common.errors import ProgramError
 from daemon.ending import stop_on_error
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.conditions import Condition, Response
+from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
 from simulator.state_machine import State
 
@@ -55,12 +56,7 @@ FULL_SPEED = 0.95  # of the velocity limit
 FAST = (all_frozen, encoder_frozen, samples_repeat, pdos_stale, stone_deaf, heartbeat_lost, runaway)
 # Made at nearly full speed, too. A drive that hears no setpoint any more is not among them: it goes
 # on as it was told until its setpoints are others.
-WORDS = {
-    Response.CONTINUE: "continue",
-    Response.HOLD: "hold",
-    Response.QUICK_STOP: "quick stop",
-    Response.FAULT_EXIT: "fault exit",
-}
+WORDS = {response: response.name.lower().replace("_", " ") for response in Response}
 
 
 def stop_sent(on: BreakableArm, reaction: Response) -> bool:

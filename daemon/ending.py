@@ -12,8 +12,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from common.errors import ProgramError
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.tick.loop import Loop
 from daemon.tick.tick import Tick

@@ -161,7 +161,7 @@ def _realtime() -> list[Grant]:
 def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Signals") -> bool:
     """Run the loop to its end, and bring the arm to rest; True if it is to begin anew."""
     robot, c = arm.basis.robot, arm.basis.robot.configuration
-    tick, loop, service = arm.tick, arm.loop, arm.service
+    tick, loop, service, commands = arm.tick, arm.loop, arm.service, arm.service.commands
     if signals.received:
         return False
     # From the first heartbeat on, the drives expect the next.
@@ -170,10 +170,10 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     notifier.ready(service.summary())
     arm.black_box.begin()
     with stop_on_error(arm.drives, c.period_s):
-        loop.run(service.doors, lambda: not (signals.received or tick.fatal or service.reloading))
+        loop.run(service.doors, lambda: not (signals.received or tick.fatal or commands.reloading))
         why = signals.received or str(tick.fatal or "reload")
-        service.ending = True
-        anew = service.reloading and not (signals.received or tick.fatal)
+        commands.ending = True
+        anew = commands.reloading and not (signals.received or tick.fatal)
         if anew:
             notifier.reloading("reading the files anew", loop.now_s)
         else:

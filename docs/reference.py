@@ -24,8 +24,9 @@ from msgspec import inspect as types
 
 from bench.study.mistakes import MISTAKES
 from daemon.config.schema import Configuration
+from daemon.faults.conditions import Condition, Response
 from daemon.faults.symptoms import SECTION_OF
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.table import TABLE
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 from daemon.protocol.state import Snapshot, State

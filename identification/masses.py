@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
 from estimator.body_inertia import BodyInertia
@@ -26,6 +25,7 @@ from identification.body_motion import (
 from identification.body_rows import BodiesFit, JointRows, fitted, unbent, without_bodies
 from identification.coupling import coupled
 from identification.friction_verdict import saturated, unexcited, wider
+from identification.gravity_errors import GravityErrors, gravity_errors
 from identification.log_intervals import Mask, play
 from identification.motion_log import MotionLog
 from identification.possible_bodies import possible, prior
@@ -39,8 +39,6 @@ _WORSE = 1.1  # times |r| by the URDF, held out, that is no fit
 _WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
-_POSES = 200
-_CARRIES = 2.0  # times what gravity may be off by the URDF: of less, no share is unlikely
 _UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
 
 
@@ -101,17 +99,6 @@ class Masses:
         return all(fit.verdict is MassesVerdict.GOOD for fit in self.fits)
 
 
-@dataclass(frozen=True, slots=True)
-class _Arm:
-    """Nominal parameters (k, 10) of the bodies that have a mass, and their joints (k,)."""
-
-    nominal: Matrix
-    massive: NDArray[np.int64]
-    lower: Vector
-    upper: Vector
-    """(n,) limits of the joints [rad]"""
-
-
 def identify_masses(
     log: MotionLog,
     model: Model,
@@ -131,9 +118,9 @@ def identify_masses(
     motion = body_motion(log, model, settings, max_current, width, shortest_s)
     by_urdf = model.parameters()
     massive = np.flatnonzero(by_urdf[:, 0] > 0.0)  # what has no mass in the URDF gets none
-    arm = _Arm(np.array([possible(row) for row in by_urdf[massive]]), massive, *limits)
+    nominal = np.array([possible(row) for row in by_urdf[massive]])  # (k, 10)
     bodies = motion.regressor[:, :, massive].reshape(len(motion.rows.dt), log.n, -1)
-    made_possible = bodies @ (arm.nominal - by_urdf[massive]).ravel()
+    shift = bodies @ (nominal - by_urdf[massive]).ravel()
     whole, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
 
     def rounds(offset: Mask) -> tuple[list[JointRows], BodiesFit, Mask, Transmission]:
@@ -142,12 +129,9 @@ def identify_masses(
         t, touched = transmission, np.zeros_like(motion.cut)
         for _ in range(_ROUNDS):
             joints = rows_of_joints(motion, bodies, t, settings, touched, offset)
-            joints = [
-                replace(one, torque=one.torque - made_possible[:, i])
-                for i, one in enumerate(joints)
-            ]
-            fit = fitted(joints, whole, arm.nominal, period_s)
-            touched = motion.touched(joints, *unbent(joints, whole, arm.nominal, period_s))
+            joints = [replace(one, torque=one.torque - shift[:, i]) for i, one in enumerate(joints)]
+            fit = fitted(joints, whole, nominal, period_s)
+            touched = motion.touched(joints, *unbent(joints, whole, nominal, period_s))
             t = with_friction(t, fit.friction)
         return joints, fit, touched, t
 
@@ -155,17 +139,18 @@ def identify_masses(
     # that was not fitted separates them.
     none, every = np.zeros(log.n, dtype=np.bool_), np.ones(log.n, dtype=np.bool_)
     joints, fit, touched, known = rounds(none)
-    left = _rms(_held_out(joints, arm.nominal, period_s)[1])
-    with_offset = _rms(_held_out(rounds(every)[0], arm.nominal, period_s)[1])
+    left = _rms(_held_out(joints, nominal, period_s)[1])
+    with_offset = _rms(_held_out(rounds(every)[0], nominal, period_s)[1])
     offset = with_offset < _WORTH * left
     if offset.any():
         joints, fit, touched, known = rounds(offset)
-    gravity = _gravity(model, arm, fit)
+    gravity = gravity_errors(model, nominal, massive, limits, fit)
     reasons = _reasons(log, motion, joints, fit, known, gravity)
+    found = {i: BodyInertia.of(x) for i, x in zip(massive.tolist(), fit.parameters, strict=True)}
     return Masses(
-        _judged(log.joints, joints, arm, period_s, fit, reasons),
-        _determined(arm.nominal, fit),
-        arm.nominal.size,
+        _judged(log.joints, joints, nominal, period_s, found, reasons),
+        _determined(nominal, fit),
+        nominal.size,
         tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
         float(motion.rows.dt @ near(motion.rows, touched)),
         np.array([one.late for one in joints]),
@@ -182,7 +167,7 @@ def _reasons(
     joints: list[JointRows],
     fit: BodiesFit,
     t: Transmission,
-    gravity: tuple[Vector, Vector, Vector],
+    gravity: GravityErrors,
 ) -> list[Reason]:
     """Why joints cannot be judged by how well they fit; `good` where nothing is against it."""
     left = np.stack(
@@ -194,7 +179,7 @@ def _reasons(
     pairs = coupled(left, weight, coulomb, motion.rows, t.sign_width, GAIN)
     found: list[Reason] = []
     for i in range(log.n):
-        share, before, scale = (float(values[i]) for values in gravity)
+        share, before, scale = gravity.share[i], gravity.before[i], gravity.scale[i]
         if about := unexcited(motion.rows.theta_dot[:, i]):
             found.append((MassesVerdict.NOT_EXCITED, about))
         elif about := saturated(float(motion.cut[:, i].mean())):
@@ -223,16 +208,15 @@ def _reasons(
 def _judged(
     names: tuple[str, ...],
     joints: list[JointRows],
-    arm: _Arm,
+    nominal: Matrix,
     period_s: float,
-    fit: BodiesFit,
+    bodies: dict[int, BodyInertia],
     reasons: list[Reason],
 ) -> list[MassesFit]:
     """Fits with their verdicts, by the errors at the end of the motion, which was not fitted, and
     by those at its beginning."""
-    by_urdf, by_this = _held_out(joints, arm.nominal, period_s)
+    by_urdf, by_this = _held_out(joints, nominal, period_s)
     worth = bool((_rms(by_this) < _WORTH * _rms(by_urdf)).any())
-    place = {int(joint): k for k, joint in enumerate(arm.massive)}
     fits = []
     for i, against in enumerate(reasons):
         verdict, reason = against
@@ -244,10 +228,9 @@ def _judged(
                       "motion (`--seconds`) that leads everywhere")  # fmt: skip
         elif verdict is MassesVerdict.GOOD and not worth:
             verdict = MassesVerdict.AS_GOOD
-        body = BodyInertia.of(fit.parameters[place[i]]) if i in place else None
         fits.append(
             MassesFit(
-                joint=names[i], verdict=verdict, reason=reason, body=body,
+                joint=names[i], verdict=verdict, reason=reason, body=bodies.get(i),
                 by_urdf=float(_rms(by_urdf)[i]), by_this=float(_rms(by_this)[i]),
             )
         )  # fmt: skip
@@ -273,27 +256,6 @@ def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tupl
         pairs = zip(joints, fit.friction, strict=True)
         by_found.append([one.rms(fit.difference, x, tested) for one, x in pairs])
     return np.array(by_nominal), np.array(by_found)
-
-
-def _gravity(model: Model, arm: _Arm, fit: BodiesFit) -> tuple[Vector, Vector, Vector]:
-    """Errors of gravity at each joint (n,) over poses within the limits: standard deviation after
-    the fit, as a share of before; that before [Nm]; and gravity found over that by the URDF, 1
-    where the latter is little beside its error."""
-    drawn = np.random.default_rng(0).uniform(arm.lower, arm.upper, (_POSES, model.n))
-    none = np.zeros(model.n)
-    Y = np.array([model.regressor(q, none, none)[:, arm.massive] for q in drawn])
-    Y = Y.reshape(_POSES, model.n, -1)
-
-    def deviation(information: Matrix) -> Vector:
-        covariance = np.linalg.inv(information)
-        return np.asarray(np.sqrt(np.einsum("kij,jl,kil->i", Y, covariance, Y) / _POSES))
-
-    before, after = deviation(prior(arm.nominal)), deviation(fit.information)
-    nominal, found = (Y @ values.ravel() for values in (arm.nominal, fit.parameters))
-    size = np.square(nominal).mean(axis=0)
-    scale = (found * nominal).mean(axis=0) / np.maximum(size, 1e-12)
-    scale = np.where(np.sqrt(size) > _CARRIES * before, scale, 1.0)
-    return after / np.maximum(before, 1e-12), before, scale
 
 
 def _determined(nominal: Matrix, fit: BodiesFit) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from common.arrays import Vector
 from common.errors import ConfigurationError
 from simulator.description import ArmDescription, SimulationSettings
-from simulator.drive import Drive, Surroundings
+from simulator.drive import Drive
 from simulator.events import Happening, Listener
 from simulator.hand import Hand
 from simulator.hand_script import AnyAct
@@ -17,6 +17,7 @@ from simulator.plant import Plant
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
 from simulator.servo_periods import ServoPeriods
+from simulator.surroundings import Surroundings
 
 NMT, SYNC = 0x000, 0x080
 SDO_REQUEST, HEARTBEAT = 0x600, 0x700
@@ -168,7 +169,7 @@ class SimulatedArm:
                 drive.on_pdo(cob, data)
 
     def _hearers_of(self, cob: int) -> tuple[Drive, ...]:
-        hearers = tuple(drive for drive in self.drives if drive.listens(cob))
+        hearers = tuple(drive for drive in self.drives if drive.pdos.listens(cob))
         self._hearers[cob] = hearers
         return hearers
 

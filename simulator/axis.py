@@ -4,17 +4,21 @@ from collections.abc import Callable
 
 import numpy as np
 
-from simulator.description import JointDescription
 from simulator.objects import Objects, key
-from simulator.plant import Plant
-from simulator.profile import SimulatedMake
-from simulator.servo import Servo
 from simulator.state_machine import HOLDING_OPTIONS, State, Trigger, on_controlword, step
+from simulator.surroundings import Surroundings
 
 CSV = 9
 VOLTAGE_PRESENT, REMOTE, LIMIT_ACTIVE, FOLLOWS = 1 << 4, 1 << 9, 1 << 11, 1 << 12
 CONTROLWORD, STATUSWORD, TARGET_VELOCITY = key(0x6040), key(0x6041), key(0x60FF)
 MODE, MODE_DISPLAY = key(0x6060), key(0x6061)
+CONNECTION_LOST: tuple[tuple[str, Trigger | None], ...] = (
+    ("no action, going on", None),
+    ("fault", Trigger.FAULT_DETECTED),
+    ("voltage disabled", Trigger.DISABLE_VOLTAGE),
+    ("quick stop", Trigger.QUICK_STOP),
+)
+"""By the value of 6007."""
 
 
 class Axis:
@@ -25,18 +29,12 @@ class Axis:
     """
 
     def __init__(
-        self,
-        joint: int,
-        about: JointDescription,
-        profile: SimulatedMake,
-        objects: Objects,
-        servo: Servo,
-        plant: Plant,
-        report: Callable[[str], None],
+        self, joint: int, wired: Surroundings, objects: Objects, report: Callable[[str], None]
     ) -> None:
-        self._joint, self._about, self._objects = joint, about, objects
-        self._servo, self._plant, self._report = servo, plant, report
-        self._profile = profile
+        self._joint, self._objects, self._report = joint, objects, report
+        self._servo, self._plant = wired.servo, wired.plant
+        self._about = about = wired.description.joints[joint]
+        self._profile = profile = wired.drives[joint].make
         self.unit = profile.velocity_unit / about.gear
         """One count of 60FF at the link side [rad/s]."""
         self.braking_unit = profile.acceleration_unit / about.gear
@@ -131,6 +129,14 @@ class Axis:
             self._report("standing, holding")
         else:
             self.happen(Trigger.QUICK_STOP_DONE)
+
+    def lose_connection(self, reason: str) -> None:
+        """Act by 6007, where enabled, and report why."""
+        if self.state is State.OPERATION_ENABLED:
+            words, event = CONNECTION_LOST[self._objects.number(0x6007)]
+            self._report(f"{reason}, {words}")
+            if event is not None:
+                self.happen(event)
 
     def _take(self, state: State) -> None:
         self.state, self._word = state, state.value | VOLTAGE_PRESENT

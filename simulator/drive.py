@@ -2,62 +2,19 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import IntEnum
+from dataclasses import replace
 
 from simulator.axis import CONTROLWORD, MODE, STATUSWORD, TARGET_VELOCITY, Axis
-from simulator.description import ArmDescription, DriveDescription
-from simulator.emergency import (
-    COMMUNICATION_ERROR,
-    GENERIC_ERROR,
-    HEARTBEAT_LOST,
-    HISTORY,
-    PDO_TOO_LONG,
-    PDO_TOO_SHORT,
-    Emergencies,
-)
-from simulator.guards import guard_pdos, guard_values
-from simulator.objects import Objects, key
-from simulator.pdo import ReceivePdo, TransmitPdo, pdo_number, pdo_numbers
-from simulator.plant import Plant
+from simulator.emergency import COMMUNICATION_ERROR, HEARTBEAT_LOST, HISTORY, Emergencies
+from simulator.factory_settings import factory_settings
+from simulator.nmt import Nmt
+from simulator.objects import key
+from simulator.pdo import Pdos, pdo_number
 from simulator.sdo import sdo_server
-from simulator.servo import Servo
 from simulator.state_machine import State, Trigger
+from simulator.surroundings import Surroundings
 
 SYNC, SYNC_ID = 0x080, key(0x1005)
-CONNECTION_LOST: tuple[tuple[str, Trigger | None], ...] = (
-    ("no action, going on", None),
-    ("fault", Trigger.FAULT_DETECTED),
-    ("voltage disabled", Trigger.DISABLE_VOLTAGE),
-    ("quick stop", Trigger.QUICK_STOP),
-)
-"""By the value of 6007."""
-
-
-class Nmt(IntEnum):
-    """NMT states by the value that the heartbeat carries."""
-
-    BOOT = 0
-    STOPPED = 4
-    OPERATIONAL = 5
-    PRE_OPERATIONAL = 127
-
-
-@dataclass(frozen=True, slots=True)
-class Surroundings:
-    """Parts of the simulated arm that a drive is connected to."""
-
-    description: ArmDescription
-    drives: tuple[DriveDescription, ...]
-    servo: Servo
-    plant: Plant
-    send: Callable[[int, bytes], None]
-    """(cob_id, data): put a frame on the bus."""
-    sample: Callable[[], None]
-    """Have the sensors measure, if time has passed since they did."""
-    report: Callable[[str], None]
-    now: Callable[[], float]
-    """Simulated time [s]."""
 
 
 class Drive:
@@ -67,28 +24,13 @@ class Drive:
         about = wired.description.joints[joint]
         self.node, self._wired = about.node, wired
         self.make = wired.drives[joint].make
-        self.objects = Objects(wired.drives[joint].eds, self.node)
-        peak = round(1000.0 * about.max_current_A / about.rated_current_A)
-        rated_torque = about.rated_current_A * about.torque_constant / about.gear
-        for where, value in (
-            (key(0x6075), round(1000.0 * about.rated_current_A)),
-            (key(0x6076), round(1000.0 * rated_torque)),
-            (key(0x6072), peak),
-            (key(0x6073), peak),
-            (key(0x1018, 4), wired.description.serial_number + joint),
-        ):
-            self.objects.set_default(where, value)
-        guard_values(self.objects, peak)
-        guard_pdos(self.objects)
+        serial = wired.description.serial_number + joint
+        self.objects = factory_settings(wired.drives[joint].eds, about, serial)
         self.objects.written = self._on_write
         self._sdo = sdo_server(self.node, self.objects, wired.send)
-        self.axis = Axis(
-            joint, about, self.make, self.objects, wired.servo, wired.plant, self._report
-        )
-        self.receive_pdos = [ReceivePdo(self.objects, n) for n in pdo_numbers(self.objects, 0x1400)]
-        self.transmit_pdos = [
-            TransmitPdo(self.objects, n) for n in pdo_numbers(self.objects, 0x1800)
-        ]
+        self.axis = Axis(joint, wired, self.objects, self._report)
+        self._emergencies = Emergencies(self.objects, self._send_emergency)
+        self.pdos = Pdos(self.objects, self._emergencies, self._apply, wired.send)
         self.nmt = Nmt.BOOT
         self.due = 0.0
         """Nothing happens by itself before this time [s]."""
@@ -97,7 +39,6 @@ class Drive:
         self._locked = self._said_over = False
         self._booting = False
         self._booted_at: float | None = None
-        self._emergencies = Emergencies(self.objects, self._send_emergency)
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
         self._asked: deque[tuple[float, bytes]] = deque()
@@ -118,7 +59,7 @@ class Drive:
         self._boot_up()
 
     def _boot_up(self) -> None:
-        self._reload_pdos()
+        self.pdos.reload()
         self._heard_at, self.due, self._locked = None, 0.0, False
         self._asked.clear()
         self._unsent.clear()
@@ -137,17 +78,17 @@ class Drive:
         self.due = 0.0
         if command == 1:
             self.nmt = Nmt.OPERATIONAL
-            for pdo in self.transmit_pdos:
+            for pdo in self.pdos.sent:
                 pdo.reload()
         elif command == 2:
-            self._lose_connection("NMT stop")
+            self.axis.lose_connection("NMT stop")
             self.nmt = Nmt.STOPPED
         elif command == 128:
             self.nmt = Nmt.PRE_OPERATIONAL
         elif command == 129:
             self.boot()
         elif command == 130:
-            self._lose_connection("NMT reset communication")
+            self.axis.lose_connection("NMT reset communication")
             self.objects.restore(0x1000, 0x1FFF)
             self._emergencies.show_history()
             self._boot_up()
@@ -198,8 +139,10 @@ class Drive:
                 self._lose_master()
             else:
                 self.due = min(self.due, self._heard_at + 1e-3 * limit_ms)
-        if self.nmt is Nmt.OPERATIONAL and any(pdo.by_event for pdo in self.transmit_pdos):
-            self._send_events(now)
+        if self.nmt is Nmt.OPERATIONAL and any(pdo.by_event for pdo in self.pdos.sent):
+            self._wired.sample()
+            self._show_state()
+            self.pdos.transmit_due(now)
             self.due = now
         if self.axis.stopping:
             self.due = now
@@ -227,22 +170,10 @@ class Drive:
         self._show_state()
         self._sdo.on_request(self._sdo.rx_cobid, data, 0.0)
 
-    def listens(self, cob_id: int) -> bool:
-        """True where one of its RPDOs has this identifier, as configured now."""
-        return any(pdo.cob_id == cob_id for pdo in self.receive_pdos)
-
     def on_pdo(self, cob_id: int, data: bytes) -> None:
         """Take a frame that may be one of this drive's RPDOs."""
-        if self.nmt is not Nmt.OPERATIONAL:
-            return
-        for pdo in self.receive_pdos:
-            if pdo.cob_id == cob_id:
-                if len(data) < pdo.length:
-                    self._emergencies.raise_error(PDO_TOO_SHORT, COMMUNICATION_ERROR)
-                elif len(data) > pdo.length and self.make.minds_longer:
-                    self._emergencies.raise_error(PDO_TOO_LONG, COMMUNICATION_ERROR)
-                else:
-                    pdo.receive(data, self._apply)
+        if self.nmt is Nmt.OPERATIONAL:
+            self.pdos.receive(cob_id, data, minds_longer=self.make.minds_longer)
 
     @property
     def hears_sync(self) -> bool:
@@ -253,24 +184,12 @@ class Drive:
         """First half of a SYNC: send what was sampled."""
         if self.hears_sync:
             self._show_state()
-            for pdo in self.transmit_pdos:
-                data = pdo.on_sync()
-                if data is not None:
-                    self._wired.send(pdo.cob_id, data)
+            self.pdos.transmit()
 
     def latch(self) -> None:
         """Second half of a SYNC: act on the RPDOs that came since the last one."""
         if self.hears_sync:
-            for pdo in self.receive_pdos:
-                pdo.latch(self._apply)
-
-    def _send_events(self, now: float) -> None:
-        self._wired.sample()
-        self._show_state()
-        for pdo in self.transmit_pdos:
-            data = pdo.on_time(now) if pdo.by_event else None
-            if data is not None:
-                self._wired.send(pdo.cob_id, data)
+            self.pdos.latch()
 
     # -- objects ---------------------------------------------------------------------------------
 
@@ -288,15 +207,6 @@ class Drive:
     def put(self, index: int, subindex: int, value: int) -> None:
         """Let an object hold a value of the drive's own, whatever may be written to it."""
         self.objects.show(key(index, subindex), value)
-
-    def _reload_pdos(self, number: int | None = None) -> None:
-        """Take over the objects of all PDOs, or of those with one number."""
-        for receive_pdo in self.receive_pdos:
-            if number in (None, receive_pdo.number):
-                receive_pdo.reload()
-        for transmit_pdo in self.transmit_pdos:
-            if number in (None, transmit_pdo.number):
-                transmit_pdo.reload()
 
     def _show_state(self) -> None:
         self.objects.values[STATUSWORD] = self.axis.statusword(self.nmt is Nmt.OPERATIONAL)
@@ -319,7 +229,7 @@ class Drive:
         self.due = 0.0
         number = pdo_number(where)
         if number is not None:
-            self._reload_pdos(number)
+            self.pdos.reload(number)
         elif where == key(0x1016, 1):
             self._heard_at = None
         elif where == HISTORY:
@@ -341,7 +251,7 @@ class Drive:
     def fault(self, code: int, reason: str) -> None:
         """Raise an error: EMCY with `code`, fault reaction by 605E."""
         self._report(reason)
-        self._emergencies.raise_error(code, GENERIC_ERROR)
+        self._emergencies.raise_error(code)
         self.axis.happen(Trigger.FAULT_DETECTED)
         self.due = 0.0
 
@@ -353,20 +263,12 @@ class Drive:
             self._locked, self._said_over = True, False
             self.axis.happen(Trigger.FAULT_DETECTED)
         else:
-            self._lose_connection(reason)
+            self.axis.lose_connection(reason)
         behaviour = self.objects.number(0x1029, 1)
         if behaviour == 2:
             self.nmt = Nmt.STOPPED
         elif behaviour == 0 and self.nmt is Nmt.OPERATIONAL:
             self.nmt = Nmt.PRE_OPERATIONAL
-
-    def _lose_connection(self, reason: str) -> None:
-        """Act by 6007, if the drive is enabled, and report why."""
-        if self.state is State.OPERATION_ENABLED:
-            words, event = CONNECTION_LOST[self.objects.number(0x6007)]
-            self._report(f"{reason}, {words}")
-            if event is not None:
-                self.axis.happen(event)
 
     def _send_emergency(self, data: bytes) -> None:
         if self.make.emergency_delay_s:

@@ -25,7 +25,7 @@ class Emergencies:
         """Code of the error that is present; 0 for none."""
         return self._objects.number(ERROR_CODE >> 8)
 
-    def raise_error(self, code: int, register: int) -> None:
+    def raise_error(self, code: int, register: int = GENERIC_ERROR) -> None:
         """Show, remember and send a new error."""
         self._show(code, register)
         self._errors.appendleft(code)

@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -76,9 +76,7 @@ class Objects:
         old = self.entries.get(where)
         if old is None:
             return
-        self.entries[where] = Entry(
-            old.code, old.readable, old.writable, old.mappable, old.low, old.high, value
-        )
+        self.entries[where] = replace(old, default=value)
         self.values[where] = value
 
     def show(self, where: int, value: int) -> None:

@@ -4,11 +4,16 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from simulator.emergency import COMMUNICATION_ERROR, PDO_TOO_LONG, PDO_TOO_SHORT, Emergencies
 from simulator.objects import Objects, key
+from simulator.surroundings import Send
 
 INVALID = 1 << 31
 SYNCHRONOUS = 240
 """Transmission types up to here wait for the SYNC; 254 and 255 do not."""
+
+Apply = Callable[[tuple[int, ...], tuple[int, ...]], None]
+"""(keys, values): write what an RPDO brings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +39,8 @@ def pdo_numbers(objects: Objects, communication: int) -> list[int]:
 class ReceivePdo:
     """One RPDO: latched until the SYNC, or handed on at once."""
 
-    def __init__(self, objects: Objects, number: int) -> None:
-        self._objects, self.number = objects, number
+    def __init__(self, objects: Objects, number: int, apply: Apply) -> None:
+        self._objects, self.number, self._apply = objects, number, apply
         self._pending: bytes | None = None
         self.reload()
 
@@ -52,20 +57,18 @@ class ReceivePdo:
         """Shortest frame that carries the mapping [byte]."""
         return self._mapping.layout.size
 
-    def receive(
-        self, data: bytes, apply: Callable[[tuple[int, ...], tuple[int, ...]], None]
-    ) -> None:
-        """Take a frame that is long enough; `apply(keys, values)` now or at the SYNC."""
+    def receive(self, data: bytes) -> None:
+        """Take a frame that is long enough; it is applied now or at the SYNC."""
         self._pending = data
         if not self._waits:
-            self.latch(apply)
+            self.latch()
 
-    def latch(self, apply: Callable[[tuple[int, ...], tuple[int, ...]], None]) -> None:
+    def latch(self) -> None:
         """SYNC: hand on what came since the last one."""
         if self._pending is not None:
             layout, data = self._mapping.layout, self._pending
             self._pending = None
-            apply(self._mapping.keys, layout.unpack_from(data))
+            self._apply(self._mapping.keys, layout.unpack_from(data))
 
 
 class TransmitPdo:
@@ -122,6 +125,54 @@ class TransmitPdo:
             return None
         self._last, self._sent_at = data, now
         return data
+
+
+class Pdos:
+    """All PDOs of one drive; a frame of the wrong length is an error."""
+
+    def __init__(self, objects: Objects, errors: Emergencies, apply: Apply, send: Send) -> None:
+        self.received = [ReceivePdo(objects, n, apply) for n in pdo_numbers(objects, 0x1400)]
+        self.sent = [TransmitPdo(objects, n) for n in pdo_numbers(objects, 0x1800)]
+        self._send, self._errors = send, errors
+
+    def reload(self, number: int | None = None) -> None:
+        """Take over the objects of all PDOs, or of those with one number."""
+        every: list[ReceivePdo | TransmitPdo] = [*self.received, *self.sent]
+        for pdo in every:
+            if number in (None, pdo.number):
+                pdo.reload()
+
+    def listens(self, cob_id: int) -> bool:
+        """True where one of the RPDOs has this identifier, as configured now."""
+        return any(pdo.cob_id == cob_id for pdo in self.received)
+
+    def receive(self, cob_id: int, data: bytes, *, minds_longer: bool) -> None:
+        """Take a frame that may be one of the RPDOs."""
+        for pdo in self.received:
+            if pdo.cob_id == cob_id:
+                if len(data) < pdo.length:
+                    self._errors.raise_error(PDO_TOO_SHORT, COMMUNICATION_ERROR)
+                elif len(data) > pdo.length and minds_longer:
+                    self._errors.raise_error(PDO_TOO_LONG, COMMUNICATION_ERROR)
+                else:
+                    pdo.receive(data)
+
+    def latch(self) -> None:
+        """SYNC: act on the RPDOs that came since the last one."""
+        for pdo in self.received:
+            pdo.latch()
+
+    def transmit(self) -> None:
+        """SYNC: send the TPDOs that wait for it."""
+        for pdo in self.sent:
+            if (data := pdo.on_sync()) is not None:
+                self._send(pdo.cob_id, data)
+
+    def transmit_due(self, now: float) -> None:
+        """Send the TPDOs that a change or the event timer calls for."""
+        for pdo in self.sent:
+            if pdo.by_event and (data := pdo.on_time(now)) is not None:
+                self._send(pdo.cob_id, data)
 
 
 def pdo_number(where: int) -> int | None:

@@ -78,7 +78,7 @@ from bench.rigs.measurement_faults import (
     torque_saturated,
     torque_stuck,
 )
-from daemon.faults.table import Condition
+from daemon.faults.conditions import Condition
 
 
 def late(seconds: float) -> Fault:

@@ -110,7 +110,7 @@ class ServedDaemon:
         """Do one tick, and the doors after it."""
         self.rig.step()
         self.service.doors()
-        if self.service.reloading:
+        if self.service.commands.reloading:
             self._take_up()
 
     def _take_up(self) -> None:
@@ -206,7 +206,7 @@ def serve(
     rig.run(0.1)
     process = Process(rig.robot, 1, [], rig.drives.serials, not_taken_up, files)
     service = Service(process, loop, control, notifier, rig.drives)
-    service.set_up.asking = rig.by_sdo
+    service.commands.set_up.asking = rig.by_sdo
     # Here a second may pass while a client is not given a turn.
-    service.attendance.silent_s = math.inf
+    service.commands.attendance.silent_s = math.inf
     return service

@@ -9,7 +9,7 @@ from random import Random
 
 from bench.rigs.breakable_arm import BreakableArm, Fault
 from bench.rigs.faults import Case
-from daemon.faults.table import Condition
+from daemon.faults.conditions import Condition
 from drivers.canopen.codec import transmit_pdos
 
 LASTS_TICKS = 300

@@ -173,7 +173,7 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
     service = Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, rig.drives)
-    service.set_up.asking = rig.by_sdo
+    service.commands.set_up.asking = rig.by_sdo
     return service
 
 
@@ -200,7 +200,7 @@ def _soak(
         trouble.after()
         state, plant = rig.state(), rig.arm.plant  # as it is published
         service.doors()
-        service.reloading = False  # its files are as they were
+        service.commands.reloading = False  # its files are as they were
         watch.see(
             state,
             lease_until_s=leases.until_s,
@@ -270,7 +270,7 @@ def _visit(visitor: _Visitor, service: Service, leases: Leases, trouble: bool, p
     for request in step.requests:
         leases.asked(request, peer.connection)
         try:
-            reply = service.handle(request, peer)
+            reply = service.commands.handle(request, peer)
         except ContactdError as error:  # as the control socket does
             reply = Reply(ok=False, message=str(error))
         leases.answered(request, reply, peer.connection, now)

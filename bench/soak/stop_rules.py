@@ -9,7 +9,7 @@ from daemon.config.travels import travels
 from daemon.modes.table import Mode
 from daemon.protocol.state import State
 from daemon.tick.controller import RESET_PATIENCE_S
-from daemon.tick.tick import STOP_PROVED
+from daemon.tick.news import STOP_PROVED
 
 # No motor moves so long after a proof [s], faster than one that stands [rad/s], in so many readings
 # in a row: a link that falls through its gap gives its motor one knock.

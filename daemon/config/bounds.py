@@ -13,14 +13,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from daemon.config.delays import LATEST_S, delays
 from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
-from daemon.faults.detector import patience_deaf
-from estimator.estimate import SENSED_PERIODS
 from estimator.model import Model
 from estimator.transmission import stiction_range
-from estimator.urdf import MovedLink
 
 GRAVITY = 9.81  # [m/s2]
 
@@ -49,10 +47,6 @@ SHAFT = (1e-4, 10.0)
 OF_RANGE = 1.0 / 8.0
 """Share of its range that a joint may fall through its gap, from border to border."""
 WIDEST_HALF_GAP = 0.2  # [rad]; a gear with more has no teeth left
-LONGEST_TIMEOUT_MS = 500
-"""Longest time that a drive may continue when its master is silent."""
-LATEST_S = 0.15
-"""Time within which a steady torque of twice its level must be detected [s]."""
 BENDING = 0.005  # [rad]; what a gear bends under the motor's largest torque, at least
 
 
@@ -86,9 +80,8 @@ class Bounded:
         allowed = f"{low} to {high}" if self.low else f"up to {high}"
         if math.isinf(self.high):
             allowed = f"from {low} on"
-        return Problem(
-            self.keys, self.where, f"{what} what can be: {allowed} {self.unit}, {self.why}"
-        )
+        text = f"{what} what can be: {allowed} {self.unit}, {self.why}"
+        return Problem(self.keys, self.where, text)
 
 
 def beyond(c: Configuration, model: Model) -> list[Problem]:
@@ -99,7 +92,7 @@ def beyond(c: Configuration, model: Model) -> list[Problem]:
 
 def near(c: Configuration, model: Model) -> list[Problem]:
     """Warnings about values close to their bounds, in a configuration that is within them."""
-    return [*_deaf(c), *(b.problem for b in bounded(c, model) if b.near and not b.refused)]
+    return [*delays(c), *(b.problem for b in bounded(c, model) if b.near and not b.refused)]
 
 
 def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
@@ -112,43 +105,7 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)
-    for link in model.links:
-        yield _shape(c, link, reach)
-    if sum(link.mass > 0.0 for link in model.links) > 2:
-        for link in model.links:
-            yield _mass(c, link, sum(other.mass for other in model.links) - link.mass)
-
-
-def _deaf(c: Configuration) -> Iterator[Problem]:
-    """Times that delay the detection of a touch or of a failure. Not refused: such an arm still
-    holds."""
-    stale_s = c.supervisor.stale_ticks * c.period_s
-    if stale_s > LATEST_S:
-        yield Problem(
-            ["supervisor", "stale_ticks"],
-            "supervisor.stale_ticks",
-            f"{c.supervisor.stale_ticks} ticks: a drive that sends nothing is found after "
-            f"{stale_s:.3g} s, more than {LATEST_S:g} s, in which it is unknown where its joint "
-            "goes",
-        )
-    for name, profile in c.drives.items():
-        if profile.master_timeout_ms > LONGEST_TIMEOUT_MS:
-            yield Problem(
-                ["drives", name, "master_timeout_ms"],
-                f"drives.{name}.master_timeout_ms",
-                f"{profile.master_timeout_ms} ms: for so long its joints go on, at up to "
-                f"limits.velocity, when the daemon has died; usual is 100, up to "
-                f"{LONGEST_TIMEOUT_MS} no warning is given",
-            )
-    seconds = (SENSED_PERIODS + patience_deaf(c.period_s)) * c.period_s
-    if seconds > LATEST_S:
-        yield Problem(
-            ["period_ms"],
-            "period_ms",
-            f"{c.period_ms} ms: where samples go missing, the arm stops or holds only after "
-            f"{seconds:.2g} s in which a touch may go undetected; up to 40 ms it takes at most "
-            f"{LATEST_S:g} s",
-        )
+    yield from _bodies(c, model, reach)
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:
@@ -190,13 +147,9 @@ def _motor(i: int, joint: Joint, weight: float) -> Iterator[Bounded]:
         f"with which the motor holds {TOO_STRONG:g} times the weight of the whole arm at its reach "
         f"({weight:.3g} Nm by the URDF) at max_current_A: are masses in kg and lengths in m?",
     )
-    yield Bounded(
-        *at(i, joint, "wiring", "max_current_A"),
-        wiring.max_current_A,
-        SURGE * wiring.rated_current_A,
-        "A",
-        f"{SURGE:g} times rated_current_A: no motor is made for more",
-    )
+    most = SURGE * wiring.rated_current_A
+    why = f"{SURGE:g} times rated_current_A: no motor is made for more"
+    yield Bounded(*at(i, joint, "wiring", "max_current_A"), wiring.max_current_A, most, "A", why)
 
 
 def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bounded]:
@@ -212,22 +165,13 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         "contact is detected; below, the noise of its current is detected as a contact",
         LEAST * motor,
     )
-    speed = joint.limits.velocity
-    yield Bounded(
-        *at(i, joint, "thresholds", "per_speed"),
-        levels.per_speed,
-        max(0.0, high - levels.contact) / speed,
-        "Nm s/rad",
-        f"with which contact and what is added at limits.velocity come to {high:.4g} Nm, {FELT:g} "
-        f"of {of}",
-    )
-    yield Bounded(
-        *at(i, joint, "thresholds", "collision"),
-        levels.collision,
-        STRONGEST_BLOW * motor,
-        "Nm",
-        f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands",
-    )
+    most = max(0.0, high - levels.contact) / joint.limits.velocity
+    both = f"with which contact and what is added at limits.velocity come to {high:.4g} Nm"
+    why = f"{both}, {FELT:g} of {of}"
+    yield Bounded(*at(i, joint, "thresholds", "per_speed"), levels.per_speed, most, "Nm s/rad", why)
+    blow = STRONGEST_BLOW * motor
+    why = f"{STRONGEST_BLOW:g} times {of}: more than the gear of such a motor withstands"
+    yield Bounded(*at(i, joint, "thresholds", "collision"), levels.collision, blow, "Nm", why)
     share = settings.stiction_share + stiction_range(friction.stiction)[1]
     coulomb = friction.motor_coulomb + friction.link_coulomb
     unsure = settings.unknown_side_share if joint.half_gap > 0 else 0.0
@@ -245,52 +189,28 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
 def _transmission(i: int, joint: Joint, motor: float) -> Iterator[Bounded]:
     limits, friction, of, high = joint.limits, joint.friction, _of(motor), FELT * motor
     span = limits.upper - limits.lower
-    yield Bounded(
-        *at(i, joint, "half_gap"),
-        joint.half_gap,
-        min(0.5 * OF_RANGE * span, WIDEST_HALF_GAP),
-        "rad",
-        f"at which the joint falls freely through {OF_RANGE:g} of its range of {span:.4g} rad, and "
-        f"never more than {WIDEST_HALF_GAP:g} rad",
-    )
-    for name in ("motor_coulomb", "link_coulomb", "gap_coulomb"):
-        yield Bounded(
-            *at(i, joint, "friction", name),
-            getattr(friction, name),
-            high,
-            "Nm",
-            f"{FELT:g} of {of}: little would be left to move the joint",
-        )
-    for name in ("motor_viscous", "link_viscous", "gap_viscous"):
-        yield Bounded(
-            *at(i, joint, "friction", name),
-            getattr(friction, name),
-            high / limits.velocity,
-            "Nm s/rad",
-            f"with which friction at limits.velocity takes {FELT:g} of {of}",
-        )
-    yield Bounded(
-        *at(i, joint, "rotor_inertia"),
-        joint.rotor_inertia,
-        high / limits.acceleration,
-        "kg m2",
-        f"with which the rotor takes {FELT:g} of {of} at limits.acceleration",
-    )
-    yield Bounded(
-        *at(i, joint, "gap_spring", "stiffness"),
-        joint.gap_spring.stiffness,
-        motor / BENDING,
-        "Nm/rad",
-        f"with which {of} bends the gear by {BENDING:g} rad: the correction would be all of that "
-        "torque",
-    )
-    yield Bounded(
-        *at(i, joint, "gap_spring", "damping"),
-        joint.gap_spring.damping,
-        high / limits.velocity,
-        "Nm s/rad",
-        f"with which the correction at limits.velocity is {FELT:g} of {of}",
-    )
+    most = min(0.5 * OF_RANGE * span, WIDEST_HALF_GAP)
+    falls = f"at which the joint falls freely through {OF_RANGE:g} of its range of {span:.4g} rad"
+    why = f"{falls}, and never more than {WIDEST_HALF_GAP:g} rad"
+    yield Bounded(*at(i, joint, "half_gap"), joint.half_gap, most, "rad", why)
+    takes = f"with which friction at limits.velocity takes {FELT:g} of {of}"
+    for kind, most, unit, why in (
+        ("coulomb", high, "Nm", f"{FELT:g} of {of}: little would be left to move the joint"),
+        ("viscous", high / limits.velocity, "Nm s/rad", takes),
+    ):
+        for name in (f"motor_{kind}", f"link_{kind}", f"gap_{kind}"):
+            value = getattr(friction, name)
+            yield Bounded(*at(i, joint, "friction", name), value, most, unit, why)
+    why = f"with which the rotor takes {FELT:g} of {of} at limits.acceleration"
+    most = high / limits.acceleration
+    yield Bounded(*at(i, joint, "rotor_inertia"), joint.rotor_inertia, most, "kg m2", why)
+    spring, bends = joint.gap_spring, f"with which {of} bends the gear by {BENDING:g} rad"
+    why = f"{bends}: the correction would be all of that torque"
+    most = motor / BENDING
+    yield Bounded(*at(i, joint, "gap_spring", "stiffness"), spring.stiffness, most, "Nm/rad", why)
+    why = f"with which the correction at limits.velocity is {FELT:g} of {of}"
+    most = high / limits.velocity
+    yield Bounded(*at(i, joint, "gap_spring", "damping"), spring.damping, most, "Nm s/rad", why)
 
 
 def _links(c: Configuration, joint: Joint, load: Load) -> Iterator[Bounded]:
@@ -302,26 +222,16 @@ def _links(c: Configuration, joint: Joint, load: Load) -> Iterator[Bounded]:
     yield Bounded(["urdf"], what, needed, high, "Nm", of)
 
 
-def _mass(c: Configuration, link: MovedLink, others: float) -> Bounded:
-    return Bounded(
-        ["urdf"],
-        f"urdf ({c.urdf}), line {link.line}: link {link.name!r}",
-        link.mass,
-        HEAVIEST * others,
-        "kg",
-        f"{HEAVIEST:g} times all other moving links together: is it in kg?",
-    )
-
-
-def _shape(c: Configuration, link: MovedLink, reach: float) -> Bounded:
-    return Bounded(
-        ["urdf"],
-        f"urdf ({c.urdf}), line {link.line}: link {link.name!r}",
-        link.moment,
-        link.mass * (0.5 * reach) ** 2,
-        "kg m2",
-        f"its mass of {link.mass:g} kg at half the reach of the whole arm ({reach:.3g} m)",
-    )
+def _bodies(c: Configuration, model: Model, reach: float) -> Iterator[Bounded]:
+    links, mass = model.links, sum(link.mass for link in model.links)
+    places = [f"urdf ({c.urdf}), line {link.line}: link {link.name!r}" for link in links]
+    for link, where in zip(links, places, strict=True):
+        why = f"its mass of {link.mass:g} kg at half the reach of the whole arm ({reach:.3g} m)"
+        yield Bounded(["urdf"], where, link.moment, link.mass * (0.5 * reach) ** 2, "kg m2", why)
+    if sum(link.mass > 0.0 for link in links) > 2:
+        why = f"{HEAVIEST:g} times all other moving links together: is it in kg?"
+        for link, where in zip(links, places, strict=True):
+            yield Bounded(["urdf"], where, link.mass, HEAVIEST * (mass - link.mass), "kg", why)
 
 
 def _weightless(c: Configuration, model: Model) -> Iterator[Problem]:

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.following import Following
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility
 from daemon.faults.supply import Supply
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.table import TABLE
 from daemon.modes.table import SENSING, Mode
 from drivers.api import DriveCondition, DriveStatus, Event, Kind, Samples
 

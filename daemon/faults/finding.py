@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, field
 
+from daemon.faults.conditions import Condition, Response
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.table import TABLE
 
 
 @dataclass(frozen=True, slots=True)

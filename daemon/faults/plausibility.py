@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 
 from common.arrays import Vector
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.measures import Measures
-from daemon.faults.table import Condition
 
 # Largest ratio of a half-gap to its identified value.
 GAP_TOLERANCE: Final = 1.1

@@ -7,7 +7,8 @@ its causes by frequency. Several conditions share a section.
 
 from typing import Final
 
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.conditions import Condition
+from daemon.faults.table import TABLE
 
 PAGE: Final = "docs/troubleshooting.md"
 _C = Condition

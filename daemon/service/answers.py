@@ -51,8 +51,9 @@ class Answers:
         self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
         self._decoder: StrictDecoder[Request] = StrictDecoder(Request)
 
-    def begin_poll(self) -> int:
-        """Begin a poll; returns its first moment."""
+    def begin_poll(self, handle: Handler) -> int:
+        """Begin a poll, in which `handle` answers requests; returns its first moment."""
+        self._handle = handle
         self._served.clear()
         return self.next_moment()
 
@@ -76,12 +77,10 @@ class Answers:
             and request.command not in self._served
         )
 
-    def answer(
-        self, connection: Connection, packet: bytes | None, after: int, handle: Handler
-    ) -> Reply:
+    def answer(self, connection: Connection, packet: bytes | None, after: int) -> Reply:
         """Answer to a packet that was sent after this moment; a packet of None was too long."""
         try:
-            return self._answered(connection, packet, after, handle)
+            return self._answered(connection, packet, after)
         except ContactdError as error:
             return Reply(ok=False, message=str(error))
         except Exception as error:
@@ -92,9 +91,7 @@ class Answers:
         self.on_mishap(packet, connection.peer, error)
         return Reply(ok=False, message=f"{error_in_words(error)}; see the daemon's log")
 
-    def _answered(
-        self, connection: Connection, packet: bytes | None, after: int, handle: Handler
-    ) -> Reply:
+    def _answered(self, connection: Connection, packet: bytes | None, after: int) -> Reply:
         """Carry out a packet. Raises any error in doing so."""
         if packet is None:
             return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
@@ -108,7 +105,7 @@ class Answers:
             refusal = refusal or self._connections.refuse_reader(connection)
         if refusal:
             return Reply(ok=False, message=f"{request.command}: {refusal}")
-        reply = handle(request, connection.peer)
+        reply = self._handle(request, connection.peer)
         if request.command in OUTDATED_BY and reply.ok:
             self._served.add(request.command)
             self._stopped_at[request.command] = self.next_moment()

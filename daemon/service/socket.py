@@ -24,7 +24,6 @@ import errno
 import itertools
 import math
 import select
-import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -35,25 +34,19 @@ import msgspec
 from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import MAX_CONNECTIONS, Door
 from daemon.protocol.replies import Reply
-from daemon.protocol.requests import MAX_REQUEST_BYTES
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.state import State
-from daemon.service.answers import Answers, Handler, has_hung_up
+from daemon.service.answers import Answers, Handler
 from daemon.service.connections import Connection, Connections
 from daemon.service.entrance import MOST_OUTSIDE, Entrance, NoDescriptorError, places
+from daemon.service.hearing import Hearing
 
 TURNS_PER_POLL: Final = 4
-LAST_WORDS: Final = 1024  # packets of closed clients read in one poll; the kernel keeps 300 of each
-_MADE_ROOM: Final = msgspec.json.encode(
-    Reply(
-        ok=False,
-        message=f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle",
-    )
+_MADE_ROOM: Final = Reply(
+    ok=False,
+    message=f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle",
 )
 LEAST_SHARE: Final = 0.5  # of the time for the entrance, left after reading all connections
-
-
-Listener = Callable[[Peer], None]
 
 
 class ControlSocket:
@@ -78,13 +71,14 @@ class ControlSocket:
             self._epoll.register(file, select.EPOLLIN)
         self._connections = Connections(places())
         self.answers = Answers(self._connections)
+        self._hearing = Hearing(self._connections, self.answers, self._drop)
         self._poll = 0
         self._began, self._began_before = 0, 0  # moments: this poll, and the one before
-        self._last_words = LAST_WORDS
         self.clock: Callable[[], float] = time.monotonic
         self.spare = 0  # the number of a connection that is never closed for a newcomer
-        self.on_close: Listener = lambda _: None  # called for all that end, perhaps twice
-        self._buffer = bytearray(MAX_REQUEST_BYTES)
+        self.on_close: Callable[[Peer], None] = lambda _: (
+            None
+        )  # called for all that end, perhaps twice
         self._packet = bytearray()
         self._encoder = msgspec.json.Encoder()
 
@@ -114,8 +108,7 @@ class ControlSocket:
         begun. At least one of each is served.
         """
         self._poll += 1
-        self._began_before, self._began = self._began, self.answers.begin_poll()
-        self._last_words = LAST_WORDS
+        self._began_before, self._began = self._began, self._hearing.begin_poll(handle)
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
             until_s = self.clock() + entrance_s  # including the packets of connections
             called = set()
@@ -123,36 +116,32 @@ class ControlSocket:
                 if file in self._entrances:
                     called.add(file)
                 elif connection := self._connections.all.get(file):
-                    self._look_at(connection, handle, what)
+                    self._look_at(connection, what)
             # However many packets connections have sent: a client with a stop may be outside.
             until_s = max(until_s, self.clock() + LEAST_SHARE * entrance_s)
-            for file in self._in_turn(called):
+            doors = [file for file in self._entrances if file in called]
+            for file in doors if self._poll % 2 else doors[::-1]:  # another one first each time
                 # A crowd at one door does not keep clients at the other from entering.
                 share_s = max(until_s - self.clock(), 0.0) / len(called)
                 called.discard(file)
-                self._let_in(self._entrances[file], handle, self.clock() + share_s)
-        self._serve_in_turn(handle, turns_s)
+                self._let_in(self._entrances[file], self.clock() + share_s)
+        self._serve_in_turn(turns_s)
 
-    def _in_turn(self, called: set[int]) -> list[int]:
-        """Entrances at which a client waits, another one first each time."""
-        files = [file for file in self._entrances if file in called]
-        return files if self._poll % 2 else files[::-1]
-
-    def _look_at(self, connection: Connection, handle: Handler, events: int) -> None:
+    def _look_at(self, connection: Connection, events: int) -> None:
         if connection.gone:
             return
         if connection.looked < self._poll - 1:  # the poll before found nothing
             connection.silent_at = self._began_before
         connection.looked = self._poll
         if events & select.EPOLLHUP:
-            self._hear_out(connection, handle)
+            self._hearing.hear_out(connection)
             if connection.file in self._connections.waiting:
                 # Its pending packets wait for their turn; its lease and motion end now.
                 self.on_close(connection.peer)
         else:
-            self._hear_all(connection, handle)
+            self._hearing.hear_all(connection)
 
-    def _serve_in_turn(self, handle: Handler, turns_s: float) -> None:
+    def _serve_in_turn(self, turns_s: float) -> None:
         waiting = self._connections.waiting
         if not waiting:
             return
@@ -160,11 +149,9 @@ class ControlSocket:
         for _ in range(TURNS_PER_POLL):
             connection = self._connections.next_turn()
             packet, after = connection.pending.popleft()
-            reply = self.answers.answer(connection, packet, after, handle)
-            if not has_hung_up(connection.socket):
-                self._send(connection, reply)
-            elif not connection.gone:
-                self._hear_out(connection, handle)
+            heard = self._hearing.answer(connection, packet, after)
+            if not heard and not connection.gone:
+                self._hearing.hear_out(connection)
             if connection.gone and not connection.pending:
                 self._drop(connection)
             if not waiting or self.clock() >= deadline:
@@ -201,7 +188,7 @@ class ControlSocket:
         for entrance in self._entrances.values():
             entrance.close()
 
-    def _let_in(self, entrance: Entrance, handle: Handler, until_s: float) -> None:
+    def _let_in(self, entrance: Entrance, until_s: float) -> None:
         """Admit the clients that wait outside, and read the packets of each at once."""
         if entrance.looked < self._poll - 1:
             entrance.silent_at = self._began_before
@@ -211,7 +198,7 @@ class ControlSocket:
                 connection = entrance.next()
             except NoDescriptorError:
                 # The next client gets the descriptor of a connection that is closed for it.
-                if self._free_one(handle, uid=-1):
+                if self._free_one(uid=-1):
                     continue
                 return
             if connection is None:
@@ -219,32 +206,28 @@ class ControlSocket:
                 return
             connection.silent_at = entrance.silent_at
             connection.entered = connection.looked = self._poll
-            self._make_room(handle, entrance.door, connection.peer.uid)
+            while self._connections.full(entrance.door) and self._free_one(connection.peer.uid):
+                pass
             try:
                 self._epoll.register(connection.file, select.EPOLLIN)
             except OSError:  # the machine lacks resources for it
                 connection.socket.close()
                 continue
             self._connections.add(connection)
-            self._hear_all(connection, handle)
+            self._hearing.hear_all(connection)
             if self.clock() >= until_s:
                 return
 
-    def _make_room(self, handle: Handler, door: Door, uid: int) -> None:
-        while self._connections.full(door) and self._free_one(handle, uid):
-            pass
-
-    def _free_one(self, handle: Handler, uid: int) -> bool:
+    def _free_one(self, uid: int) -> bool:
         """Close one connection, for a newcomer of user `uid`, once all its packets are read; False
         if none can be closed."""
         while connection := self._connections.makes_room(self.spare, uid, self._poll):
             if connection.pending:
-                self._hear_out(connection, handle)  # its last packet may be a stop
-            elif self._hear(connection, handle):
+                self._hearing.hear_out(connection)  # its last packet may be a stop
+            elif self._hearing.hear(connection):
                 continue
             if not connection.gone:
-                with contextlib.suppress(OSError):
-                    connection.socket.send(_MADE_ROOM)
+                self._hearing.send(connection, _MADE_ROOM)
             self._drop(connection)
             return True
         return False
@@ -258,72 +241,3 @@ class ControlSocket:
         connection.socket.close()
         connection.gone = True
         self.on_close(connection.peer)
-
-    def _hear_all(self, connection: Connection, handle: Handler) -> None:
-        """Read the packets of a connection, as far as they may be kept."""
-        while not connection.full and self._hear(connection, handle):
-            pass
-
-    def _hear_out(self, connection: Connection, handle: Handler) -> None:
-        """Read the last packets of a connection, in several polls if there are many; a stop among
-        them counts, however many there are."""
-        while self._last_words:
-            self._last_words -= 1
-            if not self._hear(connection, handle):
-                return
-
-    def _hear(self, connection: Connection, handle: Handler) -> bool:
-        """Read the next packet of a connection: serve a stop at once, keep anything else for its
-        turn if there is room. A client that has hung up is marked as gone, and dropped if it waits
-        for no turn. False if there was no packet."""
-        try:
-            size = self._receive(connection.socket)
-        except BlockingIOError:
-            connection.silent_at = self.answers.next_moment()
-            return False
-        except OSError:
-            size = 0
-        if not size:  # the end, or an empty packet, which no client sends
-            connection.gone = True
-            if not connection.pending:
-                self._drop(connection)
-            return False
-        self.answers.next_moment()
-        packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
-        if packet is not None and self.answers.is_urgent(packet):
-            if not connection.pending:
-                self._connections.served(connection)
-            reply = self.answers.answer(connection, packet, self.answers.moment, handle)
-            if not has_hung_up(connection.socket):
-                self._send(connection, reply)
-            connection.silent_at = self.answers.moment  # its next packets come after its own stop
-        elif not connection.full:
-            connection.pending.append((packet, connection.silent_at))
-            self._connections.wait(connection)
-        return not connection.gone
-
-    def _receive(self, connected: socket.socket) -> int:
-        """Size of the next packet, which may exceed the buffer; 0 at the end."""
-        try:
-            return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
-        except ConnectionResetError:
-            # A client that hung up with answers unread is reported so once, before its last
-            # packets.
-            with contextlib.suppress(ConnectionResetError):
-                return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
-        return 0
-
-    def _send(self, connection: Connection, reply: Reply) -> None:
-        try:
-            packet = self._encoder.encode(reply)
-        except Exception as error:
-            packet = self._encoder.encode(self.answers.mishap(connection, b"", error))
-        try:
-            connection.socket.send(packet)
-        except OSError as error:
-            if error.errno != errno.EMSGSIZE or not reply.ok:
-                self._drop(connection)
-                return
-            self._connections.set_reading(connection, False)
-            text = f"an answer of {len(packet)} bytes does not fit: raise net.core.wmem_max"
-            self._send(connection, Reply(ok=False, message=text))

@@ -12,8 +12,8 @@ from daemon.assembly import seen_motion
 from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.drives import load_of
+from daemon.faults.conditions import Condition, Response
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition, Response
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.path import stands
 from daemon.motion.seen import SeenMotion

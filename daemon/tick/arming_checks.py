@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.arrays import Vector
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition
 from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.lease import SENSES_S

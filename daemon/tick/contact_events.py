@@ -1,7 +1,7 @@
 """Events of contacts and collisions: from the inputs of a tick to an event of the mode table, by
 the configured reactions and as far as the arm can follow it."""
 
-from daemon.faults.table import Response
+from daemon.faults.conditions import Response
 from daemon.modes.contact_reactions import ATTENTIVE, Reactions
 from daemon.modes.machine import ModeMachine, Trigger
 from daemon.modes.quiet_timer import QuietTimer

@@ -8,8 +8,8 @@ plain data. The motion in each mode is in `motion`, its bounds in `limits` and `
 import numpy as np
 
 from common.arrays import Vector
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding, strongest
-from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet
 from daemon.modes.machine import Change, ModeMachine, Trigger
 from daemon.modes.quiet_timer import QuietTimer

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.arrays import Vector
-from daemon.faults.table import Response
+from daemon.faults.conditions import Response
 from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import JointPath, Place, stands
 from daemon.tick.decision import ControlInput

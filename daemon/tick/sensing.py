@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition
 from daemon.protocol.state import Notice
 from estimator.estimate import Estimate, Flag
 

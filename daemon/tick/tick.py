@@ -4,33 +4,30 @@
 SYNC in between. Times come from the caller.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from common.arrays import Vector
+from daemon.faults.conditions import Response
 from daemon.faults.detector import FaultDetector
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition, Response
 from daemon.modes.machine import Change
 from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Mode, refusal
 from daemon.motion.hand_witness import IndependentResidual, agreed
 from daemon.motion.limits import all_finite
-from daemon.protocol.state import Notice
 from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision
 from daemon.tick.learning_news import LearningNews
 from daemon.tick.load_watch import LoadWatch
+from daemon.tick.news import News
 from daemon.tick.sample_losses import SampleLosses
-from daemon.tick.sensing import Sensing, SensingNews
-from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup, contact_notice
+from daemon.tick.sensing import Sensing
+from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup
 from drivers.api import Drives, PowerTarget, Samples
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.payload import Payload
 
-STOP_PROVED = "stop proved: every drive is at standstill"
 # A sample younger than this still shows whether a joint is at standstill [periods].
 RECENT_PERIODS = 2.5
 # Setpoints are never moved on by more than this at once, however late a tick comes [periods].
@@ -63,9 +60,8 @@ class Tick:
         self._gaps = np.zeros(len(drives.names))
         self._was_complete = False  # of the samples before
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
-        self._sensing_news = SensingNews(drives.names)
+        self._news = News(drives.names, controller.machine)
         self.losses = SampleLosses(drives.names, period_s)
-        self._reported: frozenset[Finding] = frozenset()
         self._standstill = np.zeros(len(drives.names))
         self.payload: Payload | None = None
         """Payload at the hand in the model, from the next tick on."""
@@ -109,8 +105,11 @@ class Tick:
             # The torque that friction held until now is not an external torque.
             self.estimator.reset()
             self._sensing.begin_anew(time_s)
-        news = estimate if mode in SENSING else None
+        # While a brake may carry the arm nothing is sensed.
+        contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
+        losses = self.losses.step(samples.fresh, complete=complete)
+        others = (*losses, *loads, *self._learning_news.step())
         self.last = TickRecord(
             number=self.number,
             time_s=time_s,
@@ -132,16 +131,7 @@ class Tick:
             recognised=recognised,
             silenced=self.drives.silenced,
             stream=self.controller.stream_state(),
-            notices=self._notices(
-                findings,
-                news,
-                unproved,
-                (
-                    *self.losses.step(samples.fresh, complete=complete),
-                    *loads,
-                    *self._learning_news.step(),
-                ),
-            ),
+            notices=self._news.step(time_s, self._sensing, findings, contacts, unproved, others),
         )
 
     def _gaps_of(self, samples: Samples, interval_s: float, *, complete: bool) -> Vector:
@@ -211,13 +201,11 @@ class Tick:
         if any(estimate.thresholded.tolist()) and not self.loads.settles(estimate):
             detector, names = self.estimator.detector, self.drives.names
             residual = estimate.residual
-            joints = detector.touched().tolist()
-            if any(joints):
+            if any(joints := detector.touched().tolist()):
                 i = joints.index(True)
                 touched = f"contact of {residual[i]:+.2f} Nm at {names[i]}"
                 load = self.loads.explains(estimate)
-            joints = detector.hit().tolist()
-            if any(joints):
+            if any(joints := detector.hit().tolist()):
                 i = joints.index(True)
                 hit = (
                     f"contact of {residual[i]:+.2f} Nm at {names[i]}, above its collision level of "
@@ -238,52 +226,14 @@ class Tick:
             findings=findings,
             recent=complete or bool((samples.age_s < RECENT_PERIODS * self._period_s).all()),
             age_s=None if complete else samples.age_s,
-            independent=self._independent(estimate),
+            independent=IndependentResidual(
+                agreed(estimate.residual, estimate.uncorrected),
+                estimate.threshold,
+                estimate.threshold + (1.0 - estimate.level_share) * self.estimator.contact,
+                self.estimator.contact,
+            ),
             play=self.estimator.transmission.play(estimate.phi, estimate.phi_sigma),
         )
-
-    def _independent(self, estimate: Estimate) -> IndependentResidual:
-        """Residual that may move the arm, with the levels for it."""
-        lowered = (1.0 - estimate.level_share) * self.estimator.contact
-        return IndependentResidual(
-            agreed(estimate.residual, estimate.uncorrected),
-            estimate.threshold,
-            estimate.threshold + lowered,
-            self.estimator.contact,
-        )
-
-    def _notices(
-        self,
-        findings: tuple[Finding, ...],
-        sensed: Estimate | None,
-        unproved: Sequence[str],
-        others: Sequence[Notice],
-    ) -> tuple[Notice, ...]:
-        """Notices of this tick, with `others`. A finding is reported once until the latch is
-        reset. Contacts are those of `sensed`, which is None while a brake may carry the arm and
-        nothing is sensed."""
-        notices = list(self._sensing_news.step(self._time_s, self._sensing, findings))
-        notices += others
-        if findings or self._reported:
-            notices += [
-                Notice(kind="fault", text=str(finding))
-                for finding in findings
-                if finding.response > Response.CONTINUE
-                and finding not in self._reported
-                and finding.condition is not Condition.DEAF  # reported by SensingNews
-            ]
-            latched = self._reported if self.controller.faulted else frozenset()
-            self._reported = latched.union(findings)
-        changes = self.controller.machine.changes
-        notices += [
-            Notice(kind="mode", text=f"{change.text}: {change.cause}") for change in changes
-        ]
-        changes.clear()
-        if self.controller.faulted and not unproved and (self.last is None or self.last.unproved):
-            notices.append(Notice(kind="mode", text=STOP_PROVED))
-        if sensed is not None:
-            notices += map(contact_notice, sensed.contacts)
-        return tuple(notices)
 
     # --- requests between two ticks ---------------------------------------------------------
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 
 from common.arrays import Vector
 from common.errors import ContactdError, ControlError
-from daemon.faults.table import Condition
+from daemon.faults.conditions import Condition
 from identification.wiring import OTHER_WAY, follows_both_ways, goes_against, scale_unsure
 from programs.identify.contact_warnings import wiring_spoiled
 from programs.identify.live_arm import LiveArm

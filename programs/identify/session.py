@@ -18,7 +18,7 @@ import numpy as np
 from common.arrays import Matrix, Vector
 from common.errors import ContactdError, ControlError, UnreachableError
 from daemon.config.schema import Configuration
-from daemon.faults.table import Condition
+from daemon.faults.conditions import Condition
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Reply, Status
 from daemon.protocol.state import Notice, State

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from daemon.config.schema import Configuration
+from daemon.faults.conditions import Condition
 from daemon.faults.following import HEARD_SHARE, TICKS
-from daemon.faults.table import Condition
 from daemon.protocol.state import State
 
 REMEMBERED = TICKS + 10

@@ -32,7 +32,7 @@ class ServedDeskArm:
     service: Service
 
     def ask(self, command: str):
-        return self.service.handle(bare(command), SOMEBODY)
+        return self.service.commands.handle(bare(command), SOMEBODY)
 
     def silence(self, seconds: float) -> None:
         """The daemon stands still; the drives do not."""
@@ -52,7 +52,7 @@ def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
         service = Service(Process(rig.robot, 1, []), loop, control, notifier, rig.drives)
-        service.set_up.asking = rig.by_sdo
+        service.commands.set_up.asking = rig.by_sdo
         yield ServedDeskArm(rig, service)
 
 
@@ -132,7 +132,7 @@ def test_a_reset_sets_locked_drives_up_again(served):
     assert {drive.state for drive in rig.samples.drives} == {"switch on disabled"}
     rig.enable()
     assert np.abs(rig.arm.plant.q - stood).max() < 0.05
-    assert served.service.drives.serials == [1, 2]
+    assert rig.drives.serials == [1, 2]
     rig.request(Event.START)
     rig.run(1.0)
     assert rig.mode is Mode.TRACKING

@@ -14,7 +14,7 @@ from daemon.config.schema import Configuration
 from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
 from daemon.protocol.requests import COMMANDS, Command, Follow, SetGain, Target, bare
-from daemon.service.service import AT_THE_END
+from daemon.service.commands import AT_THE_END
 from daemon.tick.loop import Clock, Loop
 from programs.clients.client import Client
 from simulator.state_machine import State
@@ -146,7 +146,7 @@ def test_a_drive_that_does_not_obey_is_told_by_sdo_and_else_named(
 ) -> None:
     with wound(Mode.HOLDING, "brake") as arm:
         listen, drive = arm.rig.arm.receive, arm.rig.arm.drives[0]
-        deaf = {pdo.cob_id for pdo in drive.receive_pdos}
+        deaf = {pdo.cob_id for pdo in drive.pdos.received}
         deaf |= {0x600 + drive.node} if deaf_to_sdo else set()
         arm.rig.arm.receive = lambda m: None if m.arbitration_id in deaf else listen(m)  # type: ignore[method-assign]
         assert arm.bring_to_rest() == named
@@ -164,7 +164,7 @@ REQUIRED = {
 def test_at_the_end_nobody_energises_or_moves_the_arm(
     served: ServedDaemon, command: Command
 ) -> None:
-    served.service.ending = True
+    served.service.commands.ending = True
     with Client(served.path) as client:
         request = REQUIRED.get(command) or bare(command)
         reply = served.until(lambda: client.ask(request))

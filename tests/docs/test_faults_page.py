@@ -8,8 +8,9 @@ import pytest
 
 from daemon.config.schema import FaultSettings
 from daemon.faults import following, plausibility
+from daemon.faults.conditions import Condition, Response
 from daemon.faults.detector import STARVED_FACTOR
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.table import TABLE
 from drivers.canopen import witness
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from contactd_client.paths import why_unreachable
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding, advice_on
 from daemon.faults.symptoms import PAGE, SECTION_OF, advice_of
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.table import TABLE
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / PAGE).read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from simulator.description import ArmDescription
-from simulator.drive import Nmt
+from simulator.nmt import Nmt
 from simulator.state_machine import State
 
 Make = Callable[..., Any]

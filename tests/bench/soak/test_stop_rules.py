@@ -7,7 +7,7 @@ import pytest
 
 from daemon.config.travels import travels
 from daemon.protocol.state import Notice, State
-from daemon.tick.tick import STOP_PROVED
+from daemon.tick.news import STOP_PROVED
 from tests.bench.soak.scenes import MIDDLE, C, Scene, broken_by, first, ledger_of, notices, state
 
 PROVED = Notice(kind="mode", text=STOP_PROVED)

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from daemon.faults.conditions import Condition, Response
 from daemon.faults.detector import CONDITION_OF, DetectorSettings, FaultDetector
 from daemon.faults.finding import Finding, strongest
 from daemon.faults.following import TICKS, Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.table import TABLE
 from daemon.modes.table import SENSING, Mode
 from drivers.api import DriveCondition, DriveStatus, Event, Kind, Samples
 

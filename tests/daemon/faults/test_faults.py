@@ -11,7 +11,8 @@ from bench.rigs.faults import CASES, EXCLUDED, PLACES, SHOWN, TRIALS, Case, Make
 from bench.rigs.lines import LINES
 from common.errors import ProgramError
 from daemon.ending import REPEATS, stop_on_error
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.conditions import Condition, Response
+from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
 from drivers.canopen.cia402 import QUICK_STOP
 from drivers.canopen.ids import EMERGENCY

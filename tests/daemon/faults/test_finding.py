@@ -4,8 +4,9 @@ from itertools import permutations
 
 import pytest
 
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding, strongest
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.table import TABLE
 
 
 @pytest.mark.parametrize("condition", Condition)

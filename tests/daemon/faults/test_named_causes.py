@@ -7,9 +7,9 @@ import pytest
 from bench.rigs.breakable_arm import DESK, ROMEO_ARM, BreakableArm, Make, restore, stage, start
 from bench.rigs.bus_faults import flooded_and_unheard, two_drives
 from bench.rigs.drive_faults import supply_gone
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import advice_on
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from drivers.canopen.ids import SDO_REQUEST
 from simulator.state_machine import Trigger

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.plausibility import (
     GAP_TOLERANCE,
@@ -14,7 +15,6 @@ from daemon.faults.plausibility import (
     Plausibility,
     PlausibilitySettings,
 )
-from daemon.faults.table import Condition
 
 T = 0.01
 GAP, MARGIN, SPEED = 0.02, 0.05, 1.0  # half-gap, position margin, speed bound

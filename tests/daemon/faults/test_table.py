@@ -2,7 +2,8 @@
 
 import pytest
 
-from daemon.faults.table import TABLE, Condition, Response
+from daemon.faults.conditions import Condition, Response
+from daemon.faults.table import TABLE
 from daemon.modes.table import Event
 from drivers.api import Kind
 

@@ -156,12 +156,12 @@ def test_a_crowd_at_one_door_leaves_time_for_the_other(tmp_path: Path) -> None:
         shares: list[tuple[Door, float]] = []
         began: list[float] = []
 
-        def let_in(at: entrance.Entrance, handle: object, until_s: float) -> None:
+        def let_in(at: entrance.Entrance, until_s: float) -> None:
             shares.append((at.door, until_s - began[0]))
             began[0] = until_s  # it took all of that
 
         now = control_clock(control, began)
-        control._let_in = let_in  # type: ignore[method-assign, assignment]
+        control._let_in = let_in  # type: ignore[method-assign]
         peers = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(2)]
         for one, at in zip(peers, control._entrances.values(), strict=True):
             one.connect(str(at.path))
@@ -191,7 +191,7 @@ def test_those_inside_leave_time_for_the_entrance(control: ControlSocket, dial: 
     control.poll(Handler())
     inside.send(b'{"command": "status"}')
     until: list[float] = []
-    control._let_in = lambda at, handle, until_s: until.append(until_s)  # type: ignore[method-assign]
+    control._let_in = lambda at, until_s: until.append(until_s)  # type: ignore[method-assign]
     hear = control._look_at
 
     def slowly(*arguments: object) -> None:

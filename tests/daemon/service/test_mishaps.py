@@ -11,8 +11,8 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.protocol.requests import SetPayload, bare
 from daemon.service import mishaps
+from daemon.service.commands import Commands
 from daemon.service.mishaps import STILLING, Checkpoint, remedy
-from daemon.service.service import Service
 from daemon.tick.controller import Controller
 from daemon.tick.tick import Tick
 from programs.clients.client import Client
@@ -55,7 +55,7 @@ def test_one_that_breaks_is_answered_logged_and_over(
 ) -> None:
     until_tracking(served)
     place = served.rig.tick.controller.motion.follower.place
-    monkeypatch.setattr(Service, "_status", breaks)
+    monkeypatch.setattr(Commands, "_status", breaks)
     reply = served.ask(client, "status")
     assert (reply.ok, reply.message) == (False, BROKEN)
     (entry,) = [r for r in caplog.records if "internal error" in r.message]
@@ -74,7 +74,7 @@ def test_a_thousand_leave_some_lines_in_the_log(
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    monkeypatch.setattr(Service, "_status", breaks)
+    monkeypatch.setattr(Commands, "_status", breaks)
     for _ in range(200):
         served.ask(client, "status")
     assert 0 < sum("internal error" in r.message for r in caplog.records) < 60
@@ -86,13 +86,13 @@ def test_what_cannot_be_read_or_written_is_answered(
 ) -> None:
     control = served.service.control
     if encodes:
-        encode, calls = control._encoder.encode, iter([breaks])
+        encode, calls = control._hearing._encoder.encode, iter([breaks])
 
         class Encoder:
             def encode(self, reply: Any) -> bytes:
                 return bytes(next(calls, encode)(reply))
 
-        control._encoder = Encoder()  # type: ignore[assignment]
+        control._hearing._encoder = Encoder()  # type: ignore[assignment]
     else:
 
         class Decoder:
@@ -112,14 +112,14 @@ def test_what_cannot_be_read_or_written_is_answered(
         ("faulted", "reset", Controller, "request", Mode.FAULTED),
         ("tracking", "payload", Tick, "carry", Mode.TRACKING),
         # ...also where it was done, and only its answer broke...
-        ("holding", "start", Service, "_set_out", Mode.HOLDING),
-        ("holding", "arm", Service, "_granted", Mode.HOLDING),
+        ("holding", "start", Commands, "_set_out", Mode.HOLDING),
+        ("holding", "arm", Commands, "_granted", Mode.HOLDING),
         # ...and what should have made the arm stiller does so.
         ("tracking", "stop", Controller, "request", Mode.FAULTED),
-        ("tracking", "pause", Service, "_reply", Mode.FAULTED),
-        ("tracking", "disarm", Service, "_reply", Mode.FAULTED),
-        ("tracking", "disable", Service, "_reply", Mode.FAULTED),
-        ("off", "stop", Service, "_reply", Mode.OFF),
+        ("tracking", "pause", Commands, "_reply", Mode.FAULTED),
+        ("tracking", "disarm", Commands, "_reply", Mode.FAULTED),
+        ("tracking", "disable", Commands, "_reply", Mode.FAULTED),
+        ("off", "stop", Commands, "_reply", Mode.OFF),
     ],
 )
 def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
@@ -147,7 +147,7 @@ def test_one_that_breaks_half_way_leaves_the_arm_as_it_was_or_stiller(
     served.run(1.0)
     machine = served.rig.tick.controller.machine
     assert (machine.mode, machine.armed) == (after, False)
-    assert served.service.permission.lease is None
+    assert served.service.commands.permission.lease is None
     assert not machine.moving or before == "tracking"
 
 

@@ -234,7 +234,7 @@ def test_two_callers_at_once(served: ServedDaemon, arm: Path) -> None:
 
 def test_who_asks_for_anything_meanwhile_is_refused(served: ServedDaemon) -> None:
     with Client(served.path) as first, Client(served.path) as second:
-        served.service.reloading = True
+        served.service.commands.reloading = True
         # As in the tick in which it was asked for.
         replies = []
         for client, command in ((first, "enable"), (second, "reload")):

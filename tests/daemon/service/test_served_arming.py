@@ -10,9 +10,9 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from common.errors import ControlError
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.modes.table import Mode
 from daemon.protocol.requests import bare
 from daemon.protocol.socket_path import Peer
@@ -283,7 +283,7 @@ def test_status_says_what_to_do_about_a_fault_until_it_is_reset(
     assert served.rig.tick.last is not None
     noted = (Finding(Condition.BUS_LOADED),)  # the arm goes on with it
     served.rig.tick.last = replace(served.rig.tick.last, findings=noted)
-    status = served.service.handle(bare("status"), Peer(0, 1, 1)).status
+    status = served.service.commands.handle(bare("status"), Peer(0, 1, 1)).status
     assert status is not None
     assert status.advice == advice_of(Condition.BUS_LOADED)
 
@@ -299,7 +299,7 @@ def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
 
     def flip(times: int) -> None:
         for command in ("arm", "disarm") * times:
-            assert served.service.handle(bare(command), somebody).ok
+            assert served.service.commands.handle(bare(command), somebody).ok
             served.tick()
 
     flip(100)

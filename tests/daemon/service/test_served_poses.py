@@ -332,7 +332,7 @@ def test_a_guided_arm_is_left_alone_when_the_client_goes(served: ServedDaemon) -
 
 
 def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon) -> None:
-    served.service.attendance.silent_s = 2.0
+    served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=True)
         served.until(client.ask_status)
@@ -344,7 +344,7 @@ def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon)
 
 
 def test_a_way_that_nobody_attends_goes_on(served: ServedDaemon) -> None:
-    served.service.attendance.silent_s = 2.0
+    served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=False)
     served.run(2.5)

@@ -9,8 +9,8 @@ import pytest
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.faults.conditions import Condition
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import GetStatus, bare
@@ -51,7 +51,7 @@ def unheard(drive: Drive) -> set[int]:
 
 
 def asked(served: ServedDaemon, command: str) -> Reply:
-    return served.service.handle(bare(command), PEER)
+    return served.service.commands.handle(bare(command), PEER)
 
 
 def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
@@ -62,7 +62,7 @@ def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
     reply = asked(romeo, "disable")
     names = list(romeo.rig.tick.drives.names)
     assert (reply.mode, reply.unproved) == (Mode.OFF, names), "nobody has told them yet"
-    assert romeo.service.handle(GetStatus(), PEER).status.unproved == names
+    assert romeo.service.commands.handle(GetStatus(), PEER).status.unproved == names
     romeo.run(0.5)
     assert asked(romeo, "stop").unproved == []
     romeo.rig.enable()
@@ -128,6 +128,6 @@ def test_the_advice_is_of_the_first_cause_and_of_what_is_not_seen_to_stand(
     wires[0].lost.clear()
     romeo.run(0.2)
     assert advice() == [stale]
-    assert not romeo.service.set_up.request(Event.RESET, "a person")
+    assert not romeo.service.commands.set_up.request(Event.RESET, "a person")
     romeo.run(0.1)
     assert advice() == []

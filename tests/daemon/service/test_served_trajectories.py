@@ -232,7 +232,7 @@ def test_what_was_loaded_belongs_to_its_connection(served: ServedDaemon, client:
         assert not served.until(client.start_loaded).ok
     served.run(0.02)
     with pytest.raises(ControlError, match="has loaded no trajectory"):
-        served.service.upload.take(2)
+        served.service.commands.upload.take(2)
 
 
 def test_half_an_upload_is_no_trajectory(served: ServedDaemon) -> None:

@@ -55,7 +55,7 @@ def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
     packets, connections = ATTACKS[name]
     served.rig.enable()
     handled: list[int] = [0]
-    handle = served.service.handle
+    handle = served.service.commands.handle
 
     def counting(request: Any, peer: Any) -> Reply:
         handled[0] += 1

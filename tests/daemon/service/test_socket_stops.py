@@ -143,8 +143,8 @@ def test_a_start_that_was_sent_while_the_doors_were_open_is_older(
     person.send(b'{"command": "stop"}')
     look_at = control._look_at
 
-    def late(connection: Connection, handle: object, events: int) -> None:
-        look_at(connection, handler, events)
+    def late(connection: Connection, events: int) -> None:
+        look_at(connection, events)
         if connection.peer.connection == 1:
             early.send(b'{"command": "start"}')
 

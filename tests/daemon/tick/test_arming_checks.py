@@ -9,8 +9,9 @@ from msgspec import structs
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.schema import Configuration
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import TABLE, Condition
+from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
 from daemon.protocol.requests import Arm

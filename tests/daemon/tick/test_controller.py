@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings

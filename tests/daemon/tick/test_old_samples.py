@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from bench.rigs.breakable_arm import DESK, ROMEO_ARM, BreakableArm, Make, stage
-from daemon.faults.table import Condition
+from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from drivers.canopen.codec import transmit_pdos
 from drivers.canopen.ids import SYNC

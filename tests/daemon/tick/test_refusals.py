@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
 from daemon.tick.decision import ControlInput

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.faults.table import Condition
 from daemon.protocol.state import Notice
 from daemon.tick.sensing import AGAIN_S, SETTLED, Sensing, SensingNews
 from estimator.estimate import Estimate, Flag

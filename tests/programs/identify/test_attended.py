@@ -42,7 +42,7 @@ def test_it_halts_with_the_client_that_started_it(served: ServedDaemon) -> None:
 def test_a_step_attends_its_motion(
     served: ServedDaemon, monkeypatch: pytest.MonkeyPatch, attends: bool
 ) -> None:
-    served.service.attendance.silent_s = 2.0
+    served.service.commands.attendance.silent_s = 2.0
     if not attends:  # as one that was stopped by Ctrl-Z
         monkeypatch.setattr(session, "_ATTENDS_EVERY_S", math.inf)
     status, said = TypedCommand(served, *FRICTION).ends()

@@ -9,9 +9,9 @@ from typing import Any, cast
 import pytest
 from msgspec.structs import replace
 
+from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.protocol.state import Permit, State
 from programs.web.words import Load, load, owner, words
 

@@ -52,7 +52,7 @@ class Line:
         if not self.reachable:
             raise UnreachableError("the daemon does not answer")
         self.asked.append(request.command)
-        return self._served.service.handle(request, self._peer)
+        return self._served.service.commands.handle(request, self._peer)
 
     def close(self) -> None:
         self._served.service.control.on_close(self._peer)
@@ -71,7 +71,7 @@ class Ros:
         return self.lines[-1]
 
     def _disarm(self, who: str) -> tuple[bool, str]:
-        reply = self.served.service.handle(Disarm(on_behalf_of=who), Peer(1, 8, 100))
+        reply = self.served.service.commands.handle(Disarm(on_behalf_of=who), Peer(1, 8, 100))
         return reply.ok, reply.message
 
     def say(self, request: bytes = TRUE, gid: bytes = A, late_s: float = 0.0) -> tuple[bool, str]:
@@ -109,7 +109,7 @@ def test_a_caller_that_calls_keeps_it_armed_and_its_silence_ends_it(ros: Ros) ->
         ros.served.run(0.2)
         assert ros.say() == (True, "renew: holding, armed for 0.8 s")
         assert ros.armed
-    permit = ros.served.service.permission.permit(ros.served.rig.time_s)
+    permit = ros.served.service.commands.permission.permit(ros.served.rig.time_s)
     assert permit is not None
     assert permit.on_behalf_of == f"ROS 2 client {A.hex()}"
     assert ros.armed_for_s() == pytest.approx(HOLD_S, abs=0.015)  # whole ticks
@@ -134,7 +134,7 @@ def test_nobody_else_renews_and_everybody_may_disarm(ros: Ros) -> None:
 @pytest.mark.parametrize("command", ["disarm", "stop"])
 def test_calls_that_go_on_do_not_undo_what_a_person_does(ros: Ros, command: Any) -> None:
     ros.arm()
-    ros.served.service.handle(bare(command), Peer(2, 9, 101))
+    ros.served.service.commands.handle(bare(command), Peer(2, 9, 101))
     ros.served.run(0.5)
     assert ros.say() == (False, f"{LET_GO} (renew: refused; not armed any more: `arm` it anew)")
     for _ in range(20):
@@ -176,7 +176,7 @@ def test_a_daemon_that_refuses_or_is_gone(ros: Ros) -> None:
     assert ros.armed_for_s() == pytest.approx(0.0)  # it hung up
     assert ros.say() == (False, LET_GO)
     ros.say(FALSE)
-    ros.served.service.ending = True
+    ros.served.service.commands.ending = True
     assert ros.arm() == (False, "arm: refused; the daemon is ending")
 
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from daemon.faults.conditions import Condition
 from daemon.faults.symptoms import advice_of
-from daemon.faults.table import Condition
 from daemon.protocol.replies import Status
 from daemon.protocol.state import State
 from programs.zenoh import diagnoses

@@ -1,0 +1,109 @@
+"""Hearing of connections: a stop is answered at once, any other packet waits for its turn."""
+
+import contextlib
+import errno
+import socket
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from daemon.protocol.replies import Reply
+from daemon.protocol.requests import MAX_REQUEST_BYTES
+from daemon.service.answers import Answers, Handler, has_hung_up
+from daemon.service.connections import Connection, Connections
+
+LAST_WORDS: Final = 1024  # packets of closed clients read in one poll; the kernel keeps 300 of each
+
+
+class Hearing:
+    """Hearing of all connections of one daemon; `drop` closes one."""
+
+    def __init__(
+        self, connections: Connections, answers: Answers, drop: Callable[[Connection], None]
+    ) -> None:
+        self._connections, self._answers, self._drop = connections, answers, drop
+        self._last_words = LAST_WORDS
+        self._buffer = bytearray(MAX_REQUEST_BYTES)
+        self._encoder = msgspec.json.Encoder()
+
+    def begin_poll(self, handle: Handler) -> int:
+        """Begin a poll, in which `handle` answers requests; returns its first moment."""
+        self._last_words = LAST_WORDS
+        return self._answers.begin_poll(handle)
+
+    def hear_all(self, connection: Connection) -> None:
+        """Read the packets of a connection, as far as they may be kept."""
+        while not connection.full and self.hear(connection):
+            pass
+
+    def hear_out(self, connection: Connection) -> None:
+        """Read the last packets of a connection, in several polls if there are many; a stop among
+        them counts, however many there are."""
+        while self._last_words:
+            self._last_words -= 1
+            if not self.hear(connection):
+                return
+
+    def hear(self, connection: Connection) -> bool:
+        """Read the next packet of a connection: serve a stop at once, keep anything else for its
+        turn if there is room. A client that has hung up is marked as gone, and dropped if it waits
+        for no turn. False if there was no packet."""
+        try:
+            size = self._receive(connection.socket)
+        except BlockingIOError:
+            connection.silent_at = self._answers.next_moment()
+            return False
+        except OSError:
+            size = 0
+        if not size:  # the end, or an empty packet, which no client sends
+            connection.gone = True
+            if not connection.pending:
+                self._drop(connection)
+            return False
+        self._answers.next_moment()
+        packet = bytes(self._buffer[:size]) if size <= MAX_REQUEST_BYTES else None
+        if packet is not None and self._answers.is_urgent(packet):
+            if not connection.pending:
+                self._connections.served(connection)
+            self.answer(connection, packet, self._answers.moment)
+            connection.silent_at = self._answers.moment  # its next packets come after its own stop
+        elif not connection.full:
+            connection.pending.append((packet, connection.silent_at))
+            self._connections.wait(connection)
+        return not connection.gone
+
+    def _receive(self, connected: socket.socket) -> int:
+        """Size of the next packet, which may exceed the buffer; 0 at the end."""
+        try:
+            return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
+        except ConnectionResetError:
+            # A client that hung up with answers unread is reported so once, before its last
+            # packets.
+            with contextlib.suppress(ConnectionResetError):
+                return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
+        return 0
+
+    def answer(self, connection: Connection, packet: bytes | None, after: int) -> bool:
+        """Answer a packet that was sent after this moment; False if the client has hung up."""
+        reply = self._answers.answer(connection, packet, after)
+        if has_hung_up(connection.socket):
+            return False
+        self.send(connection, reply)
+        return True
+
+    def send(self, connection: Connection, reply: Reply) -> None:
+        """Send an answer; a connection that takes none is dropped."""
+        try:
+            packet = self._encoder.encode(reply)
+        except Exception as error:
+            packet = self._encoder.encode(self._answers.mishap(connection, b"", error))
+        try:
+            connection.socket.send(packet)
+        except OSError as error:
+            if error.errno != errno.EMSGSIZE or not reply.ok:
+                self._drop(connection)
+                return
+            self._connections.set_reading(connection, False)
+            text = f"an answer of {len(packet)} bytes does not fit: raise net.core.wmem_max"
+            self.send(connection, Reply(ok=False, message=text))

@@ -1,0 +1,12 @@
+"""NMT states of a CANopen node."""
+
+from enum import IntEnum
+
+
+class Nmt(IntEnum):
+    """NMT states by the value that the heartbeat carries."""
+
+    BOOT = 0
+    STOPPED = 4
+    OPERATIONAL = 5
+    PRE_OPERATIONAL = 127

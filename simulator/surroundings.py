@@ -1,0 +1,27 @@
+"""Surroundings of a simulated drive: the parts of the arm that it is connected to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from simulator.description import ArmDescription, DriveDescription
+from simulator.plant import Plant
+from simulator.servo import Servo
+
+Send = Callable[[int, bytes], None]
+"""(cob_id, data): put a frame on the bus."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Parts of the simulated arm that a drive is connected to."""
+
+    description: ArmDescription
+    drives: tuple[DriveDescription, ...]
+    servo: Servo
+    plant: Plant
+    send: Send
+    sample: Callable[[], None]
+    """Have the sensors measure, if time has passed since they did."""
+    report: Callable[[str], None]
+    now: Callable[[], float]
+    """Simulated time [s]."""
