@@ -118,7 +118,7 @@ class Commands:
         reply = self._reply(request, self.set_up.request(event, who))
         if ends and reply.ok:
             # Its sender ends the stream; a pause by others holds the arm until `start`.
-            controller.request(Event.ABANDON, "the end of its stream", self.loop.time_s)
+            controller.mend(Event.ABANDON, f"{who} ended its stream", self.loop.time_s)
         return reply
 
     def _start(self, request: requests.Start, peer: Peer, who: str) -> Reply:
@@ -201,7 +201,7 @@ class Commands:
             return self._reply(request, [why])
         if own:
             target = self.streams.target(request)
-            own.put(target)
+            own.put(target)  # refused or not, its sender is there
             self.streams.refuse_far(target, q, begun=True)
             own.rejoin(interrupted=controller.machine.mode is not Mode.TRACKING)
             return self._followed(request)

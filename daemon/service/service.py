@@ -82,6 +82,7 @@ class Service:
             self.black_box.look_after(self.loop.time_s)
         # After the State, which reports decisions of its own tick: this is in the next one.
         self.commands.permission.expire(self.loop.time_s)
+        self.control.spare = self.commands.permission.connection
         period_s = self.process.robot.configuration.period_s
         self.control.poll(self.commands.handle, TURNS_SHARE * period_s, ENTRANCE_SHARE * period_s)
         self.commands.abandon_unattended()

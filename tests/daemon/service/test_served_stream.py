@@ -102,6 +102,8 @@ def test_the_arm_follows_the_client_and_halts_when_it_is_done(
     assert '"phase":"following"' in status.stdout.replace(" ", "")
     served.until(lambda: leader.stream.__exit__(None, None, None))
     assert served.rig.mode is Mode.STOPPING
+    assert served.rig.tick.controller.machine.cause.endswith("ended its stream")
+    assert not served.rig.tick.controller.machine.paused
 
 
 def test_a_client_that_is_gone_stops_the_arm_at_once(served: ServedDaemon, leader: Leader) -> None:
@@ -249,7 +251,9 @@ def test_a_lease_that_runs_out_ends_arming_and_not_the_stream(
     with Client(served.path) as client:
         assert served.until(lambda: client.ask({"command": "arm", "lease_s": 0.3}))["ok"]
         assert served.rig.tick.controller.machine.armed
+        assert served.service.control.spare
         leader.to(begun, 40)
+        assert not served.service.control.spare, "it may make room for another client again"
     assert not served.rig.tick.controller.machine.armed
     assert served.rig.mode is Mode.TRACKING
     assert leader.phase == "following"
