@@ -23,7 +23,7 @@ from typing import Any, Final, Literal, get_args
 
 import click
 
-from bench.options import SEED, help_of
+from bench.options import SEED, command
 from bench.report import Target, print_report
 from bench.study.romeo_commissioning import romeo
 from bench.study.upright_commissioning import upright
@@ -33,10 +33,9 @@ Commissioned = Callable[[Path, int, Callable[[str], None]], tuple[list[Target], 
 PARTS: Final[Mapping[str, Commissioned]] = {"romeo": romeo, "upright": upright}
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--part", type=click.Choice(get_args(Part)), default="all", show_default=True)
+@command(__doc__)
+@click.option("--part", type=click.Choice(get_args(Part)), default="all")
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(part: Part, seed: int, as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.ERROR)
 

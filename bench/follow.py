@@ -34,7 +34,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from bench.options import JOBS, SEED, help_of
+from bench.options import JOBS, SEED, command
 from bench.report import Target, print_report
 from bench.rigs.lockstep import DESK_ARM, ROMEO
 from bench.study.monte_carlo import spread
@@ -227,13 +227,12 @@ def in_words(done: Sequence[tuple[Job, Any]]) -> dict[str, Any]:
     }
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--minutes", type=Range(0.1, 600), default=3.0, show_default=True)
-@click.option("--arms", type=click.IntRange(min=1), default=20, show_default=True)
-@click.option("--hours", type=Range(0.01, 24), default=1.0, show_default=True)
+@command(__doc__)
+@click.option("--minutes", type=Range(0.1, 600), default=3.0)
+@click.option("--arms", type=click.IntRange(min=1), default=20)
+@click.option("--hours", type=Range(0.01, 24), default=1.0)
 @JOBS
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(minutes: float, arms: int, hours: float, processes: int, seed: int, as_json: bool) -> None:
     todo = jobs(minutes, arms, hours, seed)
     done = sorted(spread(run, todo, processes, "pieces"), key=lambda one: todo.index(one[0]))

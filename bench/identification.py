@@ -18,7 +18,7 @@ import click
 import msgspec
 import numpy as np
 
-from bench.options import JOBS, SEED, help_of
+from bench.options import JOBS, SEED, command
 from bench.report import Target, print_report
 from bench.rigs.arm_batch import Scatter, SoftHand, random_arm, record_fleet
 from bench.rigs.lockstep import ROMEO
@@ -217,26 +217,22 @@ def targets(found: Found) -> list[Target]:
     share = np.abs(found.half_gap - found.true_half_gap) / allowed_of_gap(found.true_half_gap)
     sums = size[:, : len(SUMS)]
     return [
-        Target("Coulomb, 95 % of arms, worst joint", worst("K_theta_s"), 10, "%", "lower"),
-        Target("viscous, 95 % of arms, worst joint", worst("K_theta_v"), 15, "%", "lower"),
-        Target("rotor inertia, 95 % of arms, worst joint", worst("B"), 10, "%", "lower"),
-        Target("joints without an answer, friction", 100.0 * float(np.isnan(sums).mean()), 2, "%",
-               "lower"),
-        Target("rotors trusted though the current is unfiltered", found.trusted[unfiltered], 0, "",
-               "lower"),
+        Target("Coulomb, 95 % of arms, worst joint", worst("K_theta_s"), 10, "%"),
+        Target("viscous, 95 % of arms, worst joint", worst("K_theta_v"), 15, "%"),
+        Target("rotor inertia, 95 % of arms, worst joint", worst("B"), 10, "%"),
+        Target("joints without an answer, friction", 100.0 * float(np.isnan(sums).mean()), 2, "%"),
+        Target("rotors trusted though the current is unfiltered", found.trusted[unfiltered], 0),
         Target("error of alpha over 5 % or 0.5 mrad, 95 % of answers",
-               float(np.nanpercentile(share, 95.0)), 1, "", "lower"),
-        Target("joints without an answer, alpha", 100.0 * float(np.isnan(share).mean()), 5, "%",
-               "lower"),
+               float(np.nanpercentile(share, 95.0)), 1),
+        Target("joints without an answer, alpha", 100.0 * float(np.isnan(share).mean()), 5, "%"),
     ]  # fmt: skip
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--arms", default=50, show_default=True)
-@click.option("--seconds", default=20.0, show_default=True)
+@command(__doc__)
+@click.option("--arms", default=50)
+@click.option("--seconds", default=20.0)
 @JOBS
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) -> None:
     todo = [
         Job(min(TOGETHER, arms - first), seconds, (seed, first))

@@ -16,7 +16,7 @@ where that is missing a sleeping thread of ours; real-time priorities need root 
 
 import click
 
-from bench.options import help_of
+from bench.options import command
 from bench.report import print_report
 from bench.study.loop_run import measure, resident
 from bench.study.loop_targets import targets_of
@@ -25,12 +25,11 @@ from bench.study.loop_view import show, show_resident
 RESIDENT_S = 30
 
 
-@click.command(help=help_of(__doc__))
+@command(__doc__)
 @click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, 250, 1000]")
-@click.option("--seconds", type=click.IntRange(2, 3600), default=60, show_default=True)
+@click.option("--seconds", type=click.IntRange(2, 3600), default=60)
 @click.option("--load", is_flag=True, help="With CPU hogs beside it.")
 @click.option("--in-a-row", is_flag=True, help="Without waiting between ticks.")
-@click.option("--json", "as_json", is_flag=True, help="Everything as JSON on the last line.")
 def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool) -> None:
     if load and in_a_row:
         raise click.UsageError("--load is for ticks that are waited for: not with --in-a-row")

@@ -21,7 +21,7 @@ import click
 import msgspec
 import numpy as np
 
-from bench.options import SEED, help_of
+from bench.options import SEED, command
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO, Rig, lockstep_rig
 from bench.study import courses
@@ -161,20 +161,17 @@ def run(minutes: float, presliding: float, seed: int) -> Day:
 def targets(day: Day) -> list[Target]:
     """Only the hand ever made it yield."""
     return [
-        Target("yields while nobody was there", len(day.yields), 0, "", "lower"),
-        Target("contacts that nobody made", len(day.contacts), 0, "", "lower"),
-        Target("hands that it did not yield to", day.pushes - day.yielded_to, 0, "", "lower"),
-        Target("faults", day.faults, 0, "", "lower"),
+        Target("yields while nobody was there", len(day.yields), 0),
+        Target("contacts that nobody made", len(day.contacts), 0),
+        Target("hands that it did not yield to", day.pushes - day.yielded_to, 0),
+        Target("faults", day.faults, 0),
     ]
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--minutes", type=click.FloatRange(0.5, 60.0), default=10.0, show_default=True)
-@click.option(
-    "--presliding", type=click.FloatRange(1e-4, 2e-3), default=2e-4, show_default=True, help="[rad]"
-)
+@command(__doc__)
+@click.option("--minutes", type=click.FloatRange(0.5, 60.0), default=10.0)
+@click.option("--presliding", type=click.FloatRange(1e-4, 2e-3), default=2e-4, help="[rad]")
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(minutes: float, presliding: float, seed: int, as_json: bool) -> None:
     day = run(minutes, presliding, seed)
     data: dict[str, Any] = {"minutes": minutes, "presliding": presliding, **vars(day)}

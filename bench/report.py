@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import click
+import numpy as np
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +28,29 @@ class Target:
         return value <= self.limit if self.better == "lower" else value >= self.limit
 
 
+def plain(value: Any, digits: int | None = None) -> Any:
+    """Value fit for JSON: lists for arrays, None for what is no number, decimals cut."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(each, digits) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each, digits) for each in value]
+    if isinstance(value, float):
+        rounded = value if digits is None else round(value, digits)
+        return rounded if math.isfinite(value) else None
+    return value
+
+
 def print_report(
     bench: str, seed: int, targets: Sequence[Target], data: dict[str, Any], *, as_json: bool
 ) -> None:
     """Targets as lines, or everything as one object on the last line."""
     if as_json:
-        rows = [
-            {**asdict(target), "value": None if math.isnan(target.value) else target.value}
-            | {"met": target.met}
-            for target in targets
-        ]  # JSON knows no NaN
+        rows = [asdict(target) | {"met": target.met} for target in targets]
         machine = f"{platform.machine()} {platform.python_version()}"
         report = {"bench": bench, "seed": seed, "machine": machine, "targets": rows, "data": data}
-        click.echo(json.dumps(report))
+        click.echo(json.dumps(plain(report)))
         return
     for target in targets:
         sign = "<=" if target.better == "lower" else ">="

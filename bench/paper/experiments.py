@@ -85,22 +85,16 @@ def with_kalman(recording: Recording) -> Recording:
 def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
     """Fig. 2: one joint with a gap of 0.1 rad in its sinusoid, without contact."""
     with lockstep_rig(SINGLE_JOINT, configure=with_rivals(), simulate=conditions) as rig:
-        rig.enable()
-        rig.run(SETTLE_S)
-        rig.request(Event.START)
         return _record(rig, seconds)
 
 
-def contact_free(conditions: Conditions, seconds: float = 30.0) -> Recording:
+def contact_free(conditions: Conditions) -> Recording:
     """Fig. 8: the first joint in its sinusoid, all others hold, without contact."""
     with lockstep_rig(configure=with_rivals(FIRST_JOINT), simulate=conditions) as rig:
-        rig.enable()
-        rig.run(SETTLE_S)
-        rig.request(Event.START)
-        return _record(rig, seconds)
+        return _record(rig, 30.0)
 
 
-def contacts(conditions: Conditions, moving_s: float = 44.0) -> Recording:
+def contacts(conditions: Conditions) -> Recording:
     """Figs. 9 and 11: at rest for 20 s, then joints 1, 3, 4 and 7 in sinusoids; a hand pushes. An
     arm that has been at work before."""
     configure = with_rivals(FOUR_JOINTS)
@@ -115,7 +109,7 @@ def contacts(conditions: Conditions, moving_s: float = 44.0) -> Recording:
         recorder = Recorder(rig)
         rig.run(REST_S, recorder)
         rig.request(Event.START)
-        rig.run(moving_s, recorder)
+        rig.run(44.0, recorder)
         return _finished(rig, recorder)
 
 
@@ -152,7 +146,7 @@ def least_at_rest(joint: Joint) -> float:
     return max(2.0 * contact, contact + 0.5 * stuck)
 
 
-def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Recording, Story]:
+def collaboration(conditions: Conditions) -> tuple[Recording, Story]:
     """Fig. 13: the first joint in its sinusoid; a hand pushes, guides the arm and lets go."""
     happenings: list[Happening] = []
     hand = read_script(ROMEO / "third_experiment.yaml")
@@ -170,7 +164,7 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
             recorder()
             states.append(_clocked(rig.state(), begin_s))
 
-        rig.run(seconds, each)
+        rig.run(24.0, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s
     lines = [{"monotonic_s": h.at_s + ahead_s, "kind": h.kind, "text": h.text} for h in happenings]
     recording = with_kalman(recorder.recording())
@@ -206,6 +200,9 @@ def _push(joint: Joint, at_s: float, torque: float) -> Push:
 
 
 def _record(rig: Rig, seconds: float) -> Recording:
+    rig.enable()
+    rig.run(SETTLE_S)
+    rig.request(Event.START)
     recorder = Recorder(rig)
     rig.run(seconds, recorder)
     return _finished(rig, recorder)

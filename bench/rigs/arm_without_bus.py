@@ -8,7 +8,7 @@ the same samples on the bus, count for count. The loop on link position is the c
 sinusoids that may stand still for a while.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from daemon.config.load import Robot
 from drivers.canopen.codec import MEASURED, SetpointEncoder, link_side
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import SimulationSettings
-from simulator.mismatch import PlantParameters, true_gears, true_parameters
+from simulator.mismatch import true_gears, true_parameters
 from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
@@ -45,8 +45,6 @@ class Subject:
     """... once in this time, each in a phase of its own"""
     interpolates: bool = True
     """its drives reach each setpoint over a period; else they take it as a step"""
-    aged: Callable[[PlantParameters], PlantParameters] = lambda arm: arm
-    """what time has made of it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +188,7 @@ class Harness:
         c = robot.configuration
         description = describe(robot, read_simulation(robot))
         self.period_s = c.period_s
-        self.parameters = subject.aged(true_parameters(description, settings))
+        self.parameters = true_parameters(description, settings)
         _displace(self.parameters.model, subject.displacement_m, settings.seed)
         self.plant = Plant(
             self.parameters,

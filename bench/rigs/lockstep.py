@@ -6,8 +6,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
-
 from bench.rigs.lines import Line, OpenLine, virtual_line
 from common.errors import DriveError
 from daemon.assembly import build_tick
@@ -238,8 +236,3 @@ def lockstep_rig(
             return drives, tick
 
         yield Rig(robot, *build(robot), arm, lockstep, bus, build)
-
-
-def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:
-    """A copy of a settings struct with some fields changed."""
-    return msgspec.structs.replace(settings, **fields)

@@ -90,7 +90,7 @@ def all_frozen(on: BreakableArm) -> Iterator[None]:
         yield from for_ever()
 
 
-def encoders_dark(on: BreakableArm, share: float = 0.3) -> Iterator[None]:
+def encoders_dark(on: BreakableArm) -> Iterator[None]:
     """Supply of one drive's encoders gone: positions stay, and of the velocity, which the drive
     filters, a share is left a tick later."""
     joint = on.joint
@@ -100,7 +100,7 @@ def encoders_dark(on: BreakableArm, share: float = 0.3) -> Iterator[None]:
     def dark(r: Readings) -> Readings:
         nonlocal left
         held[:] = held or [r]
-        left *= share
+        left *= 0.3
         velocity = round(left * held[0].motor_velocity[joint])
         return replace(
             r,

@@ -77,12 +77,12 @@ def judged(name: str, person: Person, went: dict[str, bool]) -> tuple[list[Targe
     ]
     friction = np.concatenate([of["K_theta_s"].wide, of["K_theta_v"].wide])
     targets = [
-        Target(f"{name}: steps that failed, and not armed", len(failed), 0, "", "lower"),
-        Target(f"{name}: steps that observable joints failed", len(missing), 0, "", "lower"),
+        Target(f"{name}: steps that failed, and not armed", len(failed), 0),
+        Target(f"{name}: steps that observable joints failed", len(missing), 0),
         Target(f"{name}: error of what is good over its stated interval, worst",
-               _worst(np.concatenate([one.error for one in of.values()])), 1.5, "", "lower"),
-        Target(f"{name}: widest interval of friction", _worst(friction), WIDEST, "%", "lower"),
-        Target(f"{name}: time of `identify gap`", person.took["gap"] / 60.0, 10, "min", "lower"),
+               _worst(np.concatenate([one.error for one in of.values()])), 1.5),
+        Target(f"{name}: widest interval of friction", _worst(friction), WIDEST, "%"),
+        Target(f"{name}: time of `identify gap`", person.took["gap"] / 60.0, 10, "min"),
     ]  # fmt: skip
     data = {
         "joints": arm.joints,

@@ -65,10 +65,10 @@ def holding(room: Room, start: Vector, seconds: float, rng: np.random.Generator)
     return Course(q, np.zeros_like(q))
 
 
-def move(room: Room, start: Vector, end: Vector, least_s: float = 0.5) -> Course:
+def move(room: Room, start: Vector, end: Vector) -> Course:
     """From rest to rest, all joints at once: q = start + way (10 u^3 - 15 u^4 + 6 u^5)."""
     way = end - start
-    seconds = max(least_s, float(np.max(1.875 * np.abs(way) / room.fastest)))
+    seconds = max(0.5, float(np.max(1.875 * np.abs(way) / room.fastest)))
     u = np.minimum(room.times(seconds + room.period_s) / seconds, 1.0)[:, np.newaxis]
     shape, slope = u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * (u * (1.0 - u)) ** 2 / seconds
     return Course(start + way * shape, way * slope)
@@ -160,9 +160,7 @@ def joined(parts: list[Course]) -> Course:
     )
 
 
-def day(
-    c: Configuration, seed: int, seconds: float, part_s: float = 30.0
-) -> tuple[Course, NDArray[np.int64]]:
+def day(c: Configuration, seed: int, seconds: float) -> tuple[Course, NDArray[np.int64]]:
     """A course of every kind of part in turns, in an order of its own, with a move to another pose
     after each; and which of PARTS each tick belongs to. A row for every tick of `seconds`."""
     rng, room = np.random.default_rng((seed, 21)), Room.of(c)
@@ -171,8 +169,7 @@ def day(
     while len(kinds) < wanted:
         for kind in rng.permutation(len(PARTS)).tolist():
             name = list(PARTS)[kind]
-            length_s = part_s / 3.0 if name == "holding" else part_s
-            part = PARTS[name](room, here, length_s, rng)
+            part = PARTS[name](room, here, 10.0 if name == "holding" else 30.0, rng)
             there = rng.uniform(room.lower, room.upper)
             parts += [part, move(room, part.q[-1], there)]
             kinds += [kind] * (len(part.q) + len(parts[-1].q))

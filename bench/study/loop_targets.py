@@ -11,20 +11,20 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
     period_us = 1e6 / run.hz
     targets = [
         # A loop that counted its periods from its own wake-ups would lose whole periods.
-        Target(at + "drift over the run", run.drift_us, 0.1 * period_us, "us", "lower")
+        Target(at + "drift over the run", run.drift_us, 0.1 * period_us, "us")
     ]
     if run.joints > 1:
         cpu = run.cpu_us.at(50) / 1e3
-        targets.append(Target(at + "CPU time of a tick, median", cpu, 0.5, "ms", "lower"))
+        targets.append(Target(at + "CPU time of a tick, median", cpu, 0.5, "ms"))
     tracking = float(run.mode == Mode.TRACKING)
     targets.append(Target(at + "tracking all the time", tracking, 1.0, "", "higher"))
     if run.rival_us is not None:
         targets += _of_wakeups(run, at, period_us)
     if run.hz == 250 and load:
         late = run.work_us.at(99)
-        targets.append(Target(at + "tick, p99", late, 0.5 * period_us, "us", "lower"))
+        targets.append(Target(at + "tick, p99", late, 0.5 * period_us, "us"))
         name = f"deadlines missed, at most the {run.rival}'s"
-        targets.append(Target(at + name, run.missed, run.rivals_missed, "", "lower"))
+        targets.append(Target(at + name, run.missed, run.rivals_missed))
     return targets
 
 
@@ -34,6 +34,6 @@ def _of_wakeups(run: Run, at: str, period_us: float) -> list[Target]:
     late, others = run.lateness_us.beyond(period_us), run.rivals_late
     name = f"wake-ups later than a period, at most the {run.rival}'s"
     return [
-        Target(f"{at}median lateness over the {run.rival}'s", ratio, 2.0, "", "lower"),
-        Target(at + name, late, others, "", "lower"),
+        Target(f"{at}median lateness over the {run.rival}'s", ratio, 2.0),
+        Target(at + name, late, others),
     ]

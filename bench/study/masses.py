@@ -42,16 +42,14 @@ AWAY_M: Final = 0.03
 LIGHTEST, HEAVIEST = 0.1, 0.5  # kg; the wrist holds 0.59
 
 
-def wrongly_weighed(
-    arm: PlantParameters, rng: np.random.Generator, share: float = 0.2, center_m: float = 0.02
-) -> PlantParameters:
-    """Arm whose bodies are all heavier or lighter by a share, their tensors with them, and their
-    centres off by a length [m] in any direction."""
+def wrongly_weighed(arm: PlantParameters, rng: np.random.Generator) -> PlantParameters:
+    """Arm whose bodies are all heavier or lighter by a fifth, their tensors with them, and their
+    centres off by 20 mm in any direction."""
     model = arm.model.copy()
     for i in range(1, model.njoints):
         body, way = model.inertias[i], rng.standard_normal(3)
-        factor = 1.0 + share * rng.choice((-1.0, 1.0))
-        center = body.lever + center_m * way / np.linalg.norm(way)
+        factor = 1.0 + 0.2 * rng.choice((-1.0, 1.0))
+        center = body.lever + 0.02 * way / np.linalg.norm(way)
         model.inertias[i] = pin.Inertia(factor * body.mass, center, factor * body.inertia)
     return replace(arm, model=model)
 

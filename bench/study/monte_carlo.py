@@ -52,8 +52,6 @@ class Job:
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]
-    stiction_share: float | None = None
-    """in place of the configured one"""
     worked_s: float = 600.0
     """at work before"""
     gears: Gears = "modelled"
@@ -86,8 +84,7 @@ def run(job: Job) -> Result:
     c = robot.configuration
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     subject = world.subject(robot, job.friction, job.seed, job.gears)
-    share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
-    how = {"motor_position": job.motor_position, "stiction_share": share}
+    how = {"motor_position": job.motor_position}
     believed = robot if job.link_encoder else without_link_encoder(robot)
     estimator = build(believed, **how)
     course, _ = courses.day(c, job.seed, job.worked_s)

@@ -38,13 +38,10 @@ def motion(
     *,
     go_s: float = np.inf,
     rest_s: float = 0.0,
-    slow: float = 1.0,
     held: float = 0.15,
 ) -> Motion:
-    """Sinusoids around a pose of its own, within joint limits and velocities.
-
-    slow: factor on the frequencies; held: share of the joints that stand still.
-    """
+    """Sinusoids around a pose of its own, within joint limits and velocities; held: share of the
+    joints that stand still."""
     rng = np.random.default_rng((seed, 11))
     joints = configuration.joints
     n = len(joints)
@@ -58,7 +55,7 @@ def motion(
     return Motion(
         home=rng.uniform(lower + amplitude, upper - amplitude),
         amplitude=amplitude,
-        omega=slow * omega,
+        omega=omega,
         phase=rng.uniform(0.0, 2.0 * np.pi, n),
         go_s=go_s,
         rest_s=rest_s,

@@ -53,11 +53,6 @@ class Recording:
         """Names, in the order of the columns."""
         return self.configuration.joint_names
 
-    @property
-    def deciding(self) -> Matrix:
-        """The residual that decides [Nm]."""
-        return self.residuals[self.configuration.estimator.residual.name]
-
     def thresholded(self, name: str) -> Matrix:
         """Residual `name` beyond the thresholds that were in force [Nm]."""
         return dead_band(self.residuals[name], self.threshold)

@@ -126,20 +126,17 @@ def romeo(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, 
     beyond = float((by_identified[2] / levels).max())
     targets, data = judged("romeo", person, went)
     targets += [
-        Target("error of alpha over 5 % or 0.5 mrad, worst joint", gap_share, 1, "", "lower"),
+        Target("error of alpha over 5 % or 0.5 mrad, worst joint", gap_share, 1),
         Target("joints rightly without a dead zone", len(rigid), 2, "", "higher"),
-        Target("Coulomb friction of motor and link, worst joint", errors["coulomb"].max(), 10, "%",
-               "lower"),
-        Target("viscous friction of motor and link, worst joint", errors["viscous"].max(), 15, "%",
-               "lower"),
-        Target("rotor inertia, worst joint", errors["B"].max(), 10, "%", "lower"),
-        Target("rotors trusted though the current is unfiltered", trusted, 0, "", "lower"),
+        Target("Coulomb friction of motor and link, worst joint", errors["coulomb"].max(), 10, "%"),
+        Target("viscous friction of motor and link, worst joint", errors["viscous"].max(), 15, "%"),
+        Target("rotor inertia, worst joint", errors["B"].max(), 10, "%"),
+        Target("rotors trusted though the current is unfiltered", trusted, 0),
         Target("R2 on held-out motion, inertias of the model, worst joint", exact["r2"].min(), 0.98,
-               "", "higher"),
-        *[Target(f"{name} contact-free |r|, identified over hand-written, worst joint", ratio, 1,
-                 "", "lower") for name, ratio in zip(SIZES[:2], ratios, strict=False)],
-        Target(f"{SIZES[2]}, of the hand-written contact level, worst joint", beyond, 0.25, "",
-               "lower"),
+               better="higher"),
+        *[Target(f"{name} contact-free |r|, identified over hand-written, worst joint", ratio, 1)
+          for name, ratio in zip(SIZES[:2], ratios, strict=False)],
+        Target(f"{SIZES[2]}, of the hand-written contact level, worst joint", beyond, 0.25),
     ]  # fmt: skip
     data |= {
         "rigid": rigid,

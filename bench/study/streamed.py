@@ -91,14 +91,12 @@ class Arrival:
     target: Target
 
 
-def arrivals(
-    motion: Motion, rate_hz: float, seconds: float, seed: int, loss: float = LOSS
-) -> list[Arrival]:
+def arrivals(motion: Motion, rate_hz: float, seconds: float, seed: int) -> list[Arrival]:
     """Targets of a motion as they come, in that order."""
     rng = np.random.default_rng((seed, 44))
     count = int(seconds * rate_hz)
     late = WAY_S + rng.uniform(0.0, JITTER_S, count)
-    there = rng.random(count) >= loss
+    there = rng.random(count) >= LOSS
     there[0] = True
     sent = [
         Arrival(k / rate_hz + late[k], Target(k, k / rate_hz, motion(k / rate_hz)))
