@@ -20,30 +20,26 @@ import numpy as np
 
 from bench.options import JOBS, SEED, command
 from bench.report import Target, print_report
-from bench.rigs.arm_batch import Scatter, SoftHand, random_arm, record_fleet
+from bench.rigs.arm_batch import Scatter, SoftHand, record_fleet
 from bench.rigs.lockstep import ROMEO
 from bench.study.identification_report import allowed_of_gap, lines, summary
+from bench.study.masses import Fleet, along
 from bench.study.monte_carlo import spread
 from common.arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config.load import load_robot
-from estimator.model import Model
-from identification.excitation import Bounds, fourier_within, trajectory
+from identification.excitation import fourier_within, trajectory
 from identification.friction import identify_friction
 from identification.friction_verdict import Verdict
 from identification.gap import identify_gap
 from identification.motion_log import MotionLog
-from programs.simulate.simulated_robot import describe, read_simulation
-from simulator.description import Mismatch, SimulationSettings
-from simulator.mismatch import PlantParameters, true_parameters
+from programs.identify.motions import bounds_of
+from simulator.mismatch import PlantParameters
 
 TOGETHER = 5
 """Arms that one process simulates at once: the cheapest, and few enough to see how far it is."""
 HAND_S = 17.0
 FILTER_MS = 3.0
-EXACT = Mismatch(
-    mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0
-)
 SENSORS: dict[str, dict[str, float]] = {
     "usual noise": {"current_filter_ms": FILTER_MS},
     "four times the noise": {
@@ -85,39 +81,20 @@ def cases(seconds: float) -> dict[str, tuple[str, float]]:
     return {f"{sensors}, {length:g} s": (sensors, length) for sensors, length in lengths}
 
 
-class Study:
+class Study(Fleet):
     """The nominal arm, some that differ from it, and what sensors saw of them."""
 
     def __init__(self, job: Job) -> None:
-        robot = load_robot(ROMEO)
-        self.c = c = robot.configuration
-        self.model = Model(robot.urdf, c.joint_names)
-        self.transmission = build_transmission(c)
-        self.max_current = np.array([j.wiring.max_current_A for j in c.joints])
-        self.description = describe(robot, read_simulation(robot))
-        rng = np.random.default_rng(job.seed)
-        noise = int(rng.integers(2**31))
-        self.settings = SimulationSettings(mismatch=EXACT, seed=noise)
-        nominal = true_parameters(self.description, self.settings)
-        self.arms = [random_arm(nominal, Scatter(), self.settings, rng) for _ in range(job.arms)]
+        super().__init__(job.arms, job.seed, Scatter())
+        self.transmission = build_transmission(self.c)
         self.seconds = job.seconds
 
     def excited(self) -> dict[str, list[MotionLog]]:
         """Logs of every arm, by sensors."""
-        rows = [
-            (j.limits.lower, j.limits.upper, j.limits.velocity, j.limits.acceleration)
-            for j in self.c.joints
-        ]
-        bounds = Bounds(*np.array(rows).T)
+        bounds, period_s = bounds_of(self.c), self.c.period_s
         motion = fourier_within(bounds.shrunk(0.7), self.model, np.random.default_rng(1))
         start = motion.at(np.zeros(1))[0][0]
-        path = trajectory(motion, start, bounds, self.seconds, self.c.period_s)
-        speed = np.gradient(path, self.c.period_s, axis=0)
-
-        def reference(t: float) -> tuple[Vector, Vector]:
-            k = min(round(t / self.c.period_s), len(path) - 1)
-            return path[k], speed[k]
-
+        reference = along(trajectory(motion, start, bounds, self.seconds, period_s), period_s)
         sensors = [msgspec.structs.replace(self.settings, **s) for s in SENSORS.values()]
         logs = record_fleet(
             self.description, self.arms, reference, self.seconds, sensors[0], sensors[1:]
@@ -131,14 +108,9 @@ class Study:
         hand = SoftHand(self.arms, q0, self.model.gravity(q0), settings.step_s)
         still = (q0, np.zeros_like(q0))
         return record_fleet(
-            self.description,
-            self.arms,
-            lambda t: still,
-            HAND_S,
-            settings,
-            push=hand,
+            self.description, self.arms, lambda t: still, HAND_S, settings, push=hand,
             motors_only=True,
-        )[0]
+        )[0]  # fmt: skip
 
     def friction_errors(
         self, log: MotionLog, arm: PlantParameters, delay_ms: float

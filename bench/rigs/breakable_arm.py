@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import can
 import msgspec
@@ -234,41 +235,21 @@ class BreakableArm:
         finally:
             self.make = make
 
-    @contextmanager
-    def losing(self, *cob_ids: int) -> Iterator[None]:
+    def losing(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames do not reach the daemon inside the block."""
-        self.wire.lost.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.lost.difference_update(cob_ids)
+        return _among(self.wire.lost, cob_ids)
 
-    @contextmanager
-    def delaying(self, *cob_ids: int) -> Iterator[None]:
+    def delaying(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames reach the daemon a tick later inside the block."""
-        self.wire.late.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.late.difference_update(cob_ids)
+        return _among(self.wire.late, cob_ids)
 
-    @contextmanager
-    def doubling(self, *cob_ids: int) -> Iterator[None]:
+    def doubling(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames come twice inside the block."""
-        self.wire.twice.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.twice.difference_update(cob_ids)
+        return _among(self.wire.twice, cob_ids)
 
-    @contextmanager
-    def not_sending(self, *cob_ids: int) -> Iterator[None]:
+    def not_sending(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames of ours reach nobody inside the block."""
-        self.wire.unsent.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.unsent.difference_update(cob_ids)
+        return _among(self.wire.unsent, cob_ids)
 
     @contextmanager
     def off_the_bus(self) -> Iterator[None]:
@@ -299,6 +280,16 @@ class BreakableArm:
             yield
         finally:
             self.late_s, self.left_out = 0.0, 0
+
+
+@contextmanager
+def _among(frames: set[int], cob_ids: tuple[int, ...]) -> Iterator[None]:
+    """These are among the frames inside the block."""
+    frames.update(cob_ids)
+    try:
+        yield
+    finally:
+        frames.difference_update(cob_ids)
 
 
 def _configured(c: Configuration, make: Make, speed: float) -> Configuration:
@@ -332,20 +323,24 @@ def stage(
 ) -> Iterator[BreakableArm]:
     """A booted arm, off, on a bus that can be broken. speed: of the disturbed joint as it tracks,
     of its velocity limit; 0: as slow as the others."""
+    with breakable(make, configure=lambda c: _configured(c, make, speed), line=line) as made:
+        made.run(0.1)
+        yield made
+
+
+@contextmanager
+def breakable(make: Make, **both_ends: Any) -> Iterator[BreakableArm]:
+    """Arm of a make's rig, to which `both_ends` go; its bus and its sensors can be broken."""
     wires: list[FaultyWire] = []
 
     def between(wire: Wire) -> FaultyWire:
         wires.append(FaultyWire(wire))
         return wires[0]
 
-    def configured(c: Configuration) -> Configuration:
-        return _configured(c, make, speed)
-
-    with make.rig(configure=configured, between=between, line=line) as rig:
+    with make.rig(between=between, **both_ends) as rig:
         made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sense
         rig.arm.sense = lambda *state: made.sense(read(*state))
-        made.run(0.1)
         yield made
 
 

@@ -13,15 +13,16 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from random import Random
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm
+from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm, breakable
 from bench.rigs.faults import CASES, Case
-from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.losses import LOSSES
@@ -40,7 +41,6 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.can.wire import Wire
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
 # what needs a certain motion to be noticed, what stands in for somebody else's part, and what is
@@ -137,21 +137,13 @@ def run_lockstep(seed: int, hours: float, report: Report = lambda share: None) -
     with _silent_log(), tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
         robot = write_robot(Path(folder) / "arm", STALE_TICKS[seed % len(STALE_TICKS)])
         hand = hand_script(Random(seed), load_robot(robot).configuration, seconds)
-        wires: list[FaultyWire] = []
-
-        def between(wire: Wire) -> FaultyWire:
-            wires.append(FaultyWire(wire))
-            return wires[0]
-
+        make = replace(ROMEO_ARM, rig=partial(lockstep_rig, robot))
         with (
-            lockstep_rig(robot, hand=hand, between=between) as rig,
+            breakable(make, hand=hand) as stage,
             ControlSocket(Path(folder) / "control") as control,
             contextlib.closing(Notifier()) as notifier,
         ):
-            stage = BreakableArm(ROMEO_ARM, rig, wires[0], rig.arm.plant.q.copy())
-            read = rig.arm.sense
-            rig.arm.sense = lambda *state: stage.sense(read(*state))
-            _soak(part, rng, stage, _service(rig, control, notifier), seconds, report)
+            _soak(part, rng, stage, _service(stage.rig, control, notifier), seconds, report)
     part.took_s = time.perf_counter() - began
     return part
 

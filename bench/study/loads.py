@@ -14,11 +14,11 @@ import pinocchio as pin
 
 from bench.rigs.arm_without_bus import Carried, Recording, Scenario, record
 from bench.study import courses, world
-from bench.study.estimates import build
+from bench.study.estimates import build, rows_of
 from bench.study.world import Law
 from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
-from estimator.estimate import EstimateRows, SampleRows
+from estimator.estimate import EstimateRows
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.payload import Payload
@@ -88,7 +88,7 @@ def _judged(robot: Robot, job: LoadJob, free: Recording, payload: Payload) -> Lo
     model = Model(robot.urdf, c.joint_names)
     begin = round(FREE_S / c.period_s)
     loaded = _at_work(robot, job, payload.mass, np.array(payload.com))
-    rows = estimated(_estimator(robot), loaded)
+    rows = rows_of(_estimator(robot), loaded.samples)
     found = recognised(model, rows, loaded)
     moved_s = _moved_s(model, payload, loaded, begin)
     after = [one for one in found if one.tick >= begin]
@@ -116,23 +116,6 @@ def _at_work(robot: Robot, job: LoadJob, mass: float, place: Vector) -> Recordin
 
 def _estimator(robot: Robot) -> Estimator:
     return build(robot, beside=(), motor_position="integrated")
-
-
-def estimated(
-    estimator: Estimator, recording: Recording, ticks: slice = slice(None)
-) -> EstimateRows:
-    """Rows of a part of a recording; the estimator goes on from where it was."""
-    current, q, speed, theta = np.moveaxis(recording.samples[ticks], 1, 0)
-    return estimator.run(
-        SampleRows(
-            current=current,
-            link_position=q,
-            motor_velocity=speed,
-            motor_position=theta,
-            fresh=np.ones(q.shape, dtype=np.bool_),
-            interval_s=np.full(len(q), estimator.period_s),
-        )
-    )
 
 
 @dataclass(slots=True)
@@ -184,13 +167,12 @@ def _ratio(robot: Robot, free: Recording, loaded: Recording, payload: Payload, b
     sizes = []
     for recording, told in ((free, None), (loaded, payload)):
         estimator = _estimator(robot)
-        estimated(estimator, recording, slice(0, begin))
+        rows_of(estimator, recording.samples[:begin])
         estimator.carry(told)
         # The pick-up itself, and what the new model makes of it, take a moment.
-        rows = estimated(estimator, recording, slice(begin, None))
-        late = slice(200, None)
-        moving = np.abs(recording.samples[begin:, 2][late]) > MOVES
-        size = np.where(moving, rows.residual[late] / contact, np.nan)
+        rows = rows_of(estimator, recording.samples[begin:])
+        moving = np.abs(recording.samples[begin + 200 :, 2]) > MOVES
+        size = np.where(moving, rows.residual[200:] / contact, np.nan)
         sizes.append(float(np.sqrt(np.nanmean(size**2))))
     return sizes[1] / sizes[0]
 
@@ -223,7 +205,7 @@ def hand(job: HandJob) -> tuple[HandJob, list[Recognised]]:
     )
     recording = record(world.subject(robot, job.law, job.seed), scenario)
     model = Model(robot.urdf, c.joint_names)
-    return job, recognised(model, estimated(_estimator(robot), recording), recording)
+    return job, recognised(model, rows_of(_estimator(robot), recording.samples), recording)
 
 
 def hand_torque(robot: Robot, q: Matrix, touch: Touch, rng: np.random.Generator) -> Matrix:

@@ -110,8 +110,6 @@ def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str)
     found = Estimates(
         residuals={"backlash": exceeded},
         threshold=np.full((ticks, n), 0.5),
-        phi=exceeded,
-        phi_sigma=exceeded,
         side=np.zeros((ticks, n), dtype=np.int8),
         touched_link=links,
         delay_s=0.005,
