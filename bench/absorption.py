@@ -25,29 +25,23 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.options import FIRST_SEED, FRICTION, JOBS, command
-from bench.report import Target, plain, print_report
+from bench.report import Target, joints_table, plain, print_report
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
 from bench.rigs.lockstep import ROMEO
 from bench.study import courses, world
-from bench.study.detection_report import NARROW
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import spread
 from bench.study.world import Law
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 
-SHARES: Final = (0.25, 0.5, 0.7, 0.9)
-"""of the threshold in force"""
+SHARES: Final = (0.25, 0.5, 0.7, 0.9)  # of the threshold in force
 WORK_S: Final = 240.0
-JUDGED_S: Final = 60.0
-"""at the end of the hand's time"""
+JUDGED_S: Final = 60.0  # at the end of the hand's time
 STEP_S, STEP_EVERY_S, REST_S = 0.5, 2.0, 4.0
-RAMP: Final = 0.1
-"""thresholds a second ..."""
-RAMP_S: Final = 30.0
-"""... for so long"""
-MOVING: Final = 0.1
-"""[rad/s]"""
+RAMP: Final = 0.1  # thresholds a second ...
+RAMP_S: Final = 30.0  # ... for so long
+MOVING: Final = 0.1  # [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +59,10 @@ class Result:
     """What one arm did; NaN where a joint did not move enough to tell."""
 
     job: Job
-    absorbed: NDArray[np.float64]
-    """(SHARES, n), of the hand's torque"""
+    absorbed: NDArray[np.float64]  # (SHARES, n), of the hand's torque
     raised: NDArray[np.float64]
     """(SHARES, n): threshold in force at the end over that in the beginning"""
-    missed: NDArray[np.bool_]
-    """(SHARES, n): steps of twice the threshold afterwards"""
+    missed: NDArray[np.bool_]  # (SHARES, n): steps of twice the threshold afterwards
     ramp: Vector
     """(n,): largest torque of the growing hand that was not felt yet, over the threshold"""
 
@@ -215,10 +207,7 @@ def targets(results: Sequence[Result]) -> list[Target]:
 
 def table(results: Sequence[Result], n: int) -> Table:
     """Joint by joint: median and largest over the arms."""
-    shown = Table(title="of the hand's torque absorbed [%]", header_style="bold", **NARROW)
-    shown.add_column("hand, of the threshold", no_wrap=True)
-    for i in range(n):
-        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    shown = joints_table("of the hand's torque absorbed [%]", n, "hand, of the threshold")
     for k, share in enumerate(SHARES):
         absorbed = 100.0 * np.array([r.absorbed[k] for r in results])
         raised = np.array([r.raised[k] for r in results])

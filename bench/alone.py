@@ -47,8 +47,7 @@ class Result:
     own: bool
     alone_s: float
     alone_rad: float
-    false: tuple[int, int]
-    """contacts when the change came, and when it went"""
+    false: tuple[int, int]  # contacts when the change came, and when it went
     missed: int
     """touches that were not felt, or more than 150 ms later than the latest on the same arm without
     the change, less those that this one did not feel"""

@@ -31,11 +31,10 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.options import FIRST_SEED, FRICTION, GEAR, JOBS, command
-from bench.report import Target, print_report
+from bench.report import NARROW, Target, joints_table, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
 from bench.study import courses, world
-from bench.study.detection_report import NARROW
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.scores import count_alarms
@@ -46,8 +45,7 @@ from estimator.motor_position import Side
 from programs.command_line.options import Range
 
 PARTS: Final = tuple(courses.PARTS)
-FAST: Final = 0.05
-"""[rad/s]; from here on a motor counts as moving"""
+FAST: Final = 0.05  # [rad/s]; from here on a motor counts as moving
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +56,7 @@ class Job:
     law: Law
     seed: int
     seconds: float
-    changes: Mapping[str, Any]
-    """of the configured EstimatorSettings"""
+    changes: Mapping[str, Any]  # of the configured EstimatorSettings
     gears: Gears = "modelled"
     load_known: float | None = None  # to so much, of friction per transmitted torque
 
@@ -69,10 +66,8 @@ class Tally:
     """Counts of one arm, or of several added up."""
 
     hours: float
-    alarms: NDArray[np.int64]
-    """(variants, PARTS, n)"""
-    gap_under_load: NDArray[np.int64]
-    """ticks (n,)"""
+    alarms: NDArray[np.int64]  # (variants, PARTS, n)
+    gap_under_load: NDArray[np.int64]  # ticks (n,)
     thresholds: NDArray[np.float64]
     """(n, arms): median in motion of the threshold in force, over the configured level"""
 
@@ -154,10 +149,7 @@ def by_residual(law: Law, whole: Tally, names: Sequence[str]) -> Table:
 
 def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
     """The residual that decides, joint by joint."""
-    shown = Table(title=f"{law} friction: joints", header_style="bold", **NARROW)
-    shown.add_column("", no_wrap=True)
-    for i in range(len(c.joints)):
-        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    shown = joints_table(f"{law} friction: joints", len(c.joints))
     shown.add_row("false contacts", *map(str, whole.alarms[0].sum(axis=0)))
     shown.add_row("ticks called gap under load", *map(str, whole.gap_under_load))
     medians = np.median(whole.thresholds, axis=1)

@@ -49,13 +49,10 @@ from programs.command_line.options import Range
 
 ROBOTS: Final = (ROMEO, DESK_ARM)
 OURS: Final = "contactd"
-WILD: Final = 500
-"""streams of wild targets to each robot"""
-DYING: Final = 20
-"""streams that die in each way"""
+WILD: Final = 500  # streams of wild targets to each robot
+DYING: Final = 20  # streams that die in each way
 TOUCH_RATE_HZ: Final = 50.0
-TICK_S: Final = 0.01
-"""of the arms that are touched"""
+TICK_S: Final = 0.01  # of the arms that are touched
 WAYS: Final = ("trajectory", "stream")
 
 

@@ -49,8 +49,7 @@ SENSORS: dict[str, dict[str, float]] = {
     },
     "unfiltered current": {"current_filter_ms": 0.0},
 }
-SUMS = ("K_theta_s", "K_theta_v", "B")
-"""Of motor and link together, and the rotor"""
+SUMS = ("K_theta_s", "K_theta_v", "B")  # Of motor and link together, and the rotor
 COEFFICIENTS = (*SUMS, "K_q_s", "K_q_v")
 
 

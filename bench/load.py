@@ -31,11 +31,9 @@ from bench.study.monte_carlo import spread
 from bench.study.world import LAWS
 
 Part = Literal["load", "armed", "hand", "all"]
-MASSES: Final = (0.2, 0.5)
-"""[kg]"""
+MASSES: Final = (0.2, 0.5)  # [kg]
 WITHIN_S: Final = 10.0
-WORKED_S, SAID_S = 60.0, 15.0
-"""armed: at work before, and said what to do within"""
+WORKED_S, SAID_S = 60.0, 15.0  # armed: at work before, and said what to do within
 HAND_S: Final = 300.0
 
 

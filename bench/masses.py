@@ -26,10 +26,8 @@ from bench.study.monte_carlo import spread
 from daemon.config.load import load_robot
 
 TOGETHER = 5
-ALLOWED = 1.2
-"""rms of r by identified masses over that by exact ones."""
-WITHIN = 1.5
-"""95 % intervals, within which every load lies."""
+ALLOWED = 1.2  # rms of r by identified masses over that by exact ones.
+WITHIN = 1.5  # 95 % intervals, within which every load lies.
 _95 = 1.96
 OTHERS = (
     Reaching(way="steps"),

@@ -11,7 +11,6 @@ second after it let go, in which the residual fades.
 
 import math
 import re
-import shutil
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,14 +27,14 @@ from bench.study import courses
 from bench.study.world import DRIFT, DRIFT_PERIOD_S
 from daemon.config.load import load_robot
 from daemon.modes.table import Event, Mode
+from programs.simulate.simulated_robot import read_simulation
 from simulator.description import Mismatch, SimulationSettings
 
 EVERY_S: Final = 40.0
 PUSH_S: Final = 1.0
 FADES_S: Final = 0.25
 JOINTS: Final = (0, 1, 2, 3)
-TIMES: Final = 3.0
-"""of the configured level, beyond the static friction"""
+TIMES: Final = 3.0  # of the configured level, beyond the static friction
 REST_S: Final = (0.3, 4.0)
 
 
@@ -44,40 +43,27 @@ class Day:
     """What happened; the arm is watched tick by tick."""
 
     pushes: int = 0
-    yielded_to: int = 0
-    """pushes that made it yield"""
+    yielded_to: int = 0  # pushes that made it yield
     yields: list[float] = field(default_factory=list)
     """times [s] at which it yielded and nobody was there"""
-    contacts: list[str] = field(default_factory=list)
-    """that nobody made"""
+    contacts: list[str] = field(default_factory=list)  # that nobody made
     faults: int = 0
     tracked_s: float = 0.0
 
 
 def folder_with(minutes: float, seed: int, folder: Path) -> Path:
     """A copy of the Romeo arm whose trajectory is a file of moves from point to point."""
-    shutil.copytree(ROMEO, folder, dirs_exist_ok=True)
     robot = load_robot(ROMEO)
-    c = robot.configuration
-    room, rng = courses.Room.of(c), np.random.default_rng((seed, 50))
-    home = np.clip(np.array(_initial(folder, c.joint_names)), room.lower, room.upper)
+    room, rng = courses.Room.of(robot.configuration), np.random.default_rng((seed, 50))
+    initial = read_simulation(robot).initial_position
+    start = np.array([initial[name] for name in robot.configuration.joint_names])
+    home = np.clip(start, room.lower, room.upper)
     course = courses.point_to_point(room, home, 60.0 * minutes, rng)
-    every = 5
-    rows = [f"{room.period_s * k:.2f}," + ",".join(f"{q:.5f}" for q in course.q[k])
-            for k in range(0, len(course.q), every)]  # fmt: skip
-    (folder / "day.csv").write_text("\n".join(["time_s," + ",".join(c.joint_names), *rows, ""]))
-    text = (folder / "config.yaml").read_text()
-    new = "trajectory: {file: day.csv, from_here: true}\n"
-    text, count = re.subn(r"^trajectory:\n(  .*\n)+", new, text, flags=re.MULTILINE)
-    text, back = re.subn("after_quiet: resume ", "after_quiet: return ", text)
-    assert count == back == 1
-    (folder / "config.yaml").write_text(text)
+    path = courses.folder_with(course, robot, folder) / "config.yaml"
+    text, back = re.subn("after_quiet: resume ", "after_quiet: return ", path.read_text())
+    assert back == 1
+    path.write_text(text)
     return folder
-
-
-def _initial(folder: Path, joints: list[str]) -> list[float]:
-    found = msgspec.yaml.decode((folder / "simulation.yaml").read_bytes())["initial_position"]
-    return [found[name] for name in joints]
 
 
 def work(rig: Rig, minutes: float, seed: int) -> Day:

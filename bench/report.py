@@ -9,6 +9,10 @@ from typing import Any, Literal
 
 import click
 import numpy as np
+from rich.table import Table
+
+NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
+"""Style of tables that fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,15 @@ class Target:
         """True where the figure is on the good side of its limit; NaN, nothing measured, is not."""
         value = float(self.value)  # a numpy number would give a numpy bool, which JSON lacks
         return value <= self.limit if self.better == "lower" else value >= self.limit
+
+
+def joints_table(title: str, n: int, first: str = "") -> Table:
+    """Table with a column for each of n joints behind a first one; it fits into 80 columns."""
+    shown = Table(title=title, header_style="bold", **NARROW)
+    shown.add_column(first, no_wrap=True)
+    for i in range(n):
+        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    return shown
 
 
 def plain(value: Any, digits: int | None = None) -> Any:

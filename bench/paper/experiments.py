@@ -48,8 +48,7 @@ class Conditions:
 
     seed: int = 1
     friction: Literal["smooth", "dahl"] = "smooth"
-    exact: bool = False
-    """the plant is what the model believes, and nothing is noisy"""
+    exact: bool = False  # the plant is what the model believes, and nothing is noisy
 
     def __call__(self, settings: SimulationSettings) -> SimulationSettings:
         settings = msgspec.structs.replace(settings, seed=self.seed, friction=self.friction)

@@ -36,8 +36,7 @@ class Made:
 
     table: dict[str, Any]
     targets: list[Target]
-    pictures: dict[str, Figure]
-    """by file name, without its ending"""
+    pictures: dict[str, Figure]  # by file name, without its ending
 
 
 def canvas(width: float, height: float, title: str) -> Figure:

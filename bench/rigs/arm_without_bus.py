@@ -39,10 +39,8 @@ class Subject:
     settings: SimulationSettings
     displacement_m: float = 0.0
     """every centre of mass is off by this, each in a direction of its own"""
-    drift: float = 0.0
-    """friction of every joint swings by this share of itself ..."""
-    drift_period_s: float = 240.0
-    """... once in this time, each in a phase of its own"""
+    drift: float = 0.0  # friction of every joint swings by this share of itself ...
+    drift_period_s: float = 240.0  # ... once in this time, each in a phase of its own
     interpolates: bool = True
     """its drives reach each setpoint over a period; else they take it as a step"""
 
@@ -68,10 +66,8 @@ class Motion:
     amplitude: Vector
     omega: Vector
     phase: Vector
-    go_s: float = np.inf
-    """moves for so long, ramps included ..."""
-    rest_s: float = 0.0
-    """... then stands for so long, and again"""
+    go_s: float = np.inf  # moves for so long, ramps included ...
+    rest_s: float = 0.0  # ... then stands for so long, and again
     ramp_s: float = 2.0
 
     def rate(self, t: float) -> float:
@@ -122,34 +118,26 @@ class Scenario:
     seconds: float
     motion: Motion | Course
     pushes: tuple[Push, ...] = ()
-    carried: tuple[Carried, ...] = ()
-    """in the order of time"""
+    carried: tuple[Carried, ...] = ()  # in the order of time
     torque: Matrix | None = None
     """on the links besides the pushes, a row for each tick (ticks, n) [Nm]"""
     phi: Vector | None = None
     """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
-    settling_s: float = 1.5
-    """from switching on until the arm stands and the recording begins"""
-    begin_s: float = 0.0
-    """time at which it begins, for the drift of friction"""
+    settling_s: float = 1.5  # from switching on until the arm stands and the recording begins
+    begin_s: float = 0.0  # time at which it begins, for the drift of friction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
     """Samples of every SYNC, and the truth after every millisecond before it."""
 
-    time_s: NDArray[np.float64]
-    """(ticks,), from the moment the arm stood"""
+    time_s: NDArray[np.float64]  # (ticks,), from the moment the arm stood
     samples: NDArray[np.float64]
     """(ticks, 4, n): current [A], link position, motor velocity, motor position, by the codec"""
-    phi: Matrix
-    """(milliseconds, n) [rad]; the last of a period is that of its SYNC"""
-    gear_torque: Matrix
-    """what the gear hands to the link [Nm]"""
-    external: Matrix
-    """torque on the links in that millisecond [Nm]"""
-    half_gap: Vector
-    """true alpha (n,) [rad]"""
+    phi: Matrix  # (milliseconds, n) [rad]; the last of a period is that of its SYNC
+    gear_torque: Matrix  # what the gear hands to the link [Nm]
+    external: Matrix  # torque on the links in that millisecond [Nm]
+    half_gap: Vector  # true alpha (n,) [rad]
     breakaway: Vector
     """(n,): most torque that friction of gear and link holds at rest, either way [Nm]"""
 

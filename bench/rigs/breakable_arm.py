@@ -39,8 +39,7 @@ class Make:
     push_Nm: float
     saturated: int  # whose current is at its limit
     stuck: int  # whose current is stuck
-    after_silence: State
-    """Where a drive ends that has lost its master."""
+    after_silence: State  # Where a drive ends that has lost its master.
 
 
 ROMEO_ARM = Make("romeo", partial(lockstep_rig, ROMEO), 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
@@ -69,10 +68,8 @@ class BreakableArm:
     rig: Rig
     wire: FaultyWire
     first_pose: np.ndarray
-    late_s: float = 0.0
-    """How late the next ticks begin."""
-    left_out: int = 0
-    """Deadlines that this costs, each time."""
+    late_s: float = 0.0  # How late the next ticks begin.
+    left_out: int = 0  # Deadlines that this costs, each time.
     changes: list[Callable[[Readings], Readings]] = field(default_factory=list)
     """What becomes of the readings of the drives' sensors, one after the other."""
 

@@ -41,8 +41,7 @@ class Case:
     fault: Fault
     ticks: int
     armed: bool = True
-    before: tuple[Condition, ...] = ()
-    """What is found of it sooner, and latched."""
+    before: tuple[Condition, ...] = ()  # What is found of it sooner, and latched.
     provable: bool = True
     """Whether anything can say that the drive stands; else only silence is left."""
     by_motor: bool = False
@@ -53,8 +52,7 @@ class Case:
     driven: bool = False
     """Whether a hand moves a joint faster than any setpoint: then it may go further than
     `contactd check` prints."""
-    own: bool = False
-    """Whether the drive does: then it is held against what is printed for that."""
+    own: bool = False  # Whether the drive does: then it is held against what is printed for that.
     frames: bool = False
     """Whether it is made, or shows, in frames: then every wire has to carry it."""
 

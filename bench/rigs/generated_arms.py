@@ -46,10 +46,8 @@ class GeneratedArm:
     make: Make
     bodies: tuple[Body, ...]
     urdf: str
-    stops: tuple[tuple[float, float], ...]
-    """end stops of each joint [rad]"""
-    joints: tuple[dict[str, Any], ...]
-    """as `config.yaml` has them"""
+    stops: tuple[tuple[float, float], ...]  # end stops of each joint [rad]
+    joints: tuple[dict[str, Any], ...]  # as `config.yaml` has them
 
     @property
     def names(self) -> tuple[str, ...]:

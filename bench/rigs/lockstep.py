@@ -39,8 +39,7 @@ DESK_ARM = ROMEO.parent / "desk_arm"
 
 #: Of an arm whose configuration is right by construction.
 TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")
-#: Unix time of the first tick.
-WALL_S = 1.8e9
+WALL_S = 1.8e9  # Unix time of the first tick
 
 
 @dataclass(slots=True)
@@ -56,8 +55,7 @@ class Rig:
     build: Callable[[Robot], tuple[CanopenArm, Tick]]
     """sets the drives up for a robot, and builds its tick"""
     ticks: int = 0
-    before_s: float = 0.0
-    """time of the ticks that were built before this one"""
+    before_s: float = 0.0  # time of the ticks that were built before this one
 
     @property
     def time_s(self) -> float:

@@ -53,8 +53,7 @@ class Story:
     make: str
     joints: int
     hanging: bool
-    commands: list[str] = field(default_factory=list)
-    """as they were typed, one after the other"""
+    commands: list[str] = field(default_factory=list)  # as they were typed, one after the other
     seen: list[str] = field(default_factory=list)
     """fields in no data sheet that were corrected: signs and zeros, as seen at the arm"""
     armed: bool = False

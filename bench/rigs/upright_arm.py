@@ -21,17 +21,14 @@ _BODIES = (
 )  # fmt: skip
 _STOPS = ((-2.0, 2.0), (-1.6, 1.6), (-2.0, 2.0), (-2.5, 2.5), (-1.8, 1.8), (-2.5, 2.5))
 _GEARS = (100.0, 100.0, 100.0, 80.0, 50.0, 50.0)
-_CONSTANTS = (3.0, 6.0, 4.0, 1.5, 0.7, 0.5)
-"""Torque constants at the link [Nm/A]."""
-_MOST = (6.0, 7.0, 6.0, 4.0, 3.0, 2.0)
-"""Largest currents [A]."""
+_CONSTANTS = (3.0, 6.0, 4.0, 1.5, 0.7, 0.5)  # Torque constants at the link [Nm/A].
+_MOST = (6.0, 7.0, 6.0, 4.0, 3.0, 2.0)  # Largest currents [A].
 _ROTORS = (0.12, 0.14, 0.08, 0.02, 0.006, 0.003)
 _HALF_GAPS = (0.004, 0.006, 0.008, 0.005, 0.012, 0.010)
 _COULOMB = (0.5, 0.9, 0.6, 0.25, 0.10, 0.06)
 _VISCOUS = (0.4, 0.6, 0.4, 0.15, 0.05, 0.03)
 _LINK_SHARE = 0.15
-STIFFNESS = 1000.0
-"""Of every gear [Nm/rad]."""
+STIFFNESS = 1000.0  # Of every gear [Nm/rad].
 MASSES_OFF = 10.0
 PRESLIDING = 0.0003
 ENCODERS_OFF = 0.0005

@@ -15,17 +15,14 @@ from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, YIELDING, Mode
 from daemon.motion.release import SLACK_S
 from daemon.protocol.state import State
 
-# Nearer to its limit than this, a joint has been led back to it [rad]...
-AT_LIMIT = 0.005
-# ...which takes so long after a hand has pressed it beyond [s].
-LED_BACK_S = 1.0
+AT_LIMIT = 0.005  # Nearer to its limit than this, a joint has been led back to it [rad]
+LED_BACK_S = 1.0  # ...which takes so long after a hand has pressed it beyond [s]
 # How long a quick stop may take [s], and the speed of a motor that stands [rad/s].
 BRAKING_S = 1.0
 STANDS = 0.05
 # A fault that is gone must be reset and the arm be up again within this time [s].
 COMES_BACK_S = 60.0
-# After the hand is off, an arm that swings in its gaps may still raise contacts [s].
-SWINGS_S = 1.0
+SWINGS_S = 1.0  # After the hand is off, an arm that swings in its gaps may still raise contacts [s]
 
 LATCHED = (Mode.OFF, Mode.ENABLING, Mode.FAULTED)
 STEPS = frozenset((before, after) for (before, _), after in TRANSITIONS.items())
@@ -41,8 +38,7 @@ class Watch:
         self.ledger = ledger
         self._gives_way = gives_way
         self._stops, self._sensing = StopRules(c, ledger), SensingRules(c, ledger)
-        self.contacts_s: list[float] = []
-        """When a contact or a collision was reported."""
+        self.contacts_s: list[float] = []  # When a contact or a collision was reported.
         self._limits = limits_of(c)
         self._transmission = build_transmission(c)
         self._period_s = c.period_s

@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import click
 
-Report = Callable[[float], None]
-"""Takes the share of a run that is done, 0 to 1."""
+Report = Callable[[float], None]  # Takes the share of a run that is done, 0 to 1.
 
 
 class Progress:

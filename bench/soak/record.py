@@ -6,8 +6,7 @@ from typing import Any
 
 from bench.soak.trend import Bound, Trend, trend
 
-# Cases of each broken rule that are described in words.
-CASES_TOLD = 5
+CASES_TOLD = 5  # Cases of each broken rule that are described in words
 
 # The kinds of touches and faults come back in some minutes; a shared machine has no such rhythm.
 RHYTHM_S, NEVER = 900.0, float("inf")
@@ -35,8 +34,7 @@ class Ledger:
     checked: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
     cases: list[str] = field(default_factory=list)
-    refusal: str = ""
-    """The last refusal that a person got."""
+    refusal: str = ""  # The last refusal that a person got.
 
     def check(self, rule: str, holds: bool, time_s: float, words: str = "") -> None:
         """Note that `rule` was looked at."""

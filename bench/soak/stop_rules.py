@@ -16,17 +16,13 @@ from daemon.tick.tick import STOP_PROVED
 AFTER_PROOF_S = 0.3
 STANDS = 0.05
 KNOCK_READINGS = 2
-# A stop must be proved, or the drives be left to themselves, within [s].
-PROVED_S = 1.0
-# However long a tick took, the drives had one chance to be seen [s].
-LONGEST_TICK_S = 0.1
+PROVED_S = 1.0  # A stop must be proved, or the drives be left to themselves, within [s]
+LONGEST_TICK_S = 0.1  # However long a tick took, the drives had one chance to be seen [s]
 # After a reset nothing old comes back for [s]: a drive has RESET_PATIENCE_S to leave its fault.
 RESET_HOLDS_S = RESET_PATIENCE_S + 0.1
-# Arm and drives still give way so long after a hand is off [s].
-HAND_S = 1.0
+HAND_S = 1.0  # Arm and drives still give way so long after a hand is off [s]
 
-# Notice of a reset.
-RESET = f"{Mode.FAULTED} -> {Mode.OFF}:"
+RESET = f"{Mode.FAULTED} -> {Mode.OFF}:"  # Notice of a reset
 
 
 class StopRules:

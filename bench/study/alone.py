@@ -22,8 +22,7 @@ from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import GUIDED, Event, Mode
 
 WORK_S: Final = 240.0
-JUDGED_S: Final = 60.0
-"""of the work before, in which the level is taken"""
+JUDGED_S: Final = 60.0  # of the work before, in which the level is taken
 SOON_S: Final = 10.0
 LATE_S: Final = 120.0
 TOUCHES_S: Final = 75.0
@@ -33,12 +32,9 @@ TOUCH_S: Final = 0.5
 FADES_S: Final = 0.5
 AFTER_S: Final = 130.0
 LEVEL_S: Final = 40.0
-TIMES: Final = 2.0
-"""of the level in force before the change: a touch"""
-MOVES: Final = 0.02
-"""[rad/s]"""
-FAST: Final = 0.1
-"""of a joint that is touched in motion [rad/s], beyond its gap for ENGAGED_S"""
+TIMES: Final = 2.0  # of the level in force before the change: a touch
+MOVES: Final = 0.02  # [rad/s]
+FAST: Final = 0.1  # of a joint that is touched in motion [rad/s], beyond its gap for ENGAGED_S
 ENGAGED_S: Final = 0.3
 GAINS: Final = (0.1, 5.0)
 START: Final = np.array([0.3, 0.3, 0.0, -0.8, -1.0, 0.0, 0.0])
@@ -57,16 +53,12 @@ class Job:
 class Course:
     """Observations of one arm."""
 
-    alone_s: float = 0.0
-    """longest"""
-    alone_rad: float = 0.0
-    """furthest, in one contact"""
-    false: list[float] = field(default_factory=list)
-    """times of contacts [s]"""
+    alone_s: float = 0.0  # longest
+    alone_rad: float = 0.0  # furthest, in one contact
+    false: list[float] = field(default_factory=list)  # times of contacts [s]
     levels: list[float] = field(default_factory=list)
     """in force in motion, of the changed joint [Nm]"""
-    felt: list[float] = field(default_factory=list)
-    """delays of touches [s]; infinite: missed"""
+    felt: list[float] = field(default_factory=list)  # delays of touches [s]; infinite: missed
     faults: int = 0
 
     def level(self) -> float:

@@ -15,13 +15,11 @@ from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
 from simulator.mismatch import PlantParameters
 
-_95 = 1.96
-"""Standard errors in half of a 95 % interval."""
+_95 = 1.96  # Standard errors in half of a 95 % interval.
 _POSES = 2000
 _EDGE = 0.1  # [rad] of the limits, which strokes need
 _LITTLE = 0.02  # of a joint's friction: gravity that is no more does not act
-WIDEST = 15.0
-"""Interval of friction [%]."""
+WIDEST = 15.0  # Interval of friction [%].
 
 Show = Callable[[str], None]
 

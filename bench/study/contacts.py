@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from common.arrays import Matrix
 
-FADE_S = 0.3
-"""After a release the residual still fades, and the link swings back through its gap."""
+FADE_S = 0.3  # After a release the residual still fades, and the link swings back through its gap.
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +19,7 @@ class Stretch:
     begin: int
     end: int
     sign: int
-    peak: float
-    """largest size"""
+    peak: float  # largest size
 
 
 @dataclass(slots=True)

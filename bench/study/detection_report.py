@@ -1,24 +1,20 @@
 """Report of `bench.detection` for people: two tables."""
 
 import math
-from typing import Any
 
 from rich.table import Table
 
+from bench.report import NARROW, joints_table
 from bench.study.detection_score import Score
 from daemon.config.schema import Configuration
-
-# Both tables fit into 80 columns.
-NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
 
 
 def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
     """One row per residual; delays as p50/p95."""
     shown = Table(title=f"{friction} friction: {title}", header_style="bold", **NARROW)
     shown.add_column("residual", no_wrap=True)
-    for heading in ("alarms", "per h", "delay\n[ms]", "through\ngap", "at\nrest"):
-        shown.add_column(heading, justify="right", no_wrap=True)
-    for heading in ("missed\nmoving", "missed\nat rest"):
+    times = ("delay\n[ms]", "through\ngap", "at\nrest")
+    for heading in ("alarms", "per h", *times, "missed\nmoving", "missed\nat rest"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for name, s in by_name.items():
         pairs = (s.delay_ms, s.delay_travel_ms, s.delay_rest_ms)
@@ -35,17 +31,15 @@ def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
 
 def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> Table:
     """Torques per joint [Nm]."""
-    shown = Table(title=f"{friction} friction: joints [Nm]", header_style="bold", **NARROW)
-    shown.add_column("", no_wrap=True)
-    for i in range(len(c.joints)):
-        shown.add_column(str(i + 1), justify="right", no_wrap=True)
-    shown.add_row("configured threshold", *(f"{j.thresholds.contact:.2f}" for j in c.joints))
-    in_force = next(iter(by_name.values())).in_force_nm
-    shown.add_row("in force in motion, median", *(_number(x) for x in in_force))
-    hidden = next(iter(by_name.values())).hidden_rest_nm
-    shown.add_row("hidden by friction at rest", *(_number(x) for x in hidden))
-    may_hide = next(iter(by_name.values())).stiction_rest_nm
-    shown.add_row("may be hidden by it", *(_number(x) for x in may_hide))
+    shown = joints_table(f"{friction} friction: joints [Nm]", len(c.joints))
+    first = next(iter(by_name.values()))
+    for title, values in (
+        ("configured threshold", [j.thresholds.contact for j in c.joints]),
+        ("in force in motion, median", first.in_force_nm),
+        ("hidden by friction at rest", first.hidden_rest_nm),
+        ("may be hidden by it", first.stiction_rest_nm),
+    ):
+        shown.add_row(title, *map(_number, values))
     rows = (
         ("lowest quiet threshold", "quiet_nm"),
         ("smallest step, in motion", "smallest_moving_nm"),
@@ -57,7 +51,7 @@ def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> T
         shown.add_row("")
         shown.add_row(title, style="bold")
         for name, s in by_name.items():
-            shown.add_row(f"  {name}", *(_number(x) for x in getattr(s, field)))
+            shown.add_row(f"  {name}", *map(_number, getattr(s, field)))
     return shown
 
 

@@ -22,17 +22,14 @@ class Score:
     """Score of one residual under one friction; lists are per joint, None where nothing was
     tried."""
 
-    hours: float
-    """contact-free"""
+    hours: float  # contact-free
     alarms: int
     alarms_per_hour: float
-    quiet_nm: list[float]
-    """lowest thresholds without an alarm"""
+    quiet_nm: list[float]  # lowest thresholds without an alarm
     smallest_moving_nm: list[float]
     """step that is detected in every trial in which the joint moved all the while: by the residual
     that decides at its levels in force, by the rivals at those thresholds"""
-    smallest_turning_nm: list[float]
-    """the same where the joint stood or turned meanwhile"""
+    smallest_turning_nm: list[float]  # the same where the joint stood or turned meanwhile
     smallest_rest_nm: list[float]
     hidden_rest_nm: list[float]
     """the most of such a step that friction of the gear kept from the motor to its end"""
@@ -40,19 +37,14 @@ class Score:
     """the most that friction of the gear may hide: it held one way, and holds the other"""
     in_force_nm: list[float]
     """threshold in force in motion after the work before, median over the arms"""
-    missed_moving: int
-    """of the steps of two to four times the threshold in force at their onset"""
+    missed_moving: int  # of the steps of two to four times the threshold in force at their onset
     tried_moving: int
-    missed_rest: int
-    """the same"""
+    missed_rest: int  # the same
     tried_rest: int
-    delay_ms: tuple[float, float]
-    """p50 and p95 in motion, of those steps, no gap to cross"""
-    delay_travel_ms: tuple[float, float]
-    """the same where link and rotor came apart"""
+    delay_ms: tuple[float, float]  # p50 and p95 in motion, of those steps, no gap to cross
+    delay_travel_ms: tuple[float, float]  # the same where link and rotor came apart
     delay_rest_ms: tuple[float, float]
-    rms_nm: list[float]
-    """error in motion while engaged, against the filtered true torque"""
+    rms_nm: list[float]  # error in motion while engaged, against the filtered true torque
 
 
 def score(results: Sequence[Result], name: str, c: Configuration) -> Score:

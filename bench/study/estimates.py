@@ -33,8 +33,7 @@ class Estimates:
 
     residuals: dict[str, Matrix]
     """by the name of the variant, the one that decides first, the Kalman rival last [Nm]"""
-    threshold: Matrix
-    """in force, with its raise near rest [Nm]"""
+    threshold: Matrix  # in force, with its raise near rest [Nm]
     side: NDArray[np.int8]
     touched_link: NDArray[np.int64]
     """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""

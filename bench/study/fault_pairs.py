@@ -29,8 +29,7 @@ TICKS: Final = 120
 #: So far a motor goes at least that moves on after it was said to stand [rad], in so many ticks; a
 #: link that comes to the end of its gap knocks its motor for a tick.
 GOES_ON_RAD, GOES_ON_TICKS = 0.006, 6
-#: A motor that stood and moves again may be found so late.
-VOID_TICKS: Final = VOID_READINGS + 10
+VOID_TICKS: Final = VOID_READINGS + 10  # A motor that stood and moves again may be found so late
 #: Of cases that differ in their names or lengths, not in what reaches the daemon, one is tried.
 ALIKE: Final = frozenset(
     {

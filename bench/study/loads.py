@@ -28,13 +28,10 @@ Touch = Literal["push", "lead", "lean", "pull"]
 TOUCHES: Final[tuple[Touch, ...]] = ("push", "lead", "lean", "pull")
 FREE_S: Final = 120.0
 LOADED_S: Final = 90.0
-AWAY_M: Final = 0.03
-"""place of a load from the tool point, along each axis, at most"""
+AWAY_M: Final = 0.03  # place of a load from the tool point, along each axis, at most
 MOVES: Final = 0.05
-CARRIES_NM: Final = 0.1
-"""a joint that carries a load feels so much of it"""
-WAY: Final = 0.5
-"""[rad]"""
+CARRIES_NM: Final = 0.1  # a joint that carries a load feels so much of it
+WAY: Final = 0.5  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +50,13 @@ class LoadResult:
     on."""
 
     job: LoadJob
-    given: float
-    """[kg]"""
-    enough: bool
-    """they moved for ten seconds, and WAY"""
-    found_s: float | None
-    """None: not within the run"""
-    seconds_s: float
-    """the same by the clock; NaN"""
-    mass: float
-    """that was believed [kg]; NaN"""
-    confirmed: float
-    """mass that was confirmed [kg]; NaN"""
-    told_before: int
-    """loads that were recognised before there was one"""
+    given: float  # [kg]
+    enough: bool  # they moved for ten seconds, and WAY
+    found_s: float | None  # None: not within the run
+    seconds_s: float  # the same by the clock; NaN
+    mass: float  # that was believed [kg]; NaN
+    confirmed: float  # mass that was confirmed [kg]; NaN
+    told_before: int  # loads that were recognised before there was one
     ratio: float
     """root mean square of r in motion over the configured levels: with the load told, over that of
     the same motion without it"""

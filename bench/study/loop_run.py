@@ -33,15 +33,12 @@ class Turn:
 
     figures: dict[str, NDArray[np.float64]]
     missed: int
-    missed_so_far: int
-    """by this process of the loop"""
-    rival_us: Distribution | None
-    """lateness of the control thread beside it"""
+    missed_so_far: int  # by this process of the loop
+    rival_us: Distribution | None  # lateness of the control thread beside it
     mode: str
     joints: int
     realtime: list[str]
-    repeated: int = 0
-    """how often it was: the machine stalled, and the arm stopped for that"""
+    repeated: int = 0  # how often it was: the machine stalled, and the arm stopped for that
 
     def after(self, stopped: "Turn") -> "Turn":
         """This turn in the place of one in which the arm stopped: ticks of an arm that stands cost

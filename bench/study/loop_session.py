@@ -41,8 +41,7 @@ from drivers.canopen.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
 
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 RPDOS: Final = set(range(RPDO, RPDO + 4 * NEXT_PDO, NEXT_PDO))
-# Above, frames of seven drives would not fit on a bus of 1 Mbit/s.
-MOST_HZ_OF_SEVEN: Final = 250
+MOST_HZ_OF_SEVEN: Final = 250  # Above, frames of seven drives would not fit on a bus of 1 Mbit/s
 # What the recorded session does, and when [s].
 ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
 # Sampled on a grid, and played to wake-ups that are not: so slow that this is no blow.

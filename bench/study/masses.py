@@ -35,10 +35,8 @@ from simulator.mismatch import PlantParameters, true_parameters
 EXACT: Final = Mismatch(
     mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0
 )
-SETTLED_S: Final = 1.0
-"""The residual of an estimator that begins anew is not counted for so long."""
-AWAY_M: Final = 0.03
-"""Place of a load from the tool point, along each axis, at most."""
+SETTLED_S: Final = 1.0  # The residual of an estimator that begins anew is not counted for so long.
+AWAY_M: Final = 0.03  # Place of a load from the tool point, along each axis, at most.
 LIGHTEST, HEAVIEST = 0.1, 0.5  # kg; the wrist holds 0.59
 
 

@@ -34,12 +34,9 @@ from daemon.config.schema import Configuration
 Kind = Literal["free", "moving", "rest", "link"]
 Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
 """Verdict on the touched link of an estimate."""
-MOVING = 0.05
-"""[rad/s]"""
-SMOOTH = 10
-"""ticks over which a motor's torque is averaged"""
-GRACE_S = 1.0
-"""Alarms count from here on: an arm that was just switched on is not armed yet."""
+MOVING = 0.05  # [rad/s]
+SMOOTH = 10  # ticks over which a motor's torque is averaged
+GRACE_S = 1.0  # Alarms count from here on: an arm that was just switched on is not armed yet.
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +49,7 @@ class Job:
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]
-    worked_s: float = 600.0
-    """at work before"""
+    worked_s: float = 600.0  # at work before
     gears: Gears = "modelled"
     link_encoder: bool = True
     """False: the motor's encoder stands for the link's, as in an arm without one"""
@@ -72,8 +68,7 @@ class Result:
     """lowest thresholds without an alarm [Nm]; of the residual that decides, learning aside"""
     level: NDArray[np.float64]
     """(n,): median in motion of the level in force, after the work before [Nm]"""
-    errors: tuple[Errors, ...]
-    """by variant: against the filtered truth while link and rotor touch"""
+    errors: tuple[Errors, ...]  # by variant: against the filtered truth while link and rotor touch
     trials: tuple[Trial, ...]
     named: tuple[Named, ...]
 

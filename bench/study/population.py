@@ -12,15 +12,13 @@ from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 
 DISPLACEMENT_M: Final = 0.005
-LATENCY_MS: Final = 1.0
-"""at most, of the link encoder; the model does not know"""
+LATENCY_MS: Final = 1.0  # at most, of the link encoder; the model does not know
 VELOCITY_SCALE_ERROR: Final = 0.002
 VELOCITY_BIAS: Final = 0.001
 """[rad/s], 0.02 % of a full scale of 5 rad/s; both of motor velocities that are integrated"""
 
 STEP_MS: Final = 500
-CLEARANCE: Final = 0.1
-"""[rad] between the motion and the joint limits"""
+CLEARANCE: Final = 0.1  # [rad] between the motion and the joint limits
 
 
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
@@ -143,8 +141,7 @@ def onsets_in_motion(seconds: float, seed: int) -> list[int]:
     return [int(1000 * t + rng.integers(200)) for t in np.arange(3.0, seconds - 1.0, 1.5)]
 
 
-GO_S, REST_S = 5.0, 8.0
-"""at rest: moves before, so that friction is where a motion leaves it"""
+GO_S, REST_S = 5.0, 8.0  # at rest: moves before, so that friction is where a motion leaves it
 
 
 def onsets_at_rest(seconds: float, seed: int) -> list[int]:

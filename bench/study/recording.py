@@ -25,17 +25,14 @@ class Recording:
 
     configuration: Configuration
     urdf: str
-    delay_s: float
-    """how long before the samples the estimator's rows are true"""
-    time_s: NDArray[np.float64]
-    """since the recording began"""
+    delay_s: float  # how long before the samples the estimator's rows are true
+    time_s: NDArray[np.float64]  # since the recording began
     mode: NDArray[np.str_]
     # The plant, in truth.
     true_q: Matrix
     true_theta: Matrix
     true_in_gap: NDArray[np.bool_]
-    true_torque: Matrix
-    """external torque [Nm]"""
+    true_torque: Matrix  # external torque [Nm]
     # The daemon: samples, estimate, decision.
     motor_velocity: Matrix
     q: Matrix
@@ -45,8 +42,7 @@ class Recording:
     tau_M: Matrix
     threshold: Matrix
     reference: Matrix
-    residuals: dict[str, Matrix]
-    """by the name of the variant, the one that decides first [Nm]"""
+    residuals: dict[str, Matrix]  # by the name of the variant, the one that decides first [Nm]
 
     @property
     def joints(self) -> list[str]:

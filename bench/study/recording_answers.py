@@ -43,10 +43,8 @@ finally:
 class Times:
     """Times of one recording [s]; CPU time where it is said."""
 
-    whatif_cpu_s: float
-    """200 levels, read anew"""
-    cached_s: float
-    """the same from the cache"""
+    whatif_cpu_s: float  # 200 levels, read anew
+    cached_s: float  # the same from the cache
     plot_s: float
     page_mb: float
 

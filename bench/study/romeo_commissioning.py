@@ -17,8 +17,7 @@ from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
-MOTIONS, COMPARED_S = 3, 20.0
-"""without contact, on which residuals are compared"""
+MOTIONS, COMPARED_S = 3, 20.0  # without contact, on which residuals are compared
 SIZES = ("largest", "rms", "largest beyond the raise near rest")
 
 

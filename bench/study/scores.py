@@ -28,24 +28,16 @@ class Trial:
     """Residuals of the pushed joint during a step. Torques count along the push."""
 
     joint: int
-    size: float
-    """of the step [Nm], > 0"""
-    delay_s: NDArray[np.float64]
-    """(ticks,) of each SYNC after the onset in the plant"""
-    residuals: NDArray[np.float64]
-    """(variants, ticks)"""
-    before: NDArray[np.float64]
-    """(variants,), at the last SYNC before the onset"""
-    raised: NDArray[np.float64]
-    """(variants, ticks), of the threshold: in force less configured"""
-    travelled: NDArray[np.bool_]
-    """(ticks,): link and rotor were apart at some time since the onset"""
+    size: float  # of the step [Nm], > 0
+    delay_s: NDArray[np.float64]  # (ticks,) of each SYNC after the onset in the plant
+    residuals: NDArray[np.float64]  # (variants, ticks)
+    before: NDArray[np.float64]  # (variants,), at the last SYNC before the onset
+    raised: NDArray[np.float64]  # (variants, ticks), of the threshold: in force less configured
+    travelled: NDArray[np.bool_]  # (ticks,): link and rotor were apart at some time since the onset
     hidden: float
     """[Nm] of the step that did not reach the motor until its end: friction of the gear held it"""
-    breakaway: float
-    """[Nm]: most torque that friction of this joint holds at rest, either way"""
-    moving: bool
-    """the joint moved all the while: it neither stood nor turned"""
+    breakaway: float  # [Nm]: most torque that friction of this joint holds at rest, either way
+    moving: bool  # the joint moved all the while: it neither stood nor turned
 
 
 @dataclass(frozen=True, slots=True)

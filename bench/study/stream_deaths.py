@@ -28,8 +28,7 @@ DEATHS: Final = (
     "clock runs back",
     "no numbers",
 )
-STANDS: Final = 0.02
-"""setpoint that counts as zero [rad/s]"""
+STANDS: Final = 0.02  # setpoint that counts as zero [rad/s]
 SECONDS: Final = 8.0
 
 
@@ -63,10 +62,8 @@ def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
 class Death:
     """End of one stream."""
 
-    stands_s: float
-    """from the last target that could be relied on, less the time of braking"""
-    held_rad: float
-    """way of the joint that holding moved furthest afterwards"""
+    stands_s: float  # from the last target that could be relied on, less the time of braking
+    held_rad: float  # way of the joint that holding moved furthest afterwards
 
 
 def death(robot: Robot, way: str, rate_hz: float, seed: int) -> Death:

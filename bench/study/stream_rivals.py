@@ -18,8 +18,7 @@ from daemon.motion.playout import Playout
 from daemon.motion.target_stream import STREAM_SHARE
 from daemon.motion.tracker import JERK_S
 
-LOW_PASS_S: Final = 0.04
-"""time constant"""
+LOW_PASS_S: Final = 0.04  # time constant
 RIVALS: Final = ("ruckig", "ruckig behind the playout", "low-pass")
 
 

@@ -22,15 +22,11 @@ from daemon.motion.target_stream import TargetStream
 RATES_HZ: Final = (20.0, 50.0, 100.0, 200.0)
 JITTER_S: Final = 0.01
 LOSS: Final = 0.05
-WAY_S: Final = 0.002
-"""from sender to receiver, at least"""
-TREMOR: Final = 3e-4
-"""[rad]"""
-FINE_S: Final = 1e-3
-"""spacing of the tables of a motion"""
+WAY_S: Final = 0.002  # from sender to receiver, at least
+TREMOR: Final = 3e-4  # [rad]
+FINE_S: Final = 1e-3  # spacing of the tables of a motion
 
-Motion = Callable[[float], Vector]
-"""Pose (n,) [rad] at a time [s]."""
+Motion = Callable[[float], Vector]  # Pose (n,) [rad] at a time [s].
 
 
 def sines(limits: Limits, seconds: float, seed: int) -> Motion:
@@ -113,8 +109,7 @@ class Track:
     time_s: Vector
     q: Matrix
     velocity: Matrix
-    delay_s: Vector
-    """that the stream reports"""
+    delay_s: Vector  # that the stream reports
 
 
 def stream_of(robot: Robot, first: Target) -> TargetStream:
