@@ -17,10 +17,9 @@ import click
 import numpy as np
 
 from bench.options import JOBS, SEED, command
-from bench.report import Target, print_report
+from bench.report import Target, print_report, summary
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.reaching import RAMPING, Reaching
-from bench.study.identification_report import summary
 from bench.study.masses import MassesFound, MassesJob, examine
 from bench.study.monte_carlo import spread
 from daemon.config.load import load_robot

@@ -55,12 +55,6 @@ FULL_SPEED = 0.95  # of the velocity limit
 FAST = (all_frozen, encoder_frozen, samples_repeat, pdos_stale, stone_deaf, heartbeat_lost, runaway)
 # Made at nearly full speed, too. A drive that hears no setpoint any more is not among them: it goes
 # on as it was told until its setpoints are others.
-WORDS = {
-    Response.CONTINUE: "continue",
-    Response.HOLD: "hold",
-    Response.QUICK_STOP: "quick stop",
-    Response.FAULT_EXIT: "fault exit",
-}
 
 
 def stop_sent(on: BreakableArm, reaction: Response) -> bool:
@@ -228,7 +222,7 @@ def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:
 
 def row(on: BreakableArm, case: Case, **measured: float | None) -> dict[str, Any]:
     """Results of one fault that are printed and kept."""
-    reaction = WORDS[TABLE[case.condition].response]
+    reaction = TABLE[case.condition].response.name.lower().replace("_", " ")
     found_as = {"condition": case.condition.value, "reaction": reaction}
     stated = {"make": on.make.name, "fault": case.name, **found_as}
     return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}

@@ -47,10 +47,7 @@ def answers_of(
     """Figures of the answers from one recording, and their targets."""
     real_time = 1e6 * PERIOD_S / replay_us
     found = [times(path, JOINT, folder) for _ in range(max(rounds // 2, 1))]
-    middle = {
-        name: statistics.median(getattr(one, name) for one in found)
-        for name in ("whatif_cpu_s", "cached_s", "plot_s", "page_mb")
-    }
+    middle = {name: statistics.median(one[name] for one in found) for name in found[0]}
     data: dict[str, Any] = {"real_time": round(real_time, 1)} | middle
     targets = [
         Target("replay, times real time", real_time, 150, "x", "higher"),

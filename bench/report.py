@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
@@ -39,6 +40,17 @@ def joints_table(title: str, n: int, first: str = "") -> Table:
     for i in range(n):
         shown.add_column(str(i + 1), justify="right", no_wrap=True)
     return shown
+
+
+def summary(errors: NDArray[np.float64]) -> dict[str, list[float | None]]:
+    """Summary of errors (arms, n), per joint: median and 95th percentile of their sizes, None where
+    no arm has an answer, and the share of arms without one."""
+    size = [np.abs(column[~np.isnan(column)]) for column in errors.T]
+    return {
+        "median": [round(float(np.median(x)), 3) if len(x) else None for x in size],
+        "p95": [round(float(np.percentile(x, 95.0)), 3) if len(x) else None for x in size],
+        "unanswered": np.isnan(errors).mean(axis=0).round(3).tolist(),
+    }
 
 
 def plain(value: Any, digits: int | None = None) -> Any:

@@ -33,7 +33,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.rigs.page import page_of, ticks_in
 from bench.rigs.processes import Pair, pair
 from bench.soak.process import cpu_s, peak_mb
-from bench.study.beside import median_ratio, p99_us, watch
+from daemon.protocol.state import State
 from programs.clients.client import Client
 from programs.web.page_routes import BUILT
 
@@ -114,6 +114,23 @@ class Readers:
         return sum(t[-1] - t[0] + 1 - len(t) for t in self.ticks if t)
 
 
+def watch(both: Pair, seconds: float) -> list[State]:
+    """States of so many seconds."""
+    client, _, states = both.subscribed()
+    with client:
+        found = [next(states)]
+        while found[-1].time_s - found[0].time_s < seconds:
+            found.append(next(states))
+    return found
+
+
+def p99_us(states: list[State]) -> dict[str, float]:
+    """p99 of the tick's work, of the doors, and of both together [us]."""
+    tick, doors = np.array([(s.timing.work_us, s.timing.doors_us) for s in states]).T
+    parts = {"both": tick + doors, "tick": tick, "doors": doors}
+    return {name: float(np.percentile(part, 99)) for name, part in parts.items()}
+
+
 @dataclass(slots=True)
 class Rounds:
     """Figures of all rounds."""
@@ -128,7 +145,8 @@ class Rounds:
 
     def ratio(self, what: str) -> float:
         """Median over the rounds of with over without."""
-        return median_ratio(self.beside, self.without, what)
+        rounds = zip(self.beside, self.without, strict=True)
+        return float(np.median([there[what] / here[what] for there, here in rounds]))
 
     def play(self, both: Pair, seconds: float, *, page_first: bool) -> None:
         """One round; which comes first alternates."""

@@ -35,8 +35,8 @@ import click
 from bench.options import command
 from bench.report import print_report
 from bench.soak.plot import plot
-from bench.soak.progress import Progress
 from bench.soak.real_time import run_real_time
+from bench.soak.record import Progress
 from bench.soak.report import failures, show, targets_of
 from bench.soak.simulated import simulate_hours
 

@@ -1,8 +1,11 @@
 """Record of one part of a soak: samples over time, checks, and what was seen."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
+
+import click
 
 from bench.soak.trend import Bound, Trend, trend
 
@@ -91,3 +94,19 @@ class Part:
                 for name, values in self.samples.items()
             },
         }
+
+
+Report = Callable[[float], None]  # Takes the share of a run that is done, 0 to 1.
+
+
+class Progress:
+    """A line on stderr for every tenth that is done."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._shown = name, 0
+
+    def __call__(self, share: float) -> None:
+        """Write the line if another tenth is done."""
+        if share >= (self._shown + 1) / 10:
+            self._shown = int(10 * share + 1e-9)
+            click.echo(f"{self._name}: {10 * self._shown} % done", err=True)

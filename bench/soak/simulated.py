@@ -28,8 +28,7 @@ from bench.soak.invariants import Watch, false_alarms
 from bench.soak.losses import LOSSES
 from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, leader, operator, program
 from bench.soak.process import held
-from bench.soak.progress import Progress, Report
-from bench.soak.record import Part
+from bench.soak.record import Part, Progress, Report
 from bench.soak.robot import gives_way, hand_script, write_robot
 from common.errors import ContactdError
 from daemon.config.load import load_robot

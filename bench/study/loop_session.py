@@ -9,7 +9,6 @@ CPU time is left out. It runs in a process of its own, which has the daemon's re
 import contextlib
 import logging
 import math
-import multiprocessing
 import os
 import tempfile
 import time
@@ -24,6 +23,7 @@ import numpy as np
 from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
+from bench.study.wakeups import Spawned
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
@@ -126,37 +126,24 @@ def in_a_row() -> Clock:
     return Clock(lambda: now, jump, lambda: now)
 
 
-class Session:
+class Session(Spawned):
     """Process in which the loop runs."""
 
     def __init__(self, hz: int, *, waits: bool) -> None:
         self._options = (hz, waits)
-        self._start()
-
-    def _start(self) -> None:
-        spawned = multiprocessing.get_context("spawn")
-        self._connection, theirs = spawned.Pipe()
-        self._process = spawned.Process(target=_serve, args=(theirs, *self._options), daemon=True)
-        self._process.start()
-        theirs.close()
-        self._connection.recv()  # raises EOFError if it ended
+        super().__init__(_serve, *self._options)
 
     def begin_anew(self) -> None:
         """Put a new process in its place."""
         self.close()
-        self._start()
+        super().__init__(_serve, *self._options)
 
     def ask(self, ticks: int) -> dict[str, Any]:
         """Figures of so many ticks. Raises EOFError if the process ends before it, having said why
         on stderr."""
-        self._connection.send(ticks)
-        answer: dict[str, Any] = self._connection.recv()
+        self.connection.send(ticks)
+        answer: dict[str, Any] = self.connection.recv()
         return answer
-
-    def close(self) -> None:
-        """End it and wait."""
-        self._connection.close()
-        self._process.join()
 
 
 def _serve(connection: Connection, hz: int, waits: bool) -> None:
