@@ -59,12 +59,10 @@ class Result:
     """What one arm did; NaN where a joint did not move enough to tell."""
 
     job: Job
-    absorbed: NDArray[np.float64]  # (SHARES, n), of the hand's torque
-    raised: NDArray[np.float64]
-    """(SHARES, n): threshold in force at the end over that in the beginning"""
+    absorbed: Matrix  # (SHARES, n), of the hand's torque
+    raised: Matrix  # (SHARES, n): threshold in force at the end over that before
     missed: NDArray[np.bool_]  # (SHARES, n): steps of twice the threshold afterwards
-    ramp: Vector
-    """(n,): largest torque of the growing hand that was not felt yet, over the threshold"""
+    ramp: Vector  # (n,): most of the growing hand that was not felt yet, over the threshold
 
 
 class Arm:
@@ -217,9 +215,7 @@ def table(results: Sequence[Result], n: int) -> Table:
     return shown
 
 
-def _over_arms(
-    values: NDArray[np.float64], of: Callable[[NDArray[np.float64]], Any], words: str
-) -> list[str]:
+def _over_arms(values: Matrix, of: Callable[[Matrix], Any], words: str) -> list[str]:
     """What the arms (arms, n) come to, joint by joint; `-` where none moved enough to tell."""
     told = [column[np.isfinite(column)] for column in values.T]
     return [words.format(of(column)) if column.size else "-" for column in told]

@@ -52,8 +52,7 @@ class Result:
     """touches that were not felt, or more than 150 ms later than the latest on the same arm without
     the change, less those that this one did not feel"""
     touched: int
-    level: float
-    """130 s after the change, over that of the same arm without it, or with it all the time"""
+    level: float  # 130 s after the change, over that of the arm without it, or always with it
     faults: int
 
 

@@ -39,6 +39,7 @@ from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.scores import count_alarms
 from bench.study.world import Gears, Law
+from common.arrays import Matrix
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side
@@ -68,8 +69,7 @@ class Tally:
     hours: float
     alarms: NDArray[np.int64]  # (variants, PARTS, n)
     gap_under_load: NDArray[np.int64]  # ticks (n,)
-    thresholds: NDArray[np.float64]
-    """(n, arms): median in motion of the threshold in force, over the configured level"""
+    thresholds: Matrix  # (n, arms): median in motion, over the configured level
 
     def __add__(self, other: "Tally") -> "Tally":
         return Tally(
@@ -105,7 +105,7 @@ def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
 
 
 def tally(
-    recording: Recording, found: Estimates, kinds: NDArray[np.int64], contact: NDArray[np.float64]
+    recording: Recording, found: Estimates, kinds: NDArray[np.int64], contact: Matrix
 ) -> Tally:
     """Counts of a stretch; alarms count from GRACE_S of the day on."""
     armed = recording.time_s > GRACE_S

@@ -35,8 +35,7 @@ from identification.motion_log import MotionLog
 from programs.identify.motions import bounds_of
 from simulator.mismatch import PlantParameters
 
-TOGETHER = 5
-"""Arms that one process simulates at once: the cheapest, and few enough to see how far it is."""
+TOGETHER = 5  # Arms that one process simulates at once: few enough to see how far it is
 HAND_S = 17.0
 FILTER_MS = 3.0
 SENSORS: dict[str, dict[str, float]] = {

@@ -44,8 +44,7 @@ class Day:
 
     pushes: int = 0
     yielded_to: int = 0  # pushes that made it yield
-    yields: list[float] = field(default_factory=list)
-    """times [s] at which it yielded and nobody was there"""
+    yields: list[float] = field(default_factory=list)  # times [s], nobody being there
     contacts: list[str] = field(default_factory=list)  # that nobody made
     faults: int = 0
     tracked_s: float = 0.0

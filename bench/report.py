@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 import click
 import numpy as np
-from numpy.typing import NDArray
 from rich.table import Table
+
+from common.arrays import Matrix
 
 NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
 """Style of tables that fit into 80 columns."""
@@ -42,7 +43,7 @@ def joints_table(title: str, n: int, first: str = "") -> Table:
     return shown
 
 
-def summary(errors: NDArray[np.float64]) -> dict[str, list[float | None]]:
+def summary(errors: Matrix) -> dict[str, list[float | None]]:
     """Summary of errors (arms, n), per joint: median and 95th percentile of their sizes, None where
     no arm has an answer, and the share of arms without one."""
     size = [np.abs(column[~np.isnan(column)]) for column in errors.T]

@@ -208,7 +208,6 @@ def _record(rig: Rig, seconds: float) -> Recording:
 
 
 def _finished(rig: Rig, recorder: Recorder) -> Recording:
-    """The recording with the rival. A fault on the way would have stopped the arm and spoilt the
-    figure."""
+    """The recording with the rival. A fault on the way would have spoilt the figure."""
     assert rig.mode is Mode.TRACKING, (rig.mode, rig.tick.controller.machine.cause)
     return with_kalman(recorder.recording())

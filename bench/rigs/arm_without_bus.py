@@ -37,12 +37,10 @@ class Subject:
 
     robot: Robot
     settings: SimulationSettings
-    displacement_m: float = 0.0
-    """every centre of mass is off by this, each in a direction of its own"""
+    displacement_m: float = 0.0  # of every centre of mass, each in a direction of its own
     drift: float = 0.0  # friction of every joint swings by this share of itself ...
     drift_period_s: float = 240.0  # ... once in this time, each in a phase of its own
-    interpolates: bool = True
-    """its drives reach each setpoint over a period; else they take it as a step"""
+    interpolates: bool = True  # drives reach setpoints over a period, not at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,10 +117,8 @@ class Scenario:
     motion: Motion | Course
     pushes: tuple[Push, ...] = ()
     carried: tuple[Carried, ...] = ()  # in the order of time
-    torque: Matrix | None = None
-    """on the links besides the pushes, a row for each tick (ticks, n) [Nm]"""
-    phi: Vector | None = None
-    """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
+    torque: Matrix | None = None  # on the links besides the pushes (ticks, n) [Nm]
+    phi: Vector | None = None  # of the links when the drives come on [rad]; None: the middle
     settling_s: float = 1.5  # from switching on until the arm stands and the recording begins
     begin_s: float = 0.0  # time at which it begins, for the drift of friction
 
@@ -131,15 +127,14 @@ class Scenario:
 class Recording:
     """Samples of every SYNC, and the truth after every millisecond before it."""
 
-    time_s: NDArray[np.float64]  # (ticks,), from the moment the arm stood
-    samples: NDArray[np.float64]
+    time_s: Matrix  # (ticks,), from the moment the arm stood
+    samples: Matrix
     """(ticks, 4, n): current [A], link position, motor velocity, motor position, by the codec"""
     phi: Matrix  # (milliseconds, n) [rad]; the last of a period is that of its SYNC
     gear_torque: Matrix  # what the gear hands to the link [Nm]
     external: Matrix  # torque on the links in that millisecond [Nm]
     half_gap: Vector  # true alpha (n,) [rad]
-    breakaway: Vector
-    """(n,): most torque that friction of gear and link holds at rest, either way [Nm]"""
+    breakaway: Vector  # (n,): most torque that friction of gear and link holds at rest [Nm]
 
     @property
     def per_tick(self) -> int:

@@ -250,8 +250,7 @@ class BreakableArm:
 
     @contextmanager
     def off_the_bus(self) -> Iterator[None]:
-        """Frames of ours wait inside the block, as many as an interface queues, and go out after
-        it."""
+        """Frames of ours wait inside the block, as many as an interface queues, and go out then."""
         self.wire.queue = []
         try:
             yield

@@ -16,8 +16,7 @@ from drivers.canopen.emergency_codes import MASTER_SILENT
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
 from drivers.canopen.inbox import FRAMES_PER_PASS
 
-SHORTEST_FRAME = 111
-"""Bits of a frame with eight bytes and no stuff bit, and of the gap to the next."""
+SHORTEST_FRAME = 111  # bits: eight bytes, no stuff bit, and the gap to the next frame
 
 
 def _answers(drive: Drive) -> list[int]:
@@ -143,8 +142,7 @@ def bus_down(on: BreakableArm) -> Iterator[None]:
 
 
 def old_frames(on: BreakableArm) -> Iterator[None]:
-    """The bus returns, and with it so many old answers of every drive at once that one pass does
-    not read them all."""
+    """The bus returns with more old answers of every drive than one pass reads."""
     answers = [pdo for drive in on.drives for pdo in transmit_pdos(drive)]
     for _ in range(4):
         for _ in range(FRAMES_PER_PASS // len(answers) + 14):

@@ -12,8 +12,7 @@ from drivers.canopen.codec import transmit_pdos
 from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
 from simulator.state_machine import Trigger
 
-OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}
-"""A mode of operation that the drives of a make have beside ours."""
+OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}  # that they have, too
 OVER_CURRENT, UNDER_VOLTAGE, OVER_TEMPERATURE = 0x2310, 0x3220, 0x4310
 
 

@@ -42,19 +42,14 @@ class Case:
     ticks: int
     armed: bool = True
     before: tuple[Condition, ...] = ()  # What is found of it sooner, and latched.
-    provable: bool = True
-    """Whether anything can say that the drive stands; else only silence is left."""
-    by_motor: bool = False
-    """Whether a stand is proved only where the drive reports the position of its motor."""
+    provable: bool = True  # something can say that the drive stands; else only silence is left
+    by_motor: bool = False  # a stand is proved only where the motor's position is reported
     obeys: bool = False
     """Whether the drive says that it obeys and nothing says where it is: then it is neither proved
     to stand nor silenced, as silence would ask no more of it."""
-    driven: bool = False
-    """Whether a hand moves a joint faster than any setpoint: then it may go further than
-    `contactd check` prints."""
+    driven: bool = False  # a hand is faster than any setpoint: what is printed may be exceeded
     own: bool = False  # Whether the drive does: then it is held against what is printed for that.
-    frames: bool = False
-    """Whether it is made, or shows, in frames: then every wire has to carry it."""
+    frames: bool = False  # made, or shown, in frames: every wire has to carry it
 
 
 _C = Condition

@@ -16,8 +16,7 @@ class FaultyWire:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self.lost: set[int] = set()
-        self.changes: list[Callable[[int, bytes], bytes]] = []
-        """What becomes of the data of frames that are received, one after the other."""
+        self.changes: list[Callable[[int, bytes], bytes]] = []  # of received data, one by one
         self.unsent: set[int] = set()  # Frames of ours that get lost.
         self.late: set[int] = set()  # Frames that come when `pass_tick` is called.
         self.twice: set[int] = set()  # Frames that come twice.

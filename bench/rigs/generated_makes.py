@@ -52,8 +52,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Make:
-    """One make of drive: its quantities by the name that a profile has for them, its PDOs, and what
-    is peculiar to it."""
+    """One make of drive: its quantities by their name in a profile, its PDOs, and its quirks."""
 
     name: str
     product: int

@@ -83,8 +83,7 @@ class OneHand:
 
 
 class CommissionedArm:
-    """An arm to commission: a folder for the daemon, another for the arm as it is, and what was
-    found so far."""
+    """An arm to commission: the daemon's folder, that of the arm as it is, and what was found."""
 
     def __init__(
         self,

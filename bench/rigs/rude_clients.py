@@ -24,8 +24,7 @@ def _dial(path: str) -> socket.socket:
 
 
 def _sending(path: str, packets: list[bytes], connections: int, *, listens: bool) -> Iterator[None]:
-    """Send everything on every connection as fast as the daemon takes it; a connection that is
-    dropped comes again."""
+    """Send everything on every connection as fast as it is taken; dropped ones come again."""
     opened = [_dial(path) for _ in range(connections)]
     while True:
         for i, one in enumerate(opened):

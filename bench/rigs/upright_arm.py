@@ -31,8 +31,7 @@ _LINK_SHARE = 0.15
 STIFFNESS = 1000.0  # Of every gear [Nm/rad].
 MASSES_OFF = 10.0
 PRESLIDING = 0.0003
-ENCODERS_OFF = 0.0005
-"""Amplitude of what both encoders of each joint err with each turn [rad at the link]."""
+ENCODERS_OFF = 0.0005  # Amplitude of what both encoders err with each turn [rad at the link]
 START = {"shoulder": 0.6, "elbow": 0.5, "wrist_pitch": 0.3}
 MAKE = replace(MAKES[0], quirks={"interpolation_ms": 10.0})
 """Setpoints become a ramp over the period, as in most drives: where they are steps, a rotor's

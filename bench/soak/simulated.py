@@ -19,7 +19,6 @@ from pathlib import Path
 from random import Random
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm, breakable
 from bench.rigs.faults import CASES, Case
@@ -30,6 +29,7 @@ from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, leader, 
 from bench.soak.process import held
 from bench.soak.record import Part, Progress, Report
 from bench.soak.robot import gives_way, hand_script, write_robot
+from common.arrays import Vector
 from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.protocol.replies import Reply
@@ -45,19 +45,10 @@ from daemon.tick.loop import Loop
 # what needs a certain motion to be noticed, what stands in for somebody else's part, and what is
 # stronger than a drive: no setpoint keeps it inside a joint limit.
 UNFIT = {
-    "adapter gone",
-    "drive deaf to setpoints",
-    "... and to SDO",
-    "... and to NMT",
-    "drive stone-deaf",
-    "drive runs away",
-    "current stuck",
-    "encoder frozen",
-    "gear slips at 0.8 rad/s",
-    "infinite reference",
-    "pushed beyond a limit",
-    "hit of 9 Nm",
-}
+    "adapter gone", "drive deaf to setpoints", "... and to SDO", "... and to NMT",
+    "drive stone-deaf", "drive runs away", "current stuck", "encoder frozen",
+    "gear slips at 0.8 rad/s", "infinite reference", "pushed beyond a limit", "hit of 9 Nm",
+}  # fmt: skip
 # A robot has losses every day: each is drawn as often as three faults.
 FAULTS = (*(case for case in CASES if case.name not in UNFIT), *LOSSES * 3)
 # Ticks that an arm waits for missing samples, by the seed: the usual ones, and so many that its
@@ -223,7 +214,7 @@ class _Sampler:
         self._error: list[float] = []
         self._cpu_s = time.thread_time()
 
-    def take(self, time_s: float, state: State, theta: NDArray[np.float64]) -> bool:
+    def take(self, time_s: float, state: State, theta: Vector) -> bool:
         """One tick, with the motors' true positions (n,) [rad]; whether it completes a sample."""
         self._sigma.append(sum(state.phi_sigma) / len(state.phi_sigma))
         # What stands where its side of the gap is unknown may be a gap off, and says so: that comes

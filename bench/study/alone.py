@@ -26,8 +26,7 @@ JUDGED_S: Final = 60.0  # of the work before, in which the level is taken
 SOON_S: Final = 10.0
 LATE_S: Final = 120.0
 TOUCHES_S: Final = 75.0
-EVERY_S: Final = 15.0
-"""between two touches: one leaves doubt until the joint passed there again, the same way"""
+EVERY_S: Final = 15.0  # between two touches: doubt lasts until the joint passed there again
 TOUCH_S: Final = 0.5
 FADES_S: Final = 0.5
 AFTER_S: Final = 130.0
@@ -56,8 +55,7 @@ class Course:
     alone_s: float = 0.0  # longest
     alone_rad: float = 0.0  # furthest, in one contact
     false: list[float] = field(default_factory=list)  # times of contacts [s]
-    levels: list[float] = field(default_factory=list)
-    """in force in motion, of the changed joint [Nm]"""
+    levels: list[float] = field(default_factory=list)  # in motion, of the changed joint [Nm]
     felt: list[float] = field(default_factory=list)  # delays of touches [s]; infinite: missed
     faults: int = 0
 
@@ -168,7 +166,7 @@ class Watched:
         """Arm again where the permission ended, and start again where the trajectory did."""
         on, machine = self.on, self.on.tick.controller.machine
         if on.mode is Mode.TRACKING and not machine.armed:
-            on.arm()
+            on.permit()
         if on.mode is Mode.HOLDING and not self.rests:
             on.tick.controller.request(Event.START, "the bench", on.time_s)
 

@@ -44,8 +44,7 @@ class ArmedResult:
 
     job: ArmedJob
     felt_s: float | None  # from the load until the arm first yielded or let go; None: never
-    hinted_s: float | None
-    """from the load until it was said what to do if it is one; None: not within WATCHED_S"""
+    hinted_s: float | None  # until it was said what to do if it is one; None: not within WATCHED_S
     found_s: float | None  # from the load until it was recognised, likewise
     mass: float  # that was believed [kg]; NaN
     told_before: bool  # a load was recognised before there was one

@@ -31,12 +31,9 @@ class Score:
     that decides at its levels in force, by the rivals at those thresholds"""
     smallest_turning_nm: list[float]  # the same where the joint stood or turned meanwhile
     smallest_rest_nm: list[float]
-    hidden_rest_nm: list[float]
-    """the most of such a step that friction of the gear kept from the motor to its end"""
-    stiction_rest_nm: list[float]
-    """the most that friction of the gear may hide: it held one way, and holds the other"""
-    in_force_nm: list[float]
-    """threshold in force in motion after the work before, median over the arms"""
+    hidden_rest_nm: list[float]  # the most of it that friction of the gear kept from the motor
+    stiction_rest_nm: list[float]  # the most that friction may hide: it held one way, and turns
+    in_force_nm: list[float]  # threshold in motion after work, median over the arms
     missed_moving: int  # of the steps of two to four times the threshold in force at their onset
     tried_moving: int
     missed_rest: int  # the same

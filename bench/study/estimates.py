@@ -31,12 +31,10 @@ VARIANTS: Final = (
 class Estimates:
     """One row per SYNC, true `delay_s` before it."""
 
-    residuals: dict[str, Matrix]
-    """by the name of the variant, the one that decides first, the Kalman rival last [Nm]"""
+    residuals: dict[str, Matrix]  # by variant, the one that decides first, Kalman last [Nm]
     threshold: Matrix  # in force, with its raise near rest [Nm]
     side: NDArray[np.int8]
-    touched_link: NDArray[np.int64]
-    """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""
+    touched_link: NDArray[np.int64]  # (ticks,): joint whose link is touched, or -1
     delay_s: float
 
 
@@ -49,7 +47,7 @@ def build(robot: Robot, **changes: object) -> Estimator:
     return build_estimator(msgspec.structs.replace(c, estimator=settings), robot.model)
 
 
-def rows_of(estimator: Estimator, samples: NDArray[np.float64]) -> EstimateRows:
+def rows_of(estimator: Estimator, samples: Matrix) -> EstimateRows:
     """Rows of samples (ticks, 4, n), none of which is missing: current, link position, motor
     velocity and position. The estimator goes on from where it was."""
     current, link_position, motor_velocity, motor_position = np.moveaxis(samples, 1, 0)

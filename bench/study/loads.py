@@ -46,8 +46,7 @@ class LoadJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadResult:
-    """What became of one mass; times count the motion of joints that carry it, from the pick-up
-    on."""
+    """What became of one mass; times count the motion of joints that carry it, from then on."""
 
     job: LoadJob
     given: float  # [kg]
@@ -137,8 +136,7 @@ def recognised(model: Model, rows: EstimateRows, recording: Recording) -> list[R
 
 
 def _moved_s(model: Model, payload: Payload, recording: Recording, begin: int) -> Vector:
-    """Seconds for which joints that carry it have moved since `begin`, tick by tick; none before
-    they moved by WAY."""
+    """Seconds of motion of joints that carry it since `begin`, by tick; none before WAY."""
     q, speed = recording.samples[begin:, 1], np.abs(recording.samples[begin:, 2])
     carries = np.empty(q.shape, dtype=np.bool_)
     for tick in range(len(q)):

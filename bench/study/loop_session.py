@@ -155,8 +155,7 @@ def _serve(connection: Connection, hz: int, waits: bool) -> None:
 
 @contextlib.contextmanager
 def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]]:
-    """The loop, enabled and then tracking; it waits for its deadlines, or ticks as fast as it
-    can."""
+    """The loop, enabled and then tracking; it waits for its deadlines, or ticks on at once."""
     robot, answers = record(hz)
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="contactd-bench-")))

@@ -106,8 +106,7 @@ class Subjects(Fleet):
     def moved(
         self, arms: list[PlantParameters], seconds: float, seed: int, *turn_s: float
     ) -> list[MotionLog]:
-        """Logs of an excitation of all joints; turn_s: its periods, where they are not the
-        usual."""
+        """Logs of an excitation of all joints; turn_s: its periods, if not the usual ones."""
         period = self.c.period_s
         motion = excitation(bounds_of(self.c), self.model, period, seed, *turn_s)
         path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)

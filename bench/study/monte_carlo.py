@@ -27,7 +27,7 @@ from bench.study.estimates import Estimates, build, estimates
 from bench.study.population import STEP_MS, Step, Touch
 from bench.study.scores import Errors, Trial, count_alarms, quiet_threshold
 from bench.study.world import Gears, Law
-from common.arrays import Vector
+from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 
@@ -51,8 +51,7 @@ class Job:
     motor_position: Literal["measured", "integrated"]
     worked_s: float = 600.0  # at work before
     gears: Gears = "modelled"
-    link_encoder: bool = True
-    """False: the motor's encoder stands for the link's, as in an arm without one"""
+    link_encoder: bool = True  # False: the motor's encoder stands for the link's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +63,8 @@ class Result:
     alarms: NDArray[np.int64]
     """of the residual that decides at its levels in force; of the rivals at those of the
     configuration, raised near rest"""
-    quiet: NDArray[np.float64]
-    """lowest thresholds without an alarm [Nm]; of the residual that decides, learning aside"""
-    level: NDArray[np.float64]
-    """(n,): median in motion of the level in force, after the work before [Nm]"""
+    quiet: Matrix  # lowest thresholds without an alarm [Nm], learning aside
+    level: Matrix  # (n,): median in motion, in force after the work before [Nm]
     errors: tuple[Errors, ...]  # by variant: against the filtered truth while link and rotor touch
     trials: tuple[Trial, ...]
     named: tuple[Named, ...]
@@ -126,8 +123,7 @@ def run(job: Job) -> Result:
 
 
 def without_link_encoder(robot: Robot) -> Robot:
-    """Robot as an owner would describe it whose joints have a motor encoder alone: without a gap,
-    as none can be seen."""
+    """Robot as its owner describes it who has motor encoders alone: without a gap."""
     c = robot.configuration
     joints = [replace(joint, half_gap=0.0) for joint in c.joints]
     return dataclasses.replace(robot, configuration=replace(c, joints=joints))

@@ -14,8 +14,7 @@ from daemon.config.schema import Configuration
 DISPLACEMENT_M: Final = 0.005
 LATENCY_MS: Final = 1.0  # at most, of the link encoder; the model does not know
 VELOCITY_SCALE_ERROR: Final = 0.002
-VELOCITY_BIAS: Final = 0.001
-"""[rad/s], 0.02 % of a full scale of 5 rad/s; both of motor velocities that are integrated"""
+VELOCITY_BIAS: Final = 0.001  # [rad/s], 0.02 % of 5 rad/s; both of velocities that are integrated
 
 STEP_MS: Final = 500
 CLEARANCE: Final = 0.1  # [rad] between the motion and the joint limits

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.rigs.lockstep import Rig
-from common.arrays import Matrix
+from common.arrays import Matrix, Vector
 from daemon.config.schema import Configuration
 from estimator.contact import dead_band
 
@@ -26,7 +26,7 @@ class Recording:
     configuration: Configuration
     urdf: str
     delay_s: float  # how long before the samples the estimator's rows are true
-    time_s: NDArray[np.float64]  # since the recording began
+    time_s: Vector  # since the recording began
     mode: NDArray[np.str_]
     # The plant, in truth.
     true_q: Matrix

@@ -18,8 +18,7 @@ import numpy as np
 from common.arrays import Matrix, Vector
 
 KALMAN: Final = "kalman"
-KALMAN_BELIEF: Final = "classical+friction+rotor"
-"""What the observer believes of the joint too: only the filter differs."""
+KALMAN_BELIEF: Final = "classical+friction+rotor"  # also what the observer believes
 
 
 def fair_index(TK: float) -> float:

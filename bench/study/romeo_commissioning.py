@@ -56,8 +56,7 @@ def residuals(folder: Path, truth: Path, seed: int) -> Matrix:
 
 
 def inertias_of_the_model(settings: SimulationSettings) -> SimulationSettings:
-    """Leave masses as they are in the model; friction, gaps and rotors stay as wrong as they
-    are."""
+    """Leave masses as in the model; friction, gaps and rotors stay as wrong as they are."""
     mismatch = msgspec.structs.replace(settings.mismatch, mass=0.0, center_of_mass=0.0)
     return msgspec.structs.replace(settings, mismatch=mismatch)
 

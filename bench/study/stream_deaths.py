@@ -21,13 +21,8 @@ from daemon.motion.playout import Target
 from daemon.motion.target_stream import BRAKED_S, TargetStream
 
 DEATHS: Final = (
-    "silence",
-    "ever later",
-    "repeated",
-    "clock stands",
-    "clock runs back",
-    "no numbers",
-)
+    "silence", "ever later", "repeated", "clock stands", "clock runs back", "no numbers",
+)  # fmt: skip
 STANDS: Final = 0.02  # setpoint that counts as zero [rad/s]
 SECONDS: Final = 8.0
 
@@ -67,8 +62,7 @@ class Death:
 
 
 def death(robot: Robot, way: str, rate_hz: float, seed: int) -> Death:
-    """Death of a stream in the middle of a motion. Raises RuntimeError if the arm did not follow
-    until then."""
+    """Death of a stream amid a motion. Raises RuntimeError if the arm did not follow until then."""
     c, limits = robot.configuration, limits_of(robot.configuration)
     motion = hand(limits, SECONDS, seed)
     coming = arrivals(motion, rate_hz, SECONDS, seed)

@@ -30,8 +30,7 @@ Motion = Callable[[float], Vector]  # Pose (n,) [rad] at a time [s].
 
 
 def sines(limits: Limits, seconds: float, seed: int) -> Motion:
-    """All joints around their middles, with at most 60 % of their speed and 40 % of their
-    acceleration."""
+    """All joints around their middles, at most at 60 % of their speed and 40 % of acceleration."""
     del seconds
     rng = np.random.default_rng((seed, 42))
     n = len(limits.lower)

@@ -41,8 +41,7 @@ STIFFNESS: Final = (300.0, 4000.0)  # [Nm/rad]
 STEPPING: Final = 0.3  # share of the arms whose drives do not interpolate
 
 LOAD: Final = (0.0, 0.15)  # friction per transmitted torque, of half of the arms ...
-EFFICIENCY: Final = (0.7, 0.95)
-"""... and the efficiency of the other half's gears, driving and driven"""
+EFFICIENCY: Final = (0.7, 0.95)  # ... and the efficiency of the other half's gears
 FRICTION_RIPPLE: Final = 20.0
 COGGING: Final = 5.0
 GAP_RIPPLE: Final = 30.0  # [percent], at most
