@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import repeat
 from typing import Any
 
 import can
@@ -58,6 +59,38 @@ def for_ever() -> Iterator[None]:
     """Endless yields: the fault lasts until it is closed."""
     while True:
         yield
+
+
+def lasting(do: Callable[["BreakableArm"], object]) -> Fault:
+    """Fault that is done once, and lasts."""
+
+    def fault(on: "BreakableArm") -> Iterator[None]:
+        do(on)
+        yield from for_ever()
+
+    return fault
+
+
+def once(do: Callable[["BreakableArm"], object]) -> Fault:
+    """Fault that is done once, and is over after a tick."""
+
+    def fault(on: "BreakableArm") -> Iterator[None]:
+        do(on)
+        yield
+
+    return fault
+
+
+def throughout(
+    block: Callable[["BreakableArm"], AbstractContextManager[None]], ticks: int | None = None
+) -> Fault:
+    """Fault that is there inside a block, for so many ticks, or until it is closed."""
+
+    def fault(on: "BreakableArm") -> Iterator[None]:
+        with block(on):
+            yield from for_ever() if ticks is None else repeat(None, ticks)
+
+    return fault
 
 
 @dataclass(slots=True)

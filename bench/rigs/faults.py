@@ -5,30 +5,19 @@ interface, or `EXCLUDED` says why not. Faults of processes (SIGSTOP, SIGKILL, a 
 no part of it.
 """
 
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from bench.rigs import bus_faults as bus
 from bench.rigs import drive_faults as drive
 from bench.rigs import measurement_faults as measured
-from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage
+from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage, throughout
 from bench.rigs.lines import LINES
 from daemon.faults.table import Condition
 
 
-def late(seconds: float) -> Fault:
-    def fault(on: BreakableArm) -> Iterator[None]:
-        with on.late(seconds):
-            yield
-
-    return fault
-
-
-def late_ticks(on: BreakableArm) -> Iterator[None]:
-    with on.late(0.012):
-        for _ in range(8):
-            yield
+def late(seconds: float, ticks: int = 1) -> Fault:
+    return throughout(lambda on: on.late(seconds), ticks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +117,7 @@ CASES = (
     Case("drive runs away", _C.OVERSPEED, drive.runaway, 15, own=True),
     Case("pushed beyond a limit", _C.JOINT_LIMIT, measured.pushed_beyond_a_limit, 100, driven=True),
     Case("one late tick", _C.LATE, late(0.012), 1),
-    Case("8 late ticks", _C.OVERRUN, late_ticks, 5),
+    Case("8 late ticks", _C.OVERRUN, late(0.012, ticks=8), 5),
     Case("60 ms late", _C.OVERRUN, late(0.060), 1),
     Case("stood still for 90 ms", _C.ABSENT, late(0.090), 1),
     Case("stood still for 150 ms", _C.ABSENT, late(0.150), 1),
