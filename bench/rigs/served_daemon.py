@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 from unittest import mock
 
+from click import Command
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
@@ -160,20 +161,16 @@ class ServedDaemon:
     def contactctl(self, *arguments: str) -> Result:
         """Run `contactctl` as a person would type it, so not at once after another command."""
         self.run(TYPING_S)
-        result = self.until(
-            lambda: CliRunner().invoke(
-                contactctl.main, ["--socket", str(self.path), *arguments], catch_exceptions=False
-            )
-        )
-        assert isinstance(result, Result)
-        return result
+        return self._typed(contactctl.main, ["--socket", str(self.path), *arguments])
 
     def contactd(self, *arguments: str, answers: IO[bytes] | None = None) -> Result:
         """Run a command of `contactd` that talks to the daemon, as a person would type it, with
         `answers` to what it asks."""
-        words = [*arguments, "--socket", str(self.path)]
+        return self._typed(contactd.main, [*arguments, "--socket", str(self.path)], answers)
+
+    def _typed(self, main: Command, words: list[str], answers: IO[bytes] | None = None) -> Result:
         result = self.until(
-            lambda: CliRunner().invoke(contactd.main, words, answers, catch_exceptions=False)
+            lambda: CliRunner().invoke(main, words, answers, catch_exceptions=False)
         )
         assert isinstance(result, Result)
         return result

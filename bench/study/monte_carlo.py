@@ -100,21 +100,12 @@ def run(job: Job) -> Result:
     truth = scores.filtered(external, c.estimator.gain, c.period_s)
     touching = recording.mean(found.delay_s, recording.apart) == 0.0
     residuals = found.residuals.values()
+    pairs = [(r[armed], above[armed]) for r, above in zip(residuals, raised, strict=True)]
     return Result(
         job=job,
         names=tuple(found.residuals),
-        alarms=np.array(
-            [
-                count_alarms(r[armed], contact + above[armed])
-                for r, above in zip(residuals, raised, strict=True)
-            ]
-        ),
-        quiet=np.array(
-            [
-                quiet_threshold(r[armed], above[armed])
-                for r, above in zip(residuals, raised, strict=True)
-            ]
-        ),
+        alarms=np.array([count_alarms(r, contact + above) for r, above in pairs]),
+        quiet=np.array([quiet_threshold(r, above) for r, above in pairs]),
         level=level,
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
         trials=tuple(_trial(step, recording, found, raised, c) for step in steps),

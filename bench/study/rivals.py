@@ -34,12 +34,6 @@ def fair_index(TK: float) -> float:
     return 2.0 * (1.0 - r) ** 2 / r
 
 
-def steady_gains(index: float) -> tuple[float, float]:
-    """a and b: how much of an innovation of p goes into p, and times 1 / T into d."""
-    r = (4.0 + index - np.sqrt(index * (8.0 + index))) / 4.0
-    return 1.0 - r * r, 2.0 * (1.0 - r) ** 2
-
-
 class KalmanObserver:
     """The observer for n joints, beginning with no external torque; its gain settles by itself.
 
