@@ -18,6 +18,7 @@ from bench.study.world import LAWS
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Sinusoid
+from daemon.config.vectors import limits_of
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import GUIDED, Event, Mode
 
@@ -77,12 +78,8 @@ def arm_of(
     joints = [
         joint if own else msgspec.structs.replace(joint, admittance_gain=gain) for joint in c.joints
     ]
-    room = np.array(
-        [
-            min(joint.limits.upper - q, q - joint.limits.lower)
-            for joint, q in zip(c.joints, START, strict=True)
-        ]
-    )
+    limits = limits_of(c)
+    room = np.minimum(limits.upper - START, START - limits.lower)
     sinusoids = {
         joint.name: Sinusoid(
             amplitude=float(min(0.8 * reach, rng.uniform(0.2, 0.4))),

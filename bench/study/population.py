@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 
 from bench.rigs.arm_without_bus import Motion, Push
+from bench.study.courses import Room
 from common.arrays import Matrix, Vector
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
@@ -17,7 +18,6 @@ VELOCITY_SCALE_ERROR: Final = 0.002
 VELOCITY_BIAS: Final = 0.001  # [rad/s], 0.02 % of 5 rad/s; both of velocities that are integrated
 
 STEP_MS: Final = 500
-CLEARANCE: Final = 0.1  # [rad] between the motion and the joint limits
 
 
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
@@ -39,18 +39,14 @@ def motion(
 ) -> Motion:
     """Sinusoids around a pose of its own, within joint limits and velocities; held: share of the
     joints that stand still."""
-    rng = np.random.default_rng((seed, 11))
-    joints = configuration.joints
-    n = len(joints)
-    lower = np.array([joint.limits.lower for joint in joints]) + CLEARANCE
-    upper = np.array([joint.limits.upper for joint in joints]) - CLEARANCE
-    fastest = np.array([joint.limits.velocity for joint in joints])
+    rng, room = np.random.default_rng((seed, 11)), Room.of(configuration)
+    n = len(configuration.joints)
     omega = 2.0 * np.pi * rng.uniform(0.08, 0.4, n)
-    room = np.minimum(0.4 * (upper - lower), 0.6 * fastest / omega)
-    amplitude = np.minimum(room, 0.5) * rng.uniform(0.4, 1.0, n)
+    reach = np.minimum(0.4 * (room.upper - room.lower), room.fastest / omega)
+    amplitude = np.minimum(reach, 0.5) * rng.uniform(0.4, 1.0, n)
     amplitude[rng.random(n) < held] = 0.0
     return Motion(
-        home=rng.uniform(lower + amplitude, upper - amplitude),
+        home=rng.uniform(room.lower + amplitude, room.upper - amplitude),
         amplitude=amplitude,
         omega=omega,
         phase=rng.uniform(0.0, 2.0 * np.pi, n),

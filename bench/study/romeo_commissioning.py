@@ -11,7 +11,7 @@ from bench.report import Target
 from bench.rigs.all_joints import MOTION, moving
 from bench.rigs.lockstep import lockstep_rig
 from bench.rigs.person import CommissionedArm, Person, Written, poor_guesses
-from bench.study.commissioned import Show, judged
+from bench.study.commissioned import Show, friction_values, judged, true_friction
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
@@ -86,20 +86,8 @@ def of_gaps(arm: CommissionedArm) -> tuple[float, list[str]]:
 
 def of_friction(arm: CommissionedArm) -> dict[str, Vector]:
     """Errors of what was found [%], per joint; infinite where nothing was."""
-    assert arm.true is not None
-    true, rows = arm.true, []
-    for joint in arm.found():
-        entry = joint.friction
-        if entry is None:
-            rows.append([np.nan] * 4)
-            continue
-        f = entry.friction
-        rotor = np.nan if entry.rotor_inertia is None else entry.rotor_inertia
-        coulomb, viscous = f.motor_coulomb + f.link_coulomb, f.motor_viscous + f.link_viscous
-        rows.append([coulomb, viscous, rotor, entry.r2])
-    found = np.array(rows).T
-    truth = [true.coulomb.reshape(2, -1).sum(0), true.viscous.reshape(2, -1).sum(0)]
-    errors = 100.0 * np.abs(found[:3] / np.array([*truth, true.rotor_inertia]) - 1.0)
+    found = np.array([list(friction_values(joint).values()) for joint in arm.found()]).T
+    errors = 100.0 * np.abs(found[:3] / np.array([*true_friction(arm).values()]) - 1.0)
     errors = np.where(np.isnan(errors), np.inf, errors)
     return dict(zip(("coulomb", "viscous", "B"), errors, strict=True)) | {"r2": found[3]}
 
