@@ -1,7 +1,7 @@
 """The paper's experiments on the simulated arm, each a `Recording`."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import Literal
 
@@ -13,7 +13,8 @@ from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
-from daemon.protocol.state import STATE_FORMAT, Snapshot, State
+from daemon.protocol.state import State
+from daemon.service.status import context_of
 from estimator.settings import Variant
 from programs.demo.demo_story import Story, touch_of
 from simulator.description import Mismatch, SimulationSettings
@@ -78,7 +79,7 @@ def with_kalman(recording: Recording) -> Recording:
     """Recording with the Kalman observer beside the residuals, from the same samples."""
     c = recording.configuration
     values = kalman(recording.residuals[KALMAN_BELIEF], c.estimator.gain, c.period_s)
-    return recording.with_residual(KALMAN, values)
+    return replace(recording, residuals=recording.residuals | {KALMAN: values})
 
 
 def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
@@ -167,7 +168,7 @@ def collaboration(conditions: Conditions) -> tuple[Recording, Story]:
         ahead_s = rig.time_s - rig.arm.now - begin_s
     lines = [{"monotonic_s": h.at_s + ahead_s, "kind": h.kind, "text": h.text} for h in happenings]
     recording = with_kalman(recorder.recording())
-    return recording, Story(recording.configuration, _snapshot(recording), states, touch_of(lines))
+    return recording, Story(recording.configuration, context_of(rig.robot), states, touch_of(lines))
 
 
 def _clocked(state: State, begin_s: float) -> State:
@@ -175,23 +176,6 @@ def _clocked(state: State, begin_s: float) -> State:
     time_s = state.time_s - begin_s
     timing = msgspec.structs.replace(state.timing, monotonic_s=time_s)
     return msgspec.structs.replace(state, time_s=time_s, timing=timing)
-
-
-def _snapshot(recording: Recording) -> Snapshot:
-    """Snapshot of the arm as a Story takes it."""
-    c = recording.configuration
-    return Snapshot(
-        format=STATE_FORMAT,
-        joints=c.joint_names,
-        half_gap=[joint.half_gap for joint in c.joints],
-        thresholds=[joint.thresholds.contact for joint in c.joints],
-        period_s=c.period_s,
-        tick=0,
-        memory={},
-        configuration="",
-        urdf=recording.urdf,
-        program="",
-    )
 
 
 def _push(joint: Joint, at_s: float, torque: float) -> Push:
