@@ -91,8 +91,7 @@ class Arm:
 
 
 def in_motion(recording: Recording, values: Matrix, part: slice) -> Vector:
-    """Median of values (ticks, n) in a part of a recording, in motion; NaN below three seconds of
-    that."""
+    """Median of values (ticks, n) in motion in a part; NaN below three seconds of that."""
     moving = np.abs(recording.samples[part, 2]) > MOVING
     enough = np.count_nonzero(moving, axis=0) > 300
     chosen = np.where(moving, values[part], np.nan)

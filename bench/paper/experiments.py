@@ -139,8 +139,7 @@ def pushes(c: Configuration) -> tuple[Push, ...]:
 
 
 def least_at_rest(joint: Joint) -> float:
-    """Least torque [Nm] that must be detected on a joint at rest: twice the threshold, and beyond
-    half the stiction."""
+    """Least torque [Nm] to be detected at rest: twice the threshold, beyond half the stiction."""
     stuck = joint.friction.motor_coulomb + joint.friction.link_coulomb
     contact = joint.thresholds.contact
     return max(2.0 * contact, contact + 0.5 * stuck)

@@ -151,8 +151,7 @@ def bus_off_for(seconds: float) -> Fault:
 
 
 def unheard_for(seconds: float) -> Fault:
-    """Nothing of ours gets onto the bus for a while, and nothing says so; then what was queued goes
-    out first."""
+    """Nothing of ours gets onto the bus for a while, unnoticed; what was queued goes out then."""
 
     def fault(on: BreakableArm) -> Iterator[None]:
         with on.off_the_bus():

@@ -115,8 +115,7 @@ class ServedDaemon:
             self._take_up()
 
     def _take_up(self) -> None:
-        """Begin anew by the files as they are, or if they are bad by those of before, as
-        `contactd run` does."""
+        """Begin anew by the files, or if they are bad by those before, as `contactd run` does."""
         robot, refused = self.rig.robot, ""
         try:
             robot = load_robot(robot.path)
@@ -180,8 +179,7 @@ class ServedDaemon:
 def served_daemon(
     folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any
 ) -> Iterator[ServedDaemon]:
-    """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of
-    `lockstep_rig`."""
+    """The daemon of `robot`, off, with its socket in `folder`; `both_ends` as of `lockstep_rig`."""
     with (
         lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,

@@ -86,8 +86,7 @@ def operator(rng: Random, c: Configuration) -> Person:
 
 
 def program(rng: Random, c: Configuration) -> Person:
-    """A program that keeps a connection and a short lease: it renews for a while, then forgets to,
-    disarms, or dies."""
+    """A program that keeps a short lease: it renews a while, then forgets, disarms, or dies."""
     view = yield Step()
     while True:
         if view.mode not in (Mode.HOLDING, Mode.TRACKING):
@@ -109,8 +108,7 @@ def program(rng: Random, c: Configuration) -> Person:
 
 
 def leader(rng: Random, c: Configuration) -> Person:
-    """A program that streams targets now and then: steadily, with losses and leaps, until it ends,
-    hangs, or dies."""
+    """A program that streams targets, with losses and leaps, until it ends, hangs, or dies."""
     view = yield Step()
     while True:
         if view.mode is not Mode.HOLDING or not view.q:

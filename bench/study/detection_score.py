@@ -19,8 +19,7 @@ from estimator.alarms import per_hour
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Score of one residual under one friction; lists are per joint, None where nothing was
-    tried."""
+    """Score of one residual under one friction; lists are per joint, NaN where none was tried."""
 
     hours: float  # contact-free
     alarms: int
