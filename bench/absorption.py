@@ -16,7 +16,7 @@ it, and rests while a hand is there, would count as absorbed.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import click
 import numpy as np
@@ -24,30 +24,24 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from bench.options import FIRST_SEED, JOBS, help_of
-from bench.report import Target, print_report
+from bench.options import FIRST_SEED, FRICTION, JOBS, command
+from bench.report import Target, joints_table, plain, print_report
 from bench.rigs.arm_without_bus import Push, Recording, Scenario, record
 from bench.rigs.lockstep import ROMEO
 from bench.study import courses, world
-from bench.study.detection_report import NARROW
 from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import spread
-from bench.study.world import LAWS, Law
+from bench.study.world import Law
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 
-SHARES: Final = (0.25, 0.5, 0.7, 0.9)
-"""of the threshold in force"""
+SHARES: Final = (0.25, 0.5, 0.7, 0.9)  # of the threshold in force
 WORK_S: Final = 240.0
-JUDGED_S: Final = 60.0
-"""at the end of the hand's time"""
+JUDGED_S: Final = 60.0  # at the end of the hand's time
 STEP_S, STEP_EVERY_S, REST_S = 0.5, 2.0, 4.0
-RAMP: Final = 0.1
-"""thresholds a second ..."""
-RAMP_S: Final = 30.0
-"""... for so long"""
-MOVING: Final = 0.1
-"""[rad/s]"""
+RAMP: Final = 0.1  # thresholds a second ...
+RAMP_S: Final = 30.0  # ... for so long
+MOVING: Final = 0.1  # [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +59,10 @@ class Result:
     """What one arm did; NaN where a joint did not move enough to tell."""
 
     job: Job
-    absorbed: NDArray[np.float64]
-    """(SHARES, n), of the hand's torque"""
-    raised: NDArray[np.float64]
-    """(SHARES, n): threshold in force at the end over that in the beginning"""
-    missed: NDArray[np.bool_]
-    """(SHARES, n): steps of twice the threshold afterwards"""
-    ramp: Vector
-    """(n,): largest torque of the growing hand that was not felt yet, over the threshold"""
+    absorbed: Matrix  # (SHARES, n), of the hand's torque
+    raised: Matrix  # (SHARES, n): threshold in force at the end over that before
+    missed: NDArray[np.bool_]  # (SHARES, n): steps of twice the threshold afterwards
+    ramp: Vector  # (n,): most of the growing hand that was not felt yet, over the threshold
 
 
 class Arm:
@@ -101,8 +91,7 @@ class Arm:
 
 
 def in_motion(recording: Recording, values: Matrix, part: slice) -> Vector:
-    """Median of values (ticks, n) in a part of a recording, in motion; NaN below three seconds of
-    that."""
+    """Median of values (ticks, n) in motion in a part; NaN below three seconds of that."""
     moving = np.abs(recording.samples[part, 2]) > MOVING
     enough = np.count_nonzero(moving, axis=0) > 300
     chosen = np.where(moving, values[part], np.nan)
@@ -203,22 +192,19 @@ def targets(results: Sequence[Result]) -> list[Target]:
         if share >= 0.5:
             worst = 100.0 * float(np.nanmax(absorbed))
             name = f"absorbed of {share:g} thresholds, worst joint of all arms"
-            rows.append(Target(name, worst, 5.0, "%", "lower"))
+            rows.append(Target(name, worst, 5.0, "%"))
         missed = int(np.sum([r.missed[k] for r in results]))
         name = f"steps of twice the threshold missed after {share:g} thresholds"
-        rows.append(Target(name, missed, 0, "", "lower"))
+        rows.append(Target(name, missed, 0))
     ratios = np.array([r.ramp for r in results])
     name = "growing hand not felt yet, of the threshold, worst"
-    rows.append(Target(name, float(np.nanmax(ratios)), 1.2, "x", "lower"))
+    rows.append(Target(name, float(np.nanmax(ratios)), 1.2, "x"))
     return rows
 
 
 def table(results: Sequence[Result], n: int) -> Table:
     """Joint by joint: median and largest over the arms."""
-    shown = Table(title="of the hand's torque absorbed [%]", header_style="bold", **NARROW)
-    shown.add_column("hand, of the threshold", no_wrap=True)
-    for i in range(n):
-        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    shown = joints_table("of the hand's torque absorbed [%]", n, "hand, of the threshold")
     for k, share in enumerate(SHARES):
         absorbed = 100.0 * np.array([r.absorbed[k] for r in results])
         raised = np.array([r.raised[k] for r in results])
@@ -228,30 +214,21 @@ def table(results: Sequence[Result], n: int) -> Table:
     return shown
 
 
-def _over_arms(
-    values: NDArray[np.float64], of: Callable[[NDArray[np.float64]], Any], words: str
-) -> list[str]:
+def _over_arms(values: Matrix, of: Callable[[Matrix], Any], words: str) -> list[str]:
     """What the arms (arms, n) come to, joint by joint; `-` where none moved enough to tell."""
     told = [column[np.isfinite(column)] for column in values.T]
     return [words.format(of(column)) if column.size else "-" for column in told]
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--arms", type=click.IntRange(min=1), default=2, show_default=True)
-@click.option("--minutes", type=click.FloatRange(1.5, 60.0), default=10.0, show_default=True)
+@command(__doc__)
+@click.option("--arms", type=click.IntRange(min=1), default=2)
+@click.option("--minutes", type=click.FloatRange(1.5, 60.0), default=10.0)
 @JOBS
 @FIRST_SEED
-@click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
-@click.option("--json", "as_json", is_flag=True)
+@FRICTION
 def main(
-    arms: int,
-    minutes: float,
-    processes: int,
-    seed: int,
-    friction: Law | Literal["all"],
-    as_json: bool,
+    arms: int, minutes: float, processes: int, seed: int, laws: Sequence[Law], as_json: bool
 ) -> None:
-    laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
     todo = [
         Job(ROMEO, law, arm, 60.0 * minutes) for arm in range(seed, seed + arms) for law in laws
     ]
@@ -264,23 +241,15 @@ def main(
         "shares": SHARES,
         "by_arm": {
             f"{r.job.law} {r.job.seed}": {
-                "absorbed": _plain(r.absorbed),
-                "threshold_grew": _plain(r.raised),
-                "missed": r.missed.tolist(),
-                "ramp": _plain(r.ramp),
+                "absorbed": r.absorbed,
+                "threshold_grew": r.raised,
+                "missed": r.missed,
+                "ramp": r.ramp,
             }
             for r in results
         },
     }
-    print_report("absorption", seed, targets(results), data, as_json=as_json)
-
-
-def _plain(values: NDArray[np.float64]) -> Any:
-    """Lists, with None for what is no number."""
-    return [
-        _plain(row) if row.ndim else (round(float(row), 3) if np.isfinite(row) else None)
-        for row in values
-    ]
+    print_report("absorption", seed, targets(results), plain(data, 3), as_json=as_json)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from typing import Any
 
 import click
 
-from bench.options import JOBS, help_of
+from bench.options import JOBS, command
 from bench.report import Target, print_report
 from bench.study import changes
 from bench.study.alone import Job, arm_of, course
@@ -47,14 +47,12 @@ class Result:
     own: bool
     alone_s: float
     alone_rad: float
-    false: tuple[int, int]
-    """contacts when the change came, and when it went"""
+    false: tuple[int, int]  # contacts when the change came, and when it went
     missed: int
     """touches that were not felt, or more than 150 ms later than the latest on the same arm without
     the change, less those that this one did not feel"""
     touched: int
-    level: float
-    """130 s after the change, over that of the same arm without it, or with it all the time"""
+    level: float  # 130 s after the change, over that of the arm without it, or always with it
     faults: int
 
 
@@ -92,12 +90,12 @@ def targets(results: Sequence[Result]) -> list[Target]:
     """Nothing moves alone, and nothing that a person did is unlearned."""
     own = [r.alone_rad for r in results if r.own]
     return [
-        Target("longest motion alone", max(r.alone_s for r in results), 0.3, "s", "lower"),
-        Target("furthest motion alone, own gains", max(own, default=0.0), 0.02, "rad", "lower"),
-        Target("false contacts of one change", max(max(r.false) for r in results), 1, "", "lower"),
-        Target("touches missed", sum(r.missed for r in results), 0, "", "lower"),
-        Target("level afterwards, largest", max(r.level for r in results), 1.2, "times", "lower"),
-        Target("faults", sum(r.faults for r in results), 0, "", "lower"),
+        Target("longest motion alone", max(r.alone_s for r in results), 0.3, "s"),
+        Target("furthest motion alone, own gains", max(own, default=0.0), 0.02, "rad"),
+        Target("false contacts of one change", max(max(r.false) for r in results), 1),
+        Target("touches missed", sum(r.missed for r in results), 0),
+        Target("level afterwards, largest", max(r.level for r in results), 1.2, "times"),
+        Target("faults", sum(r.faults for r in results), 0),
     ]
 
 
@@ -120,13 +118,12 @@ def row_of(r: Result) -> dict[str, Any]:
     }
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--arms", type=click.IntRange(min=1), default=36, show_default=True)
-@click.option("--first", type=click.IntRange(min=0), default=1, show_default=True)
+@command(__doc__)
+@click.option("--arms", type=click.IntRange(min=1), default=36)
+@click.option("--first", type=click.IntRange(min=0), default=1)
 @click.option("--kind", type=click.Choice(KINDS), default=None, help="Only this kind of change.")
 @click.option("--retract", is_flag=True, help="Arms that back away from contacts.")
 @JOBS
-@click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int, first: int, kind: Kind | None, retract: bool, processes: int, as_json: bool
 ) -> None:

@@ -23,20 +23,33 @@ from typing import Any, Final, Literal, get_args
 
 import click
 
-from bench.options import SEED, help_of
+from bench.options import SEED, command
 from bench.report import Target, print_report
+from bench.rigs import upright_arm
+from bench.rigs.person import Person
+from bench.study.commissioned import Show, judged
 from bench.study.romeo_commissioning import romeo
-from bench.study.upright_commissioning import upright
+from programs.simulate.simulated_robot import true_arm
 
 Part = Literal["romeo", "upright", "all"]
-Commissioned = Callable[[Path, int, Callable[[str], None]], tuple[list[Target], dict[str, Any]]]
+Commissioned = Callable[[Path, int, Show], tuple[list[Target], dict[str, Any]]]
+
+
+def upright(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, Any]]:
+    """Commission the upright arm; targets of the project, and numbers behind them."""
+    model = upright_arm.write(folder / "upright")
+    person = Person(
+        folder, seed, show, model, pose=None, described=lambda robot, _: true_arm(robot)[0]
+    )
+    return judged("upright", person, person.from_zero_to_armed())
+
+
 PARTS: Final[Mapping[str, Commissioned]] = {"romeo": romeo, "upright": upright}
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--part", type=click.Choice(get_args(Part)), default="all", show_default=True)
+@command(__doc__)
+@click.option("--part", type=click.Choice(get_args(Part)), default="all")
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(part: Part, seed: int, as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.ERROR)
 

@@ -1,7 +1,7 @@
 """False alarms, smallest step, delay and error of every residual, over arms as wide as the world.
 
     python -m bench.detection [--minutes N] [--step-minutes N] [--jobs N] [--seed N]
-                              [--friction smooth|dahl|lugre|all] [--stiction-share X]
+                              [--friction smooth|dahl|lugre|all]
                               [--motor-position measured|integrated] [--gears CONDITION]
                               [--no-link-encoder] [--json]
 
@@ -25,14 +25,14 @@ from typing import Any, Final, Literal
 import click
 import numpy as np
 from rich.console import Console
+from rich.table import Table
 
-from bench.options import JOBS, SEED, help_of
-from bench.report import Target, print_report
+from bench.options import FRICTION, GEAR, JOBS, SEED, command
+from bench.report import NARROW, Target, joints_table, plain, print_report
 from bench.rigs.lockstep import ROMEO
-from bench.study.detection_report import joint_table, table
 from bench.study.detection_score import Score, score
 from bench.study.monte_carlo import Job, Kind, Result, run, spread
-from bench.study.world import GEARS, LAWS, Gears, Law
+from bench.study.world import Gears, Law
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from programs.command_line.options import Range
@@ -42,32 +42,14 @@ MotorPosition = Literal["measured", "integrated"]
 
 
 def jobs(
-    minutes: float,
-    step_minutes: float,
-    seed: int,
-    frictions: Sequence[Law],
-    motor_position: MotorPosition,
-    stiction_share: float | None,
-    gears: Gears,
-    *,
-    link_encoder: bool = True,
+    minutes: float, step_minutes: float, seed: int, laws: Sequence[Law], **alike: Any
 ) -> list[Job]:
-    """A new arm every minute; the same seeds for either friction."""
+    """A new arm every minute; the same seeds for either friction. alike: of all of them."""
     free, stepped = max(1, round(minutes)), max(1, round(step_minutes))
     return [
-        Job(
-            robot=ROMEO,
-            kind=kind,
-            friction=friction,
-            seed=1000 * seed + arm,
-            seconds=seconds,
-            motor_position=motor_position,
-            stiction_share=stiction_share,
-            gears=gears,
-            link_encoder=link_encoder,
-        )
+        Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, **alike)
         for arm in range(max(free, stepped))
-        for friction in frictions
+        for friction in laws
         for kind, seconds in LENGTHS_S.items()
         if arm < (free if kind == "free" else stepped)
     ]
@@ -111,122 +93,110 @@ def targets(found: Mapping[Law, dict[str, Score]], c: Configuration) -> list[Tar
     for friction, by_name in found.items():
         best = by_name[deciding]
         of = f"{deciding}, {friction}"
+        moving_ms, rest_ms = np.subtract((best.delay_ms, best.delay_rest_ms), limit).tolist()
+        step, step_at_rest = (
+            of_two(best, by_name["classical"], gaps) for of_two in (worth, at_rest)
+        )
+        in_force = float(np.median(np.divide(best.in_force_nm, contact)))
         rows += [
-            Target(f"false alarms in {best.hours:.3g} h, {of}", best.alarms, 0, "", "lower"),
+            Target(f"false alarms in {best.hours:.3g} h, {of}", best.alarms, 0),
+            Target(f"smallest step, classical over {of}", step, 6, "x", "higher"),
+            Target(f"steps of twice the threshold missed, {of}", best.missed_moving, 0),
+            Target(f"p50 delay beyond ln 2 / K, {of}", moving_ms[0], 12, "ms"),
+            Target(f"p95 delay beyond ln 2 / K, {of}", moving_ms[1], 45, "ms"),
+            Target(f"the same at rest missed, {of}", best.missed_rest, 0),
             Target(
-                f"smallest step, classical over {of}",
-                worth(best, by_name["classical"], gaps),
-                6,
-                "x",
-                "higher",
+                f"smallest step at rest, over what stiction may hide, {of}", step_at_rest, 1.25, "x"
             ),
-            Target(
-                f"steps of twice the threshold missed, {of}", best.missed_moving, 0, "", "lower"
-            ),
-            Target(f"p50 delay beyond ln 2 / K, {of}", best.delay_ms[0] - limit, 12, "ms", "lower"),
-            Target(f"p95 delay beyond ln 2 / K, {of}", best.delay_ms[1] - limit, 45, "ms", "lower"),
-            Target(f"the same at rest missed, {of}", best.missed_rest, 0, "", "lower"),
-            Target(
-                f"smallest step at rest, over what stiction may hide, {of}",
-                at_rest(best, by_name["classical"], gaps),
-                1.25,
-                "x",
-                "lower",
-            ),
-            Target(
-                f"p50 delay at rest beyond ln 2 / K, {of}",
-                best.delay_rest_ms[0] - limit,
-                15,
-                "ms",
-                "lower",
-            ),
-            Target(
-                f"p95 delay at rest beyond ln 2 / K, {of}",
-                best.delay_rest_ms[1] - limit,
-                100,
-                "ms",
-                "lower",
-            ),
-            Target(
-                f"threshold in force in motion, of the configured, {of}",
-                float(np.median(np.divide(best.in_force_nm, contact))),
-                0.4,
-                "x",
-                "lower",
-            ),
+            Target(f"p50 delay at rest beyond ln 2 / K, {of}", rest_ms[0], 15, "ms"),
+            Target(f"p95 delay at rest beyond ln 2 / K, {of}", rest_ms[1], 100, "ms"),
+            Target(f"threshold in force in motion, of the configured, {of}", in_force, 0.4, "x"),
         ]
     return rows
 
 
-def plain(value: Any) -> Any:
-    """Fit for JSON: three decimals, None for what is no number."""
-    if isinstance(value, dict):
-        return {key: plain(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, float):
-        return round(value, 3) if math.isfinite(value) else None
-    return value
+def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
+    """One row per residual; delays as p50/p95."""
+    shown = Table(title=f"{friction} friction: {title}", header_style="bold", **NARROW)
+    shown.add_column("residual", no_wrap=True)
+    times = ("delay\n[ms]", "through\ngap", "at\nrest")
+    for heading in ("alarms", "per h", *times, "missed\nmoving", "missed\nat rest"):
+        shown.add_column(heading, justify="right", no_wrap=True)
+    for name, s in by_name.items():
+        pairs = (s.delay_ms, s.delay_travel_ms, s.delay_rest_ms)
+        shown.add_row(
+            name,
+            f"{s.alarms}",
+            f"{s.alarms_per_hour:.0f}",
+            *("-" if math.isnan(p50) else f"{p50:.0f}/{p95:.0f}" for p50, p95 in pairs),
+            f"{s.missed_moving}/{s.tried_moving}",
+            f"{s.missed_rest}/{s.tried_rest}",
+        )
+    return shown
 
 
-@click.command(help=help_of(__doc__))
-@click.option(
-    "--minutes",
-    type=Range(1, 600),
-    default=10.0,
-    show_default=True,
-    help="Contact-free, per friction.",
-)
+def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> Table:
+    """Torques per joint [Nm]."""
+    shown = joints_table(f"{friction} friction: joints [Nm]", len(c.joints))
+    first = next(iter(by_name.values()))
+    for title, values in (
+        ("configured threshold", [j.thresholds.contact for j in c.joints]),
+        ("in force in motion, median", first.in_force_nm),
+        ("hidden by friction at rest", first.hidden_rest_nm),
+        ("may be hidden by it", first.stiction_rest_nm),
+    ):
+        shown.add_row(title, *map(_number, values))
+    rows = (
+        ("lowest quiet threshold", "quiet_nm"),
+        ("smallest step, in motion", "smallest_moving_nm"),
+        ("smallest step, while it turns", "smallest_turning_nm"),
+        ("smallest step, at rest", "smallest_rest_nm"),
+        ("rms error, engaged", "rms_nm"),
+    )
+    for title, field in rows:
+        shown.add_row("")
+        shown.add_row(title, style="bold")
+        for name, s in by_name.items():
+            shown.add_row(f"  {name}", *map(_number, getattr(s, field)))
+    return shown
+
+
+def _number(x: float) -> str:
+    return "-" if math.isnan(x) else f"{x:.2f}"
+
+
+@command(__doc__)
+@click.option("--minutes", type=Range(1, 600), default=10.0, help="Contact-free, per friction.")
 @click.option("--step-minutes", type=Range(1, 600), show_default="as --minutes", help="With steps.")
 @JOBS
 @SEED
-@click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
+@FRICTION
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
-@click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
-@click.option("--gears", default="modelled", show_default=True, type=click.Choice(GEARS))
+@GEAR
 @click.option("--no-link-encoder", "blind", is_flag=True, help="Motor encoders alone.")
-@click.option("--json", "as_json", is_flag=True)
 def main(
     minutes: float,
     step_minutes: float | None,
     processes: int,
     seed: int,
-    friction: Law | Literal["all"],
+    laws: Sequence[Law],
     motor_position: MotorPosition,
-    stiction_share: float | None,
     gears: Gears,
     blind: bool,
     as_json: bool,
 ) -> None:
-    frictions = LAWS if friction == "all" else (friction,)
     c = load_robot(ROMEO).configuration
     step_minutes = minutes if step_minutes is None else step_minutes
-    todo = jobs(
-        minutes,
-        step_minutes,
-        seed,
-        frictions,
-        motor_position,
-        stiction_share,
-        gears,
-        link_encoder=not blind,
-    )
+    alike = {"motor_position": motor_position, "gears": gears, "link_encoder": not blind}
+    todo = jobs(minutes, step_minutes, seed, laws, **alike)
     seeds = sorted({job.seed for job in todo if job.kind == "free"})
     stepped = len({job.seed for job in todo if job.kind == "moving"})
     results = list(spread(run, todo, processes, "arms"))
     results.sort(key=lambda result: (result.job.seed, result.job.kind))
-    found = {
-        f: {
-            name: score([r for r in results if r.job.friction == f], name, c)
-            for name in results[0].names
-        }
-        for f in frictions
-    }
-    links = {
-        f: Counter(named for r in results if r.job.friction == f for named in r.named)
-        for f in frictions
-    }
-    alarms = {f: alarmed([r for r in results if r.job.friction == f], c.joint_names) for f in found}
+    by_law = {f: [r for r in results if r.job.friction == f] for f in laws}
+    found = {f: {n: score(rs, n, c) for n in rs[0].names} for f, rs in by_law.items()}
+    links = {f: Counter(named for r in rs for named in r.named) for f, rs in by_law.items()}
+    alarms = {f: alarmed(rs, c.joint_names) for f, rs in by_law.items()}
     if not as_json:
         filter_ms = 1000 * math.log(2) / c.estimator.gain
         title = (
@@ -247,14 +217,13 @@ def main(
         "motor_position": motor_position,
         "gears": gears,
         "link_encoder": not blind,
-        "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,
         "alarms": alarms,
-        "links": {f: dict(counts) for f, counts in links.items()},
+        "links": links,
         "scores": {f: {n: asdict(s) for n, s in by_name.items()} for f, by_name in found.items()},
     }
-    print_report("detection", seed, targets(found, c), plain(data), as_json=as_json)
+    print_report("detection", seed, targets(found, c), plain(data, 3), as_json=as_json)
 
 
 if __name__ == "__main__":

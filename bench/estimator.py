@@ -21,7 +21,7 @@ import click
 import numpy as np
 import pinocchio as pin
 
-from bench.options import help_of
+from bench.options import command
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from common.arrays import Matrix
@@ -174,15 +174,8 @@ def kept(step: Callable[[], None]) -> int:
     return sys.getallocatedblocks() - before
 
 
-@click.command(help=help_of(__doc__))
-@click.option(
-    "--repetitions",
-    type=click.IntRange(min=1),
-    default=200,
-    show_default=True,
-    help="Turns of 20 steps.",
-)
-@click.option("--json", "as_json", is_flag=True)
+@command(__doc__)
+@click.option("--repetitions", type=click.IntRange(min=1), default=200, help="Turns of 20 steps.")
 def main(repetitions: int, as_json: bool) -> None:
     rows = []
     for subject in subjects():
@@ -193,12 +186,12 @@ def main(repetitions: int, as_json: bool) -> None:
                 "ratio {ratio:.2f}".format(**rows[-1])
             )
     targets = [
-        Target(f"step over bare pinocchio calls, {row['arm']}", row["ratio"], 4, "x", "lower")
+        Target(f"step over bare pinocchio calls, {row['arm']}", row["ratio"], 4, "x")
         for row in rows
         if row["arm"] != "1 joint"
     ]
     most = max(row["kept_blocks"] for row in rows)
-    targets.append(Target(f"memory blocks kept after {LATE} steps", most, 20, "", "lower"))
+    targets.append(Target(f"memory blocks kept after {LATE} steps", most, 20))
     print_report("estimator", 0, targets, {"arms": rows}, as_json=as_json)
 
 

@@ -3,8 +3,7 @@
     python -m bench.false_contacts [--arms N] [--minutes N] [--jobs N] [--seed N]
                                    [--friction smooth|dahl|lugre|all]
                                    [--motor-position measured|integrated] [--no-learning]
-                                   [--residual KIND] [--stiction-share X] [--gears CONDITION]
-                                   [--json]
+                                   [--gears CONDITION] [--load-known X] [--json]
 
 N arms for each law of friction, each at work for N minutes with nobody touching it: sinusoids,
 moves from point to point with rests, creeping at 0.02 rad/s, one joint at a time to and fro, and
@@ -19,11 +18,11 @@ more than half the contact level.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal
 
 import click
 import numpy as np
@@ -31,25 +30,23 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from bench.options import FIRST_SEED, JOBS, help_of
-from bench.report import Target, print_report
+from bench.options import FIRST_SEED, FRICTION, GEAR, JOBS, command
+from bench.report import NARROW, Target, joints_table, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
 from bench.study import courses, world
-from bench.study.detection_report import NARROW
-from bench.study.estimates import VARIANTS, Estimates, build, estimates
+from bench.study.estimates import Estimates, build, estimates
 from bench.study.monte_carlo import GRACE_S, spread
 from bench.study.scores import count_alarms
-from bench.study.world import GEARS, LAWS, Gears, Law
+from bench.study.world import Gears, Law
+from common.arrays import Matrix
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from estimator.motor_position import Side
-from estimator.settings import Kind, Variant
 from programs.command_line.options import Range
 
 PARTS: Final = tuple(courses.PARTS)
-FAST: Final = 0.05
-"""[rad/s]; from here on a motor counts as moving"""
+FAST: Final = 0.05  # [rad/s]; from here on a motor counts as moving
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +57,7 @@ class Job:
     law: Law
     seed: int
     seconds: float
-    changes: Mapping[str, Any]
-    """of the configured EstimatorSettings"""
+    changes: Mapping[str, Any]  # of the configured EstimatorSettings
     gears: Gears = "modelled"
     load_known: float | None = None  # to so much, of friction per transmitted torque
 
@@ -71,12 +67,9 @@ class Tally:
     """Counts of one arm, or of several added up."""
 
     hours: float
-    alarms: NDArray[np.int64]
-    """(variants, PARTS, n)"""
-    gap_under_load: NDArray[np.int64]
-    """ticks (n,)"""
-    thresholds: NDArray[np.float64]
-    """(n, arms): median in motion of the threshold in force, over the configured level"""
+    alarms: NDArray[np.int64]  # (variants, PARTS, n)
+    gap_under_load: NDArray[np.int64]  # ticks (n,)
+    thresholds: Matrix  # (n, arms): median in motion, over the configured level
 
     def __add__(self, other: "Tally") -> "Tally":
         return Tally(
@@ -108,20 +101,11 @@ def run(job: Job) -> tuple[Job, tuple[str, ...], Tally]:
         begun = end
     medians = np.nanmedian(np.concatenate(raised), axis=0)[:, np.newaxis]
     whole = reduce(add, parts)
-    return (
-        job,
-        names,
-        Tally(
-            hours=whole.hours,
-            alarms=whole.alarms,
-            gap_under_load=whole.gap_under_load,
-            thresholds=medians,
-        ),
-    )
+    return job, names, replace(whole, thresholds=medians)
 
 
 def tally(
-    recording: Recording, found: Estimates, kinds: NDArray[np.int64], contact: NDArray[np.float64]
+    recording: Recording, found: Estimates, kinds: NDArray[np.int64], contact: Matrix
 ) -> Tally:
     """Counts of a stretch; alarms count from GRACE_S of the day on."""
     armed = recording.time_s > GRACE_S
@@ -144,12 +128,10 @@ def tally(
 
 def targets(found: dict[Law, Tally], deciding: str) -> list[Target]:
     """What the residual that decides must do."""
-    rows = []
-    for law, whole in found.items():
-        of = f"{deciding}, {law}"
-        alarms = int(whole.alarms[0].sum())
-        rows.append(Target(f"false contacts in {whole.hours:.3g} h, {of}", alarms, 0, "", "lower"))
-    return rows
+    return [
+        Target(f"false contacts in {one.hours:.3g} h, {deciding}, {law}", one.alarms[0].sum(), 0)
+        for law, one in found.items()
+    ]
 
 
 def by_residual(law: Law, whole: Tally, names: Sequence[str]) -> Table:
@@ -167,10 +149,7 @@ def by_residual(law: Law, whole: Tally, names: Sequence[str]) -> Table:
 
 def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
     """The residual that decides, joint by joint."""
-    shown = Table(title=f"{law} friction: joints", header_style="bold", **NARROW)
-    shown.add_column("", no_wrap=True)
-    for i in range(len(c.joints)):
-        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    shown = joints_table(f"{law} friction: joints", len(c.joints))
     shown.add_row("false contacts", *map(str, whole.alarms[0].sum(axis=0)))
     shown.add_row("ticks called gap under load", *map(str, whole.gap_under_load))
     medians = np.median(whole.thresholds, axis=1)
@@ -178,43 +157,31 @@ def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
     return shown
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--arms", type=click.IntRange(min=1), default=2, show_default=True)
-@click.option("--minutes", type=click.FloatRange(0.1, 600.0), default=12.0, show_default=True)
+@command(__doc__)
+@click.option("--arms", type=click.IntRange(min=1), default=2)
+@click.option("--minutes", type=click.FloatRange(0.1, 600.0), default=12.0)
 @JOBS
 @FIRST_SEED
-@click.option("--friction", default="all", type=click.Choice([*LAWS, "all"]))
+@FRICTION
 @click.option(
     "--motor-position", default="integrated", type=click.Choice(["measured", "integrated"])
 )
 @click.option("--learning/--no-learning", default=True, help="Of friction and levels.")
-@click.option("--residual", default="backlash", type=click.Choice(get_args(Kind)))
-@click.option("--stiction-share", type=Range(0, 2), help="In place of the configured one.")
-@click.option("--gears", default="modelled", show_default=True, type=click.Choice(GEARS))
+@GEAR
 @click.option("--load-known", type=Range(0, 0.1), help="How far `friction.load` may be off.")
-@click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
     minutes: float,
     processes: int,
     seed: int,
-    friction: Law | Literal["all"],
+    laws: Sequence[Law],
     motor_position: Literal["measured", "integrated"],
     learning: bool,
-    residual: Kind,
-    stiction_share: float | None,
     gears: Gears,
     load_known: float | None,
     as_json: bool,
 ) -> None:
-    changes: dict[str, Any] = {"motor_position": motor_position, "learning": learning}
-    if stiction_share is not None:
-        changes["stiction_share"] = stiction_share
-    if residual != "backlash":
-        decides = Variant(kind=residual)
-        rest = tuple(v for v in VARIANTS if v.name != decides.name)
-        changes |= {"residual": decides, "beside": rest}
-    laws: Sequence[Law] = LAWS if friction == "all" else (friction,)
+    changes = {"motor_position": motor_position, "learning": learning}
     c = load_robot(ROMEO).configuration
     todo = [
         Job(ROMEO, law, arm, 60.0 * minutes, changes, gears, load_known)
@@ -233,26 +200,22 @@ def main(
     data: dict[str, Any] = {
         "arms": arms,
         "minutes": minutes,
-        "residual": residual,
         "learning": learning,
         "gears": gears,
         "load_known": load_known,
         "motor_position": motor_position,
         "residuals": names,
-        "stiction_share": c.estimator.stiction_share if stiction_share is None else stiction_share,
         "parts": PARTS,
         "laws": {
             law: {
                 "hours": whole.hours,
-                "alarms": whole.alarms.tolist(),
-                "gap_under_load": whole.gap_under_load.tolist(),
-                "threshold_in_motion": np.median(whole.thresholds, axis=1).round(3).tolist(),
+                "alarms": whole.alarms,
+                "gap_under_load": whole.gap_under_load,
+                "threshold_in_motion": np.median(whole.thresholds, axis=1).round(3),
             }
             for law, whole in found.items()
         },
-        "by_arm": {
-            f"{job.law} {job.seed}": whole.alarms[0].sum(axis=0).tolist() for job, _, whole in done
-        },
+        "by_arm": {f"{job.law} {job.seed}": whole.alarms[0].sum(axis=0) for job, _, whole in done},
     }
     print_report("false_contacts", seed, targets(found, names[0]), data, as_json=as_json)
 

@@ -22,7 +22,7 @@ from typing import Any, Final, Literal, get_args
 import click
 import numpy as np
 
-from bench.options import FIRST_SEED, JOBS, help_of
+from bench.options import FIRST_SEED, JOBS, command
 from bench.report import Target, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.study.armed_loads import ArmedJob, ArmedResult, armed_load
@@ -31,11 +31,9 @@ from bench.study.monte_carlo import spread
 from bench.study.world import LAWS
 
 Part = Literal["load", "armed", "hand", "all"]
-MASSES: Final = (0.2, 0.5)
-"""[kg]"""
+MASSES: Final = (0.2, 0.5)  # [kg]
 WITHIN_S: Final = 10.0
-WORKED_S, SAID_S = 60.0, 15.0
-"""armed: at work before, and said what to do within"""
+WORKED_S, SAID_S = 60.0, 15.0  # armed: at work before, and said what to do within
 HAND_S: Final = 300.0
 
 
@@ -53,14 +51,14 @@ def load_targets(results: Sequence[LoadResult]) -> list[Target]:
             masses = np.array(every)[~np.isnan(every)]
             wrong = int(np.sum(np.abs(masses - mass) > max(0.15 * mass, 0.05)))
             name = f"{mass:g} kg: masses {said} off by more than 15 % and 50 g, of {len(masses)}"
-            rows.append(Target(name, wrong, 0, "", "lower"))
+            rows.append(Target(name, wrong, 0))
         ratios = np.array([r.ratio for r in results if r.given == mass])
         name = f"{mass:g} kg told: rms of r over that without it, median"
-        rows.append(Target(name, float(np.median(ratios)), 1.1, "x", "lower"))
+        rows.append(Target(name, float(np.median(ratios)), 1.1, "x"))
         name = f"{mass:g} kg told: the same, 95 % of the arms"
-        rows.append(Target(name, float(np.percentile(ratios, 95)), 1.1, "x", "lower"))
+        rows.append(Target(name, float(np.percentile(ratios, 95)), 1.1, "x"))
     before = sum(r.told_before for r in results)
-    rows.append(Target("loads recognised before there was one", before, 0, "", "lower"))
+    rows.append(Target("loads recognised before there was one", before, 0))
     return rows
 
 
@@ -74,7 +72,7 @@ def armed_targets(results: Sequence[ArmedResult]) -> list[Target]:
         name = f"armed, {mass:g} kg: said what to do within {SAID_S:g} s, of {len(judged)} arms"
         rows.append(Target(name, 100.0 * len(said) / len(judged), 95.0, "%", "higher"))
     before = sum(r.told_before for r in results)
-    rows.append(Target("armed: loads recognised before there was one", before, 0, "", "lower"))
+    rows.append(Target("armed: loads recognised before there was one", before, 0))
     return rows
 
 
@@ -107,14 +105,13 @@ def hands(minutes: float, seed: int, processes: int) -> list[tuple[HandJob, list
     return sorted(spread(hand, todo, processes, "hands"), key=lambda one: one[0].seed)
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--arms", type=click.IntRange(min=1), default=100, show_default=True)
-@click.option("--armed-arms", type=click.IntRange(min=1), default=12, show_default=True)
-@click.option("--hand-minutes", type=click.FloatRange(min=1), default=60.0, show_default=True)
+@command(__doc__)
+@click.option("--arms", type=click.IntRange(min=1), default=100)
+@click.option("--armed-arms", type=click.IntRange(min=1), default=12)
+@click.option("--hand-minutes", type=click.FloatRange(min=1), default=60.0)
 @click.option("--part", type=click.Choice(get_args(Part)), default="all")
 @JOBS
 @FIRST_SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(
     arms: int,
     armed_arms: int,
@@ -138,19 +135,17 @@ def main(
         touched = hands(hand_minutes, seed, processes)
         taken = [(job.touch, job.seed, asdict(found)) for job, one in touched for found in one]
         name = f"hands taken for a load in {hand_minutes:g} minutes"
-        targets.append(Target(name, len(taken), 0, "", "lower"))
+        targets.append(Target(name, len(taken), 0))
         data["hands"] = taken
     print_report("load", seed, targets, data, as_json=as_json)
 
 
 def _plain(result: LoadResult | ArmedResult) -> dict[str, Any]:
-    """For JSON: the job without its folder, None for what is no number."""
+    """For JSON: without the folder of its job."""
     plain = asdict(result)
-    plain |= {key: value for key, value in plain.pop("job").items() if key != "robot"}
-    return {
-        key: None if isinstance(value, float) and np.isnan(value) else value
-        for key, value in plain.items()
-    }
+    plain |= plain.pop("job")
+    del plain["robot"]
+    return plain
 
 
 if __name__ == "__main__":

@@ -14,23 +14,103 @@ where that is missing a sleeping thread of ours; real-time priorities need root 
 `ulimit -r`. At the end the resident memory of `contactd run`, and how much it grows.
 """
 
-import click
+from collections.abc import Mapping
 
-from bench.options import help_of
-from bench.report import print_report
-from bench.study.loop_run import measure, resident
-from bench.study.loop_targets import targets_of
-from bench.study.loop_view import show, show_resident
+import click
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from bench.options import command
+from bench.report import Target, print_report
+from bench.study.loop_run import Run, measure, resident
+from bench.study.wakeups import Distribution
+from daemon.modes.table import Mode
 
 RESIDENT_S = 30
 
 
-@click.command(help=help_of(__doc__))
+def targets_of(run: Run, *, load: bool) -> list[Target]:
+    """Targets that hold at this rate, and what they are held against."""
+    at = f"{run.joints} {'joint' if run.joints == 1 else 'joints'} at {run.hz} Hz: "
+    period_us = 1e6 / run.hz
+    targets = [
+        # A loop that counted its periods from its own wake-ups would lose whole periods.
+        Target(at + "drift over the run", run.drift_us, 0.1 * period_us, "us")
+    ]
+    if run.joints > 1:
+        cpu = run.cpu_us.at(50) / 1e3
+        targets.append(Target(at + "CPU time of a tick, median", cpu, 0.5, "ms"))
+    tracking = float(run.mode == Mode.TRACKING)
+    targets.append(Target(at + "tracking all the time", tracking, 1.0, "", "higher"))
+    if run.rival_us is not None:
+        targets += _of_wakeups(run, at, period_us)
+    if run.hz == 250 and load:
+        late = run.work_us.at(99)
+        targets.append(Target(at + "tick, p99", late, 0.5 * period_us, "us"))
+        name = f"deadlines missed, at most the {run.rival}'s"
+        targets.append(Target(at + name, run.missed, run.rivals_missed))
+    return targets
+
+
+def _of_wakeups(run: Run, at: str, period_us: float) -> list[Target]:
+    assert run.rival_us is not None
+    ratio = run.lateness_us.at(50) / max(run.rival_us.at(50), 1.0)
+    late, others = run.lateness_us.beyond(period_us), run.rivals_late
+    name = f"wake-ups later than a period, at most the {run.rival}'s"
+    return [
+        Target(f"{at}median lateness over the {run.rival}'s", ratio, 2.0),
+        Target(at + name, late, others),
+    ]
+
+
+def show(run: Run) -> None:
+    """Wake-up lateness beside the rival's, and what the ticks took."""
+    console = Console(highlight=False)
+    ticks = int(run.lateness_us.counts.sum())
+    joints = f"{run.joints} {'joint' if run.joints == 1 else 'joints'}"
+    console.print(
+        f"\n[bold]{joints} at {run.hz} Hz[/], {ticks} ticks, {run.missed} deadlines missed"
+    )
+    console.print(Text(", ".join(run.realtime), "dim"))
+    columns = {"CPU of tick": run.cpu_us}
+    if run.waited:
+        beside = {} if run.rival_us is None else {run.rival: run.rival_us}
+        columns = {"woken late": run.lateness_us, **beside, **columns}
+        columns["last frame"] = run.work_us
+    columns["to setpoint"] = run.setpoint_us
+    console.print(percentiles(columns))
+    if run.waited:
+        console.print(f"deadlines missed: {run.missed}; by {run.rival}: {run.rivals_missed:g}")
+    if run.repeated:
+        console.print(f"turns repeated, as the machine stalled and the arm stopped: {run.repeated}")
+
+
+def show_resident(memory: Mapping[str, float], seconds: float) -> None:
+    """Memory of `contactd run`."""
+    resident, anonymous = memory["resident_kB"] / 1024, memory["anonymous_kB"] / 1024
+    print(
+        f"run: {resident:.0f} MB resident, of it {anonymous:.0f} MB anonymous; grown in "
+        f"{seconds:g} s of serving by {memory['resident_kB grown']:.0f} and "
+        f"{memory['anonymous_kB grown']:.0f} kB"
+    )
+
+
+def percentiles(columns: dict[str, Distribution]) -> Table:
+    """Median and worst cases of each."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("us", *columns):
+        table.add_column(name, justify="right", no_wrap=True)
+    for percent, label in ((50, "median"), (99, "99 %"), (99.9, "99.9 %"), (100, "worst")):
+        table.add_row(label, *(f"{d.at(percent):.0f}" for d in columns.values()))
+    return table
+
+
+@command(__doc__)
 @click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, 250, 1000]")
-@click.option("--seconds", type=click.IntRange(2, 3600), default=60, show_default=True)
+@click.option("--seconds", type=click.IntRange(2, 3600), default=60)
 @click.option("--load", is_flag=True, help="With CPU hogs beside it.")
 @click.option("--in-a-row", is_flag=True, help="Without waiting between ticks.")
-@click.option("--json", "as_json", is_flag=True, help="Everything as JSON on the last line.")
 def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool) -> None:
     if load and in_a_row:
         raise click.UsageError("--load is for ticks that are waited for: not with --in-a-row")

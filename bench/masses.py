@@ -16,20 +16,17 @@ from typing import Any
 import click
 import numpy as np
 
-from bench.options import JOBS, SEED, help_of
-from bench.report import Target, print_report
+from bench.options import JOBS, SEED, command
+from bench.report import Target, print_report, summary
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.reaching import RAMPING, Reaching
-from bench.study.identification_report import summary
 from bench.study.masses import MassesFound, MassesJob, examine
 from bench.study.monte_carlo import spread
 from daemon.config.load import load_robot
 
 TOGETHER = 5
-ALLOWED = 1.2
-"""rms of r by identified masses over that by exact ones."""
-WITHIN = 1.5
-"""95 % intervals, within which every load lies."""
+ALLOWED = 1.2  # rms of r by identified masses over that by exact ones.
+WITHIN = 1.5  # 95 % intervals, within which every load lies.
 _95 = 1.96
 OTHERS = (
     Reaching(way="steps"),
@@ -57,10 +54,9 @@ def targets(found: MassesFound, others: MassesFound) -> list[Target]:
     return [
         *_of_masses(found, ""),
         Target("mass of a load, 95 % of arms",
-               float(np.nanpercentile(100.0 * np.abs(weighed / mass - 1.0), 95.0)), 5, "%",
-               "lower"),
+               float(np.nanpercentile(100.0 * np.abs(weighed / mass - 1.0), 95.0)), 5, "%"),
         Target("centre of a load, 95 % of arms",
-               float(np.nanpercentile(1e3 * apart, 95.0)), 10, "mm", "lower"),
+               float(np.nanpercentile(1e3 * apart, 95.0)), 10, "mm"),
         *_of_masses(others, ", by drives that do not ramp"),
     ]  # fmt: skip
 
@@ -70,22 +66,20 @@ def _of_masses(found: MassesFound, by: str) -> list[Target]:
     off = np.stack([np.abs(weighed - mass) / mass_error, apart / com_error]) / _95
     return [
         Target(f"rms of |r| over that by exact masses, held out, worst joint of the worst arm{by}",
-               float(np.nanmax(found.by_identified)), ALLOWED, "", "lower"),
+               float(np.nanmax(found.by_identified)), ALLOWED),
         Target(f"arms whose masses are refused{by}",
-               100.0 * float(np.isnan(found.by_identified).any(axis=1).mean()), 5, "%", "lower"),
+               100.0 * float(np.isnan(found.by_identified).any(axis=1).mean()), 5, "%"),
         Target(f"worst error of a load over its stated interval{by}", float(np.nanmax(off)),
-               WITHIN, "", "lower"),
-        Target(f"loads that are refused{by}", 100.0 * float(np.isnan(weighed).mean()), 5, "%",
-               "lower"),
+               WITHIN),
+        Target(f"loads that are refused{by}", 100.0 * float(np.isnan(weighed).mean()), 5, "%"),
     ]  # fmt: skip
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--arms", default=10, show_default=True, type=click.IntRange(min=1))
-@click.option("--seconds", default=60.0, show_default=True)
+@command(__doc__)
+@click.option("--arms", type=click.IntRange(min=1), default=10)
+@click.option("--seconds", default=60.0)
 @JOBS
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) -> None:
     todo = [
         MassesJob(min(TOGETHER, arms - first), seconds, (seed, first), reaching)

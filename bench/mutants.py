@@ -32,8 +32,7 @@ COPIED: Final = (
 )  # fmt: skip
 BUILD: Final = ROOT / "build" / "mutants"
 LISTED: Final = ROOT / "tests" / "equivalent_mutants.yaml"
-# A mutant that takes longer is one that never ends [s].
-PATIENCE_S: Final = 120.0
+PATIENCE_S: Final = 120.0  # A mutant that takes longer is one that never ends [s]
 
 TESTS: Final[dict[str, tuple[str, ...]]] = {
     "daemon/faults/conditions.py": ("tests/daemon/faults/test_table.py",),

@@ -10,8 +10,7 @@ from types import SimpleNamespace
 
 from mutmut import Context, list_mutations, mutate, mutations_by_type
 
-# Words; and whether a dataclass is frozen.
-LEFT_ALONE = {"string", "fstring", "decorator"}
+LEFT_ALONE = {"string", "fstring", "decorator"}  # Words; and whether a dataclass is frozen
 
 
 def main(path: Path) -> None:

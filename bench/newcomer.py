@@ -21,6 +21,7 @@ from typing import Any
 
 import click
 
+from bench.options import command
 from bench.report import Target, print_report
 from bench.rigs.generated_arms import GeneratedArm, generate
 from bench.rigs.generated_makes import MAKES
@@ -30,7 +31,7 @@ from bench.study.mistakes import MISTAKES, checkable, told
 from bench.study.unrefused import Met, met
 
 LEAST = 57
-COMMANDS, FIELDS, MACHINE_S = 15, 10, 1800.0
+COMMANDS, FIELDS = 15, 10
 
 
 def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
@@ -43,12 +44,8 @@ def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
         if not said.of(mistake.field):
             missed.append(mistake.words)
     there = sum(not mistake.only_wiring for mistake in MISTAKES)
-    return {
-        "make": arm.make.name,
-        "told": there - len(missed),
-        "refused": refused,
-        "missed": missed,
-    }
+    told_of = there - len(missed)
+    return {"make": arm.make.name, "told": told_of, "refused": refused, "missed": missed}
 
 
 def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], dict[str, Any]]:
@@ -72,11 +69,10 @@ def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], 
     warned = sum(bool(said.lines) for said in clean)
     targets = [
         Target("mistakes told at the right field, at least, of 60", min(f["told"] for f in found),
-               LEAST, "", "higher"),
-        Target(f"arms without mistakes that are warned of, of {arms}", warned, 0, "", "lower"),
+               LEAST, better="higher"),
+        Target(f"arms without mistakes that are warned of, of {arms}", warned, 0),
         Target(f"of {len(MISTAKES)} mistakes, those with which an arm was armed or ran, or that "
-               "neither check nor wiring tell", sum(one.harmful for one in at_arms), 0, "",
-               "lower"),
+               "neither check nor wiring tell", sum(one.harmful for one in at_arms), 0),
     ]  # fmt: skip
     return targets, {"makes": found, "at arms": [asdict(one) for one in at_arms]}
 
@@ -127,28 +123,23 @@ def targets_of(stories: Sequence[Story]) -> list[Target]:
 
     return [
         Target(f"owners who armed and led their arm, of {len(stories)}", len(led), len(stories),
-               "", "higher"),
+               better="higher"),
         Target("different commands of an owner who got there, at most",
-               worst([len(set(s.commands)) for s in led]), COMMANDS, "", "lower"),
+               worst([len(set(s.commands)) for s in led]), COMMANDS),
         Target("commands typed, every start of the daemon among them, at most",
-               worst([len(s.commands) for s in led]), COMMANDS, "", "lower"),
+               worst([len(s.commands) for s in led]), COMMANDS),
         Target("fields that change beyond the data sheets, signs and zeros, at most",
-               worst([len(set(s.seen)) for s in led]), FIELDS, "", "lower"),
-        Target("machine work of an owner, at most", worst([s.machine_s for s in led]), MACHINE_S,
-               "s", "lower"),
+               worst([len(set(s.seen)) for s in led]), FIELDS),
+        Target("machine work of an owner, at most", worst([s.machine_s for s in led]), 1800, "s"),
     ]  # fmt: skip
 
 
-@click.command()
-@click.option("--owners", default=20, show_default=True, type=click.IntRange(0, 1000))
-@click.option("--first", default=0, show_default=True, help="Seed of the first owner's arm.")
-@click.option("--arms", default=20, show_default=True, type=click.IntRange(1, 1000))
-@click.option("--mistakes/--no-mistakes", default=True, show_default=True)
-@click.option("--json", "as_json", is_flag=True)
+@command(__doc__)
+@click.option("--owners", default=20, type=click.IntRange(0, 1000))
+@click.option("--first", default=0, help="Seed of the first owner's arm.")
+@click.option("--arms", default=20, type=click.IntRange(1, 1000))
+@click.option("--mistakes/--no-mistakes", default=True)
 def main(owners: int, first: int, arms: int, *, mistakes: bool, as_json: bool) -> None:
-    """Let N owners begin, plant every mistake into an arm of each make, and none into N arms; draft
-    the drives of ten makers."""
-    targets: list[Target] = []
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         targets, data["makers"] = of_makers(Path(name), quiet=as_json)

@@ -41,6 +41,10 @@ HANDS: dict[Path, tuple[AnyAct, ...]] = {
     ),
 }
 OVER_CURRENT = 0x2310
+AFTER_THE_FAULT = (
+    (Event.RESET, 0.5), (Event.ENABLE, 1.0), (Event.START, 2.5), (Event.STOP, 0.5),
+    (Event.DISABLE, 0.5),
+)  # fmt: skip
 
 
 def session(rig: Rig) -> Iterator[bytes]:
@@ -64,16 +68,9 @@ def session(rig: Rig) -> Iterator[bytes]:
     yield from during(13.3)
     rig.arm.drives[1].fault(OVER_CURRENT, "over-current")
     yield from during(1.0)
-    asked(Event.RESET)
-    yield from during(0.5)
-    asked(Event.ENABLE)
-    yield from during(1.0)
-    asked(Event.START)
-    yield from during(2.5)
-    asked(Event.STOP)
-    yield from during(0.5)
-    asked(Event.DISABLE)
-    yield from during(0.5)
+    for event, seconds in AFTER_THE_FAULT:
+        asked(event)
+        yield from during(seconds)
 
 
 def renamed(line: bytes, names: dict[str, str]) -> bytes:

@@ -33,7 +33,7 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from bench.options import help_of
+from bench.options import command
 from bench.report import Target, print_report
 from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.bus_faults import pdos_stale
@@ -56,7 +56,6 @@ FULL_SPEED = 0.95  # of the velocity limit
 FAST = (all_frozen, encoder_frozen, samples_repeat, pdos_stale, stone_deaf, heartbeat_lost, runaway)
 # Made at nearly full speed, too. A drive that hears no setpoint any more is not among them: it goes
 # on as it was told until its setpoints are others.
-WORDS = {response: response.name.lower().replace("_", " ") for response in Response}
 
 
 def stop_sent(on: BreakableArm, reaction: Response) -> bool:
@@ -224,7 +223,7 @@ def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:
 
 def row(on: BreakableArm, case: Case, **measured: float | None) -> dict[str, Any]:
     """Results of one fault that are printed and kept."""
-    reaction = WORDS[TABLE[case.condition].response]
+    reaction = TABLE[case.condition].response.name.lower().replace("_", " ")
     found_as = {"condition": case.condition.value, "reaction": reaction}
     stated = {"make": on.make.name, "fault": case.name, **found_as}
     return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}
@@ -263,11 +262,10 @@ def measured(place: MakeOnWire) -> list[dict[str, Any]]:
     return [*rows, program_error(place), killed(place)]
 
 
-@click.command(help=help_of(__doc__))
+@command(__doc__)
 @click.option("--part", type=click.Choice(["singles", "pairs"]), default="singles")
 @click.option("--sample", type=click.IntRange(min=1, max=len(PAIRS)), help="So many of the pairs.")
-@click.option("--seed", type=int, default=1, show_default=True, help="Of the sample.")
-@click.option("--json", "as_json", is_flag=True)
+@click.option("--seed", type=int, default=1, help="Of the sample.")
 def main(part: str, sample: int | None, seed: int, as_json: bool) -> None:
     logging.getLogger("contactd").setLevel(logging.CRITICAL)  # what a reset mends is no news here
     if part == "pairs":
@@ -319,13 +317,13 @@ def singles(*, as_json: bool) -> None:
     share = max(r["travel_rad"] / r["travel_printed_rad"] for r in held)
     worst = max(PATIENCE_TICKS if wait is None else wait for wait in waits)
     targets = [
-        Target("faults found later than stated", len(late), 0, "", "lower"),
-        Target("stop command after the fault was found", worst, STOP_TICKS, "ticks", "lower"),
-        Target("faults after which the arm did not stand", len(moving), 0, "", "lower"),
-        Target("stops neither proved nor ended in silence", len(open_ends), 0, "", "lower"),
-        Target("faults after which a joint went further", len(further), 0, "", "lower"),
-        Target("travel over what is printed, at most", share, 1.0, "", "lower"),
-        Target("faults that one reset did not end", len(unended), 0, "", "lower"),
+        Target("faults found later than stated", len(late), 0),
+        Target("stop command after the fault was found", worst, STOP_TICKS, "ticks"),
+        Target("faults after which the arm did not stand", len(moving), 0),
+        Target("stops neither proved nor ended in silence", len(open_ends), 0),
+        Target("faults after which a joint went further", len(further), 0),
+        Target("travel over what is printed, at most", share, 1.0),
+        Target("faults that one reset did not end", len(unended), 0),
     ]
     print_report("reaction", 1, targets, {"rows": rows}, as_json=as_json)
 

@@ -8,6 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import click
+import numpy as np
+from rich.table import Table
+
+from common.arrays import Matrix
+
+NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
+"""Style of tables that fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +34,49 @@ class Target:
         return value <= self.limit if self.better == "lower" else value >= self.limit
 
 
+def joints_table(title: str, n: int, first: str = "") -> Table:
+    """Table with a column for each of n joints behind a first one; it fits into 80 columns."""
+    shown = Table(title=title, header_style="bold", **NARROW)
+    shown.add_column(first, no_wrap=True)
+    for i in range(n):
+        shown.add_column(str(i + 1), justify="right", no_wrap=True)
+    return shown
+
+
+def summary(errors: Matrix) -> dict[str, list[float | None]]:
+    """Summary of errors (arms, n), per joint: median and 95th percentile of their sizes, None where
+    no arm has an answer, and the share of arms without one."""
+    size = [np.abs(column[~np.isnan(column)]) for column in errors.T]
+    return {
+        "median": [round(float(np.median(x)), 3) if len(x) else None for x in size],
+        "p95": [round(float(np.percentile(x, 95.0)), 3) if len(x) else None for x in size],
+        "unanswered": np.isnan(errors).mean(axis=0).round(3).tolist(),
+    }
+
+
+def plain(value: Any, digits: int | None = None) -> Any:
+    """Value fit for JSON: lists for arrays, None for what is no number, decimals cut."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(each, digits) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each, digits) for each in value]
+    if isinstance(value, float):
+        rounded = value if digits is None else round(value, digits)
+        return rounded if math.isfinite(value) else None
+    return value
+
+
 def print_report(
     bench: str, seed: int, targets: Sequence[Target], data: dict[str, Any], *, as_json: bool
 ) -> None:
     """Targets as lines, or everything as one object on the last line."""
     if as_json:
-        rows = [
-            {**asdict(target), "value": None if math.isnan(target.value) else target.value}
-            | {"met": target.met}
-            for target in targets
-        ]  # JSON knows no NaN
+        rows = [asdict(target) | {"met": target.met} for target in targets]
         machine = f"{platform.machine()} {platform.python_version()}"
         report = {"bench": bench, "seed": seed, "machine": machine, "targets": rows, "data": data}
-        click.echo(json.dumps(report))
+        click.echo(json.dumps(plain(report)))
         return
     for target in targets:
         sign = "<=" if target.better == "lower" else ">="

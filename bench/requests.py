@@ -17,7 +17,7 @@ from pathlib import Path
 
 import click
 
-from bench.options import SEED, help_of
+from bench.options import SEED, command
 from bench.report import Target, print_report
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
 from bench.rigs.odd_requests import OddRequests
@@ -90,10 +90,9 @@ def outcome_of(robot: Path, seed: int, seconds: float) -> Outcome:
     return outcome
 
 
-@click.command(help=help_of(__doc__))
-@click.option("--seconds", default=20.0, show_default=True, help="For each configuration.")
+@command(__doc__)
+@click.option("--seconds", default=20.0, help="For each configuration.")
 @SEED
-@click.option("--json", "as_json", is_flag=True)
 def main(seconds: float, seed: int, as_json: bool) -> None:
     outcomes = [outcome_of(robot, seed, seconds) for robot in ROBOTS]
     if not as_json:
@@ -108,8 +107,8 @@ def main(seconds: float, seed: int, as_json: bool) -> None:
     )
     least = min(one.requests for one in outcomes)
     targets = [
-        Target("daemon ends / missed answers", ends + missed, 0, "", "lower"),
-        Target("answers that say `internal error`", broken, 0, "", "lower"),
+        Target("daemon ends / missed answers", ends + missed, 0),
+        Target("answers that say `internal error`", broken, 0),
         Target("requests to each arm", least, 10 * seconds, "", "higher"),
     ]
     data = {"seconds": seconds, "arms": [asdict(one) for one in outcomes]}

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import click
 
-from bench.options import help_of
+from bench.options import command
 from bench.paper import figure_02, figure_08, figure_13, figures_09_11
 from bench.paper.figure import save
 from bench.report import print_report
@@ -32,7 +32,7 @@ OUT = Path(__file__).parent.parent / "out" / "paper"
 DOCS = Path(__file__).parents[2] / "docs" / "paper"
 
 
-@click.command(help=help_of(__doc__))
+@command(__doc__)
 @click.option(
     "--figure",
     "chosen",
@@ -40,8 +40,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "paper"
     multiple=True,
     help="Only this one; may be given several times.",
 )
-@click.option("--seed", default=1, show_default=True, help="Of the plant's mismatch and noise.")
-@click.option("--json", "as_json", is_flag=True, help="Everything as one object on the last line.")
+@click.option("--seed", default=1, help="Of the plant's mismatch and noise.")
 @click.option("--docs", is_flag=True, help="Renew the pictures of docs/paper.md as well.")
 def main(chosen: tuple[str, ...], seed: int, *, as_json: bool, docs: bool) -> None:
     OUT.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """The paper's experiments on the simulated arm, each a `Recording`."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import cycle
 from typing import Literal
 
@@ -13,7 +13,8 @@ from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
-from daemon.protocol.state import STATE_FORMAT, Snapshot, State
+from daemon.protocol.state import State
+from daemon.service.status import context_of
 from estimator.settings import Variant
 from programs.demo.demo_story import Story, touch_of
 from simulator.description import Mismatch, SimulationSettings
@@ -48,8 +49,7 @@ class Conditions:
 
     seed: int = 1
     friction: Literal["smooth", "dahl"] = "smooth"
-    exact: bool = False
-    """the plant is what the model believes, and nothing is noisy"""
+    exact: bool = False  # the plant is what the model believes, and nothing is noisy
 
     def __call__(self, settings: SimulationSettings) -> SimulationSettings:
         settings = msgspec.structs.replace(settings, seed=self.seed, friction=self.friction)
@@ -79,28 +79,22 @@ def with_kalman(recording: Recording) -> Recording:
     """Recording with the Kalman observer beside the residuals, from the same samples."""
     c = recording.configuration
     values = kalman(recording.residuals[KALMAN_BELIEF], c.estimator.gain, c.period_s)
-    return recording.with_residual(KALMAN, values)
+    return replace(recording, residuals=recording.residuals | {KALMAN: values})
 
 
 def single_joint(conditions: Conditions, seconds: float = 20.0) -> Recording:
     """Fig. 2: one joint with a gap of 0.1 rad in its sinusoid, without contact."""
     with lockstep_rig(SINGLE_JOINT, configure=with_rivals(), simulate=conditions) as rig:
-        rig.enable()
-        rig.run(SETTLE_S)
-        rig.request(Event.START)
         return _record(rig, seconds)
 
 
-def contact_free(conditions: Conditions, seconds: float = 30.0) -> Recording:
+def contact_free(conditions: Conditions) -> Recording:
     """Fig. 8: the first joint in its sinusoid, all others hold, without contact."""
     with lockstep_rig(configure=with_rivals(FIRST_JOINT), simulate=conditions) as rig:
-        rig.enable()
-        rig.run(SETTLE_S)
-        rig.request(Event.START)
-        return _record(rig, seconds)
+        return _record(rig, 30.0)
 
 
-def contacts(conditions: Conditions, moving_s: float = 44.0) -> Recording:
+def contacts(conditions: Conditions) -> Recording:
     """Figs. 9 and 11: at rest for 20 s, then joints 1, 3, 4 and 7 in sinusoids; a hand pushes. An
     arm that has been at work before."""
     configure = with_rivals(FOUR_JOINTS)
@@ -115,7 +109,7 @@ def contacts(conditions: Conditions, moving_s: float = 44.0) -> Recording:
         recorder = Recorder(rig)
         rig.run(REST_S, recorder)
         rig.request(Event.START)
-        rig.run(moving_s, recorder)
+        rig.run(44.0, recorder)
         return _finished(rig, recorder)
 
 
@@ -145,14 +139,13 @@ def pushes(c: Configuration) -> tuple[Push, ...]:
 
 
 def least_at_rest(joint: Joint) -> float:
-    """Least torque [Nm] that must be detected on a joint at rest: twice the threshold, and beyond
-    half the stiction."""
+    """Least torque [Nm] to be detected at rest: twice the threshold, beyond half the stiction."""
     stuck = joint.friction.motor_coulomb + joint.friction.link_coulomb
     contact = joint.thresholds.contact
     return max(2.0 * contact, contact + 0.5 * stuck)
 
 
-def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Recording, Story]:
+def collaboration(conditions: Conditions) -> tuple[Recording, Story]:
     """Fig. 13: the first joint in its sinusoid; a hand pushes, guides the arm and lets go."""
     happenings: list[Happening] = []
     hand = read_script(ROMEO / "third_experiment.yaml")
@@ -170,11 +163,11 @@ def collaboration(conditions: Conditions, seconds: float = 24.0) -> tuple[Record
             recorder()
             states.append(_clocked(rig.state(), begin_s))
 
-        rig.run(seconds, each)
+        rig.run(24.0, each)
         ahead_s = rig.time_s - rig.arm.now - begin_s
     lines = [{"monotonic_s": h.at_s + ahead_s, "kind": h.kind, "text": h.text} for h in happenings]
     recording = with_kalman(recorder.recording())
-    return recording, Story(recording.configuration, _snapshot(recording), states, touch_of(lines))
+    return recording, Story(recording.configuration, context_of(rig.robot), states, touch_of(lines))
 
 
 def _clocked(state: State, begin_s: float) -> State:
@@ -184,35 +177,20 @@ def _clocked(state: State, begin_s: float) -> State:
     return msgspec.structs.replace(state, time_s=time_s, timing=timing)
 
 
-def _snapshot(recording: Recording) -> Snapshot:
-    """Snapshot of the arm as a Story takes it."""
-    c = recording.configuration
-    return Snapshot(
-        format=STATE_FORMAT,
-        joints=c.joint_names,
-        half_gap=[joint.half_gap for joint in c.joints],
-        thresholds=[joint.thresholds.contact for joint in c.joints],
-        period_s=c.period_s,
-        tick=0,
-        memory={},
-        configuration="",
-        urdf=recording.urdf,
-        program="",
-    )
-
-
 def _push(joint: Joint, at_s: float, torque: float) -> Push:
     return Push(at_s=at_s, joint=joint.name, torque=torque, duration_s=0.9, shape="pulse")
 
 
 def _record(rig: Rig, seconds: float) -> Recording:
+    rig.enable()
+    rig.run(SETTLE_S)
+    rig.request(Event.START)
     recorder = Recorder(rig)
     rig.run(seconds, recorder)
     return _finished(rig, recorder)
 
 
 def _finished(rig: Rig, recorder: Recorder) -> Recording:
-    """The recording with the rival. A fault on the way would have stopped the arm and spoilt the
-    figure."""
+    """The recording with the rival. A fault on the way would have spoilt the figure."""
     assert rig.mode is Mode.TRACKING, (rig.mode, rig.tick.controller.machine.cause)
     return with_kalman(recorder.recording())

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bench.report import Target
 from bench.study.contacts import count_contacts
 from bench.study.recording import Recording
+from common.arrays import Vector
 
 PIXELS_PER_INCH = 100
 COLOURS = {
@@ -36,8 +37,7 @@ class Made:
 
     table: dict[str, Any]
     targets: list[Target]
-    pictures: dict[str, Figure]
-    """by file name, without its ending"""
+    pictures: dict[str, Figure]  # by file name, without its ending
 
 
 def canvas(width: float, height: float, title: str) -> Figure:
@@ -79,8 +79,7 @@ def draw_residual(axes: Axes, recording: Recording, name: str, joint: int, **sty
 
 
 def crossings(recording: Recording, joint: int) -> list[tuple[float, float]]:
-    """Beginning and end [s] of each time that the link was free, in truth; with the bounces after
-    an impact."""
+    """Beginning and end [s] of each time that the link was free, with the bounces after it."""
     free: list[tuple[float, float]] = []
     for in_gap, begin, end in runs(recording.true_in_gap[:, joint], recording.time_s):
         if in_gap and free and begin - free[-1][1] < BOUNCE_S:
@@ -96,7 +95,7 @@ def draw_crossings(axes: Axes, recording: Recording, joint: int) -> None:
         axes.axvspan(begin, end, color=BAND, lw=0, label="_" * bool(i) + "in the gap")
 
 
-def runs(rows: NDArray[Any], time_s: NDArray[np.float64]) -> Iterator[tuple[Any, float, float]]:
+def runs(rows: NDArray[Any], time_s: Vector) -> Iterator[tuple[Any, float, float]]:
     """(value, begin, end) of every stretch of equal rows."""
     edges = [0, *(np.flatnonzero(rows[1:] != rows[:-1]) + 1).tolist(), len(rows) - 1]
     for begin, end in pairwise(edges):
@@ -136,5 +135,5 @@ def contact_levels(recording: Recording) -> list[float]:
     return [joint.thresholds.contact for joint in recording.configuration.joints]
 
 
-def _rounded(values: NDArray[np.float64]) -> list[float]:
+def _rounded(values: Vector) -> list[float]:
     return [round(float(value), 3) for value in values]

@@ -37,7 +37,7 @@ def make(seed: int) -> Made:
     backlash = table["residuals"]["backlash"]
     gap = table["while_crossing_nm"]
     targets = [
-        Target("Fig. 2: false contacts, backlash", backlash["false"][0], 0, "", "lower"),
+        Target("Fig. 2: false contacts, backlash", backlash["false"][0], 0),
         Target(
             "Fig. 2: error while crossing, classical over backlash",
             round(gap["classical"] / gap["backlash"], 2),

@@ -54,7 +54,7 @@ def held_against(table: dict[str, Any], friction: str) -> list[Target]:
     ratio = classical["largest_in_motion_nm"][0] / backlash["largest_in_motion_nm"][0]
     name = f"Fig. 8, {friction} friction"
     return [
-        Target(f"{name}: false contacts, backlash", sum(backlash["false"]), 0, "", "lower"),
+        Target(f"{name}: false contacts, backlash", sum(backlash["false"]), 0),
         Target(f"{name}: joint 1, classical over backlash", round(ratio, 2), 4, "x", "higher"),
     ]
 

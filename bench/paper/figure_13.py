@@ -47,15 +47,14 @@ def held_against(table: dict[str, Any]) -> list[Target]:
     unhappy = sum(not happened for happened in table["checks"].values())
     false = table["false_contacts"]["backlash"]
     return [
-        Target("Fig. 13: things that did not happen", unhappy, 0, "", "lower"),
-        Target("Fig. 13: false contacts", false, 0, "", "lower"),
-        Target("Fig. 13: quiet time before it went on", table["quiet_s"], 2.03, "s", "lower"),
+        Target("Fig. 13: things that did not happen", unhappy, 0),
+        Target("Fig. 13: false contacts", false, 0),
+        Target("Fig. 13: quiet time before it went on", table["quiet_s"], 2.03, "s"),
         Target(
             "Fig. 13: jump of the setpoint there, over what acceleration allows",
             table["resume_jump"],
             1.0,
             "x",
-            "lower",
         ),
     ]
 

@@ -54,12 +54,12 @@ def held_against(table: dict[str, Any], friction: str, gain: float) -> list[Targ
         backlash = table[part]["backlash"]
         name = f"Fig. 11, {friction} friction, {part}"
         targets += [
-            Target(f"{name}: contacts missed", sum(backlash["missed"]), 0, "", "lower"),
-            Target(f"{name}: false contacts", sum(backlash["false"]), 0, "", "lower"),
+            Target(f"{name}: contacts missed", sum(backlash["missed"]), 0),
+            Target(f"{name}: false contacts", sum(backlash["false"]), 0),
         ]
     delay = median_delay_ms(table["in motion"]["backlash"])
     limit = round(1000.0 / gain + 15.0, 1)
-    targets.append(Target(f"{name}: median delay", delay, limit, "ms", "lower"))
+    targets.append(Target(f"{name}: median delay", delay, limit, "ms"))
     return targets
 
 

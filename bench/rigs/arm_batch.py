@@ -21,21 +21,18 @@ from simulator.profile import PROFILE
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S
 
-Reference = Callable[[float], tuple[Vector, Vector]]
-"""Desired q and q_dot (n,) of every arm at a time [s]."""
+Reference = Callable[[float], tuple[Vector, Vector]]  # Desired q, q_dot (n,) at a time [s]
 
 Push = Callable[[float, Vector, Vector], Vector]
 """(t, q, q_dot) of the whole fleet to external joint torque [Nm]."""
 
 POSITION_GAIN = 8.0
-SETTLE_S = 0.5
-"""Held before the log begins: energised in mid-air without current, the links drop at first."""
+SETTLE_S = 0.5  # Held before the log begins: energised without current, the links drop at first
 
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """Largest difference of the arms from the nominal one: factors are log-uniform between 1/x and
-    x."""
+    """Largest difference from the nominal arm: factors are log-uniform between 1/x and x."""
 
     friction: float = 1.5
     half_gap: float = 1.3

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.rigs.arm_without_bus import Harness, Subject
-from bench.rigs.lockstep import TRUSTED, WALL_S
+from bench.rigs.lockstep import TRUSTED, WALL_S, Ticking
 from common.arrays import Vector
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
-from daemon.modes.table import Event, Mode
+from daemon.modes.table import Event
 from daemon.motion.path import JointPath
 from daemon.tick.telemetry import Wakeup
 from drivers.api import DriveCondition, DriveStatus, Objection, PowerTarget, Samples
-from estimator.estimate import Estimate
 
 _OFF = DriveStatus(DriveCondition.OFF, "switch on disabled", "off", supplied=True, following=False)
 _ENABLED = DriveStatus(
@@ -30,15 +29,13 @@ _ENABLED = DriveStatus(
 
 
 class IdealDrives:
-    """Drives that obey at once, and answer every SYNC in time, but for the samples
-    of the joints in `lost`."""
+    """Drives that obey at once and answer every SYNC, but for the joints in `lost`."""
 
     silenced = False
 
     def __init__(self, harness: Harness, names: Sequence[str], period_s: float) -> None:
         self.names = tuple(names)
-        self.external: Vector = np.zeros(len(names))
-        """Torque on the links over the next period (n,) [Nm]."""
+        self.external: Vector = np.zeros(len(names))  # On the links over the next period (n,) [Nm]
         self.lost: NDArray[np.bool_] = np.zeros(len(names), dtype=np.bool_)
         """Joints whose samples of the next tick do not arrive (n,)."""
         self._harness = harness
@@ -95,7 +92,7 @@ class IdealDrives:
         return ()
 
 
-class ArmInTheLoop:
+class ArmInTheLoop(Ticking):
     """Tick and arm; `step` moves both on by a period."""
 
     def __init__(self, subject: Subject, robot: Robot, start: Vector) -> None:
@@ -109,33 +106,11 @@ class ArmInTheLoop:
         self.tick = build_tick(robot, self.drives, TRUSTED)
         self.ticks = 0
 
-    @property
-    def time_s(self) -> float:
-        """Time of the next tick [s]."""
-        return self.ticks * self.period_s
-
-    @property
-    def mode(self) -> Mode:
-        """The controller's."""
-        return self.tick.controller.machine.mode
-
-    @property
-    def estimate(self) -> Estimate:
-        """The newest; AssertionError before the first."""
-        assert self.tick.last is not None
-        assert self.tick.last.estimate is not None
-        return self.tick.last.estimate
-
     def step(self) -> None:
         """One tick."""
         self.tick.begin(self.time_s)
         self.tick.finish(0.0, Wakeup(wall_s=WALL_S + self.time_s))
         self.ticks += 1
-
-    def run(self, seconds: float) -> None:
-        """Tick for so long."""
-        for _ in range(round(seconds / self.period_s)):
-            self.step()
 
     def start(self) -> None:
         """Enable, and start the trajectory, as `request`."""
@@ -148,8 +123,3 @@ class ArmInTheLoop:
         """Request an event. Raises RuntimeError with the reasons of a refusal."""
         if reasons := self.tick.controller.request(event, "the bench", self.time_s, path):
             raise RuntimeError("; ".join(reasons))
-
-    def arm(self) -> list[str]:
-        """Arm; returns the reasons of a refusal."""
-        reasons = self.tick.check_arming(self.time_s).reasons
-        return list(reasons) or self.tick.controller.arm("the bench")

@@ -8,7 +8,7 @@ the same samples on the bus, count for count. The loop on link position is the c
 sinusoids that may stand still for a while.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ from daemon.config.load import Robot
 from drivers.canopen.codec import MEASURED, SetpointEncoder, link_side
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.description import SimulationSettings
-from simulator.mismatch import PlantParameters, true_gears, true_parameters
+from simulator.mismatch import true_gears, true_parameters
 from simulator.plant import Plant
 from simulator.profile import PROFILE
 from simulator.sensors import Sensors
@@ -37,16 +37,10 @@ class Subject:
 
     robot: Robot
     settings: SimulationSettings
-    displacement_m: float = 0.0
-    """every centre of mass is off by this, each in a direction of its own"""
-    drift: float = 0.0
-    """friction of every joint swings by this share of itself ..."""
-    drift_period_s: float = 240.0
-    """... once in this time, each in a phase of its own"""
-    interpolates: bool = True
-    """its drives reach each setpoint over a period; else they take it as a step"""
-    aged: Callable[[PlantParameters], PlantParameters] = lambda arm: arm
-    """what time has made of it"""
+    displacement_m: float = 0.0  # of every centre of mass, each in a direction of its own
+    drift: float = 0.0  # friction of every joint swings by this share of itself ...
+    drift_period_s: float = 240.0  # ... once in this time, each in a phase of its own
+    interpolates: bool = True  # drives reach setpoints over a period, not at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +64,8 @@ class Motion:
     amplitude: Vector
     omega: Vector
     phase: Vector
-    go_s: float = np.inf
-    """moves for so long, ramps included ..."""
-    rest_s: float = 0.0
-    """... then stands for so long, and again"""
+    go_s: float = np.inf  # moves for so long, ramps included ...
+    rest_s: float = 0.0  # ... then stands for so long, and again
     ramp_s: float = 2.0
 
     def rate(self, t: float) -> float:
@@ -124,36 +116,25 @@ class Scenario:
     seconds: float
     motion: Motion | Course
     pushes: tuple[Push, ...] = ()
-    carried: tuple[Carried, ...] = ()
-    """in the order of time"""
-    torque: Matrix | None = None
-    """on the links besides the pushes, a row for each tick (ticks, n) [Nm]"""
-    phi: Vector | None = None
-    """where the links are in their gaps when the drives are switched on [rad]; None: the middle"""
-    settling_s: float = 1.5
-    """from switching on until the arm stands and the recording begins"""
-    begin_s: float = 0.0
-    """time at which it begins, for the drift of friction"""
+    carried: tuple[Carried, ...] = ()  # in the order of time
+    torque: Matrix | None = None  # on the links besides the pushes (ticks, n) [Nm]
+    phi: Vector | None = None  # of the links when the drives come on [rad]; None: the middle
+    settling_s: float = 1.5  # from switching on until the arm stands and the recording begins
+    begin_s: float = 0.0  # time at which it begins, for the drift of friction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
     """Samples of every SYNC, and the truth after every millisecond before it."""
 
-    time_s: NDArray[np.float64]
-    """(ticks,), from the moment the arm stood"""
-    samples: NDArray[np.float64]
+    time_s: Matrix  # (ticks,), from the moment the arm stood
+    samples: Matrix
     """(ticks, 4, n): current [A], link position, motor velocity, motor position, by the codec"""
-    phi: Matrix
-    """(milliseconds, n) [rad]; the last of a period is that of its SYNC"""
-    gear_torque: Matrix
-    """what the gear hands to the link [Nm]"""
-    external: Matrix
-    """torque on the links in that millisecond [Nm]"""
-    half_gap: Vector
-    """true alpha (n,) [rad]"""
-    breakaway: Vector
-    """(n,): most torque that friction of gear and link holds at rest, either way [Nm]"""
+    phi: Matrix  # (milliseconds, n) [rad]; the last of a period is that of its SYNC
+    gear_torque: Matrix  # what the gear hands to the link [Nm]
+    external: Matrix  # torque on the links in that millisecond [Nm]
+    half_gap: Vector  # true alpha (n,) [rad]
+    breakaway: Vector  # (n,): most torque that friction of gear and link holds at rest [Nm]
 
     @property
     def per_tick(self) -> int:
@@ -190,7 +171,7 @@ class Harness:
         c = robot.configuration
         description = describe(robot, read_simulation(robot))
         self.period_s = c.period_s
-        self.parameters = subject.aged(true_parameters(description, settings))
+        self.parameters = true_parameters(description, settings)
         _displace(self.parameters.model, subject.displacement_m, settings.seed)
         self.plant = Plant(
             self.parameters,

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import repeat
+from typing import Any
 
 import can
 import msgspec
@@ -38,8 +40,7 @@ class Make:
     push_Nm: float
     saturated: int  # whose current is at its limit
     stuck: int  # whose current is stuck
-    after_silence: State
-    """Where a drive ends that has lost its master."""
+    after_silence: State  # Where a drive ends that has lost its master.
 
 
 ROMEO_ARM = Make("romeo", partial(lockstep_rig, ROMEO), 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
@@ -60,6 +61,38 @@ def for_ever() -> Iterator[None]:
         yield
 
 
+def lasting(do: Callable[["BreakableArm"], object]) -> Fault:
+    """Fault that is done once, and lasts."""
+
+    def fault(on: "BreakableArm") -> Iterator[None]:
+        do(on)
+        yield from for_ever()
+
+    return fault
+
+
+def once(do: Callable[["BreakableArm"], object]) -> Fault:
+    """Fault that is done once, and is over after a tick."""
+
+    def fault(on: "BreakableArm") -> Iterator[None]:
+        do(on)
+        yield
+
+    return fault
+
+
+def throughout(
+    block: Callable[["BreakableArm"], AbstractContextManager[None]], ticks: int | None = None
+) -> Fault:
+    """Fault that is there inside a block, for so many ticks, or until it is closed."""
+
+    def fault(on: "BreakableArm") -> Iterator[None]:
+        with block(on):
+            yield from for_ever() if ticks is None else repeat(None, ticks)
+
+    return fault
+
+
 @dataclass(slots=True)
 class BreakableArm:
     """The rig, and what can be broken about it."""
@@ -68,10 +101,8 @@ class BreakableArm:
     rig: Rig
     wire: FaultyWire
     first_pose: np.ndarray
-    late_s: float = 0.0
-    """How late the next ticks begin."""
-    left_out: int = 0
-    """Deadlines that this costs, each time."""
+    late_s: float = 0.0  # How late the next ticks begin.
+    left_out: int = 0  # Deadlines that this costs, each time.
     changes: list[Callable[[Readings], Readings]] = field(default_factory=list)
     """What becomes of the readings of the drives' sensors, one after the other."""
 
@@ -234,46 +265,25 @@ class BreakableArm:
         finally:
             self.make = make
 
-    @contextmanager
-    def losing(self, *cob_ids: int) -> Iterator[None]:
+    def losing(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames do not reach the daemon inside the block."""
-        self.wire.lost.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.lost.difference_update(cob_ids)
+        return _among(self.wire.lost, cob_ids)
 
-    @contextmanager
-    def delaying(self, *cob_ids: int) -> Iterator[None]:
+    def delaying(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames reach the daemon a tick later inside the block."""
-        self.wire.late.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.late.difference_update(cob_ids)
+        return _among(self.wire.late, cob_ids)
 
-    @contextmanager
-    def doubling(self, *cob_ids: int) -> Iterator[None]:
+    def doubling(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames come twice inside the block."""
-        self.wire.twice.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.twice.difference_update(cob_ids)
+        return _among(self.wire.twice, cob_ids)
 
-    @contextmanager
-    def not_sending(self, *cob_ids: int) -> Iterator[None]:
+    def not_sending(self, *cob_ids: int) -> AbstractContextManager[None]:
         """These frames of ours reach nobody inside the block."""
-        self.wire.unsent.update(cob_ids)
-        try:
-            yield
-        finally:
-            self.wire.unsent.difference_update(cob_ids)
+        return _among(self.wire.unsent, cob_ids)
 
     @contextmanager
     def off_the_bus(self) -> Iterator[None]:
-        """Frames of ours wait inside the block, as many as an interface queues, and go out after
-        it."""
+        """Frames of ours wait inside the block, as many as an interface queues, and go out then."""
         self.wire.queue = []
         try:
             yield
@@ -299,6 +309,16 @@ class BreakableArm:
             yield
         finally:
             self.late_s, self.left_out = 0.0, 0
+
+
+@contextmanager
+def _among(frames: set[int], cob_ids: tuple[int, ...]) -> Iterator[None]:
+    """These are among the frames inside the block."""
+    frames.update(cob_ids)
+    try:
+        yield
+    finally:
+        frames.difference_update(cob_ids)
 
 
 def _configured(c: Configuration, make: Make, speed: float) -> Configuration:
@@ -332,20 +352,24 @@ def stage(
 ) -> Iterator[BreakableArm]:
     """A booted arm, off, on a bus that can be broken. speed: of the disturbed joint as it tracks,
     of its velocity limit; 0: as slow as the others."""
+    with breakable(make, configure=lambda c: _configured(c, make, speed), line=line) as made:
+        made.run(0.1)
+        yield made
+
+
+@contextmanager
+def breakable(make: Make, **both_ends: Any) -> Iterator[BreakableArm]:
+    """Arm of a make's rig, to which `both_ends` go; its bus and its sensors can be broken."""
     wires: list[FaultyWire] = []
 
     def between(wire: Wire) -> FaultyWire:
         wires.append(FaultyWire(wire))
         return wires[0]
 
-    def configured(c: Configuration) -> Configuration:
-        return _configured(c, make, speed)
-
-    with make.rig(configure=configured, between=between, line=line) as rig:
+    with make.rig(between=between, **both_ends) as rig:
         made = BreakableArm(make, rig, wires[0], rig.arm.plant.q.copy())
         read = rig.arm.sense
         rig.arm.sense = lambda *state: made.sense(read(*state))
-        made.run(0.1)
         yield made
 
 

@@ -18,8 +18,7 @@ def chromium() -> str | None:
 
 @contextlib.contextmanager
 def browser(*, webgl: bool = True) -> Iterator[Any]:
-    """A playwright Browser, with WebGL or all in plain software. Raises RuntimeError where there is
-    no chromium."""
+    """A playwright Browser, with WebGL or without. Raises RuntimeError without a chromium."""
     path = chromium()
     if path is None:
         raise RuntimeError("no chromium on this machine: apt install chromium")

@@ -6,7 +6,7 @@ from itertools import repeat
 
 import can
 
-from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
+from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever, once, throughout
 from bench.rigs.drive_faults import emergency
 from drivers.api import Kind
 from drivers.canopen.bus_load import bus_load
@@ -16,22 +16,15 @@ from drivers.canopen.emergency_codes import MASTER_SILENT
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
 from drivers.canopen.inbox import FRAMES_PER_PASS
 
-SHORTEST_FRAME = 111
-"""Bits of a frame with eight bytes and no stuff bit, and of the gap to the next."""
+SHORTEST_FRAME = 111  # bits: eight bytes, no stuff bit, and the gap to the next frame
 
 
 def _answers(drive: Drive) -> list[int]:
     return [pdo.cob_id for pdo in transmit_pdos(drive)]
 
 
-def one_pdo_missing(on: BreakableArm) -> Iterator[None]:
-    with on.losing(_answers(on.drive)[-1]):
-        yield
-
-
-def pdos_stale(on: BreakableArm) -> Iterator[None]:
-    with on.losing(*_answers(on.drive)):
-        yield from for_ever()
+one_pdo_missing = throughout(lambda on: on.losing(_answers(on.drive)[-1]), 1)
+pdos_stale = throughout(lambda on: on.losing(*_answers(on.drive)))
 
 
 def pdos_lost_in_turn(on: BreakableArm) -> Iterator[None]:
@@ -79,10 +72,8 @@ def answers_a_period_late(on: BreakableArm) -> Iterator[None]:
     yield from repeat(None, 110)
 
 
-def two_drives(on: BreakableArm) -> Iterator[None]:
-    """Another drive with the same node number answers every SYNC, too."""
-    with on.doubling(*_answers(on.drive)):
-        yield from for_ever()
+# Another drive with the same node number answers every SYNC, too.
+two_drives = throughout(lambda on: on.doubling(*_answers(on.drive)))
 
 
 def flood(on: BreakableArm) -> None:
@@ -108,43 +99,26 @@ def flooded_and_unheard(on: BreakableArm) -> Iterator[None]:
     yield from emergency(MASTER_SILENT)(on)
 
 
-def foreign_sync(on: BreakableArm) -> Iterator[None]:
-    on.say(SYNC)
-    yield
-
-
-def foreign_nmt(on: BreakableArm) -> Iterator[None]:
-    on.say(NMT, bytes([ENTER_PRE_OPERATIONAL, on.drive.node]))
-    yield
-
-
 def foreign_setpoint(on: BreakableArm) -> Iterator[None]:
     pdo = receive_pdos(on.drive)[0]
     on.say(pdo.cob_id, bytes(pdo.layout.size))
     yield
 
 
-def one_enobufs(on: BreakableArm) -> Iterator[None]:
-    with on.raising(on.rig.line.full):
-        yield
-
-
-def enobufs(on: BreakableArm) -> Iterator[None]:
-    with on.raising(on.rig.line.full):
-        for _ in range(5):
-            yield
+foreign_sync = once(lambda on: on.say(SYNC))
+foreign_nmt = once(lambda on: on.say(NMT, bytes([ENTER_PRE_OPERATIONAL, on.drive.node])))
+one_enobufs = throughout(lambda on: on.raising(on.rig.line.full), 1)
+enobufs = throughout(lambda on: on.raising(on.rig.line.full), 5)
 
 
 def bus_down(on: BreakableArm) -> Iterator[None]:
     down = can.CanOperationError("Error receiving: Network is down", errno.ENETDOWN)
     with on.raising(down, down):
-        for _ in range(20):
-            yield
+        yield from repeat(None, 20)
 
 
 def old_frames(on: BreakableArm) -> Iterator[None]:
-    """The bus returns, and with it so many old answers of every drive at once that one pass does
-    not read them all."""
+    """The bus returns with more old answers of every drive than one pass reads."""
     answers = [pdo for drive in on.drives for pdo in transmit_pdos(drive)]
     for _ in range(4):
         for _ in range(FRAMES_PER_PASS // len(answers) + 14):
@@ -153,9 +127,7 @@ def old_frames(on: BreakableArm) -> Iterator[None]:
         yield
 
 
-def error_passive(on: BreakableArm) -> Iterator[None]:
-    on.say(0x004, b"\0\x20\0\0\0\0\0\0", error=True)
-    yield
+error_passive = once(lambda on: on.say(0x004, b"\0\x20\0\0\0\0\0\0", error=True))
 
 
 def bus_off(on: BreakableArm) -> Iterator[None]:
@@ -164,10 +136,8 @@ def bus_off(on: BreakableArm) -> Iterator[None]:
         yield
 
 
-def sync_lost(on: BreakableArm) -> Iterator[None]:
-    """No drive hears our SYNC any more; everything else they hear."""
-    with on.not_sending(SYNC):
-        yield from for_ever()
+# No drive hears our SYNC any more; everything else they hear.
+sync_lost = throughout(lambda on: on.not_sending(SYNC))
 
 
 def bus_off_for(seconds: float) -> Fault:
@@ -181,8 +151,7 @@ def bus_off_for(seconds: float) -> Fault:
 
 
 def unheard_for(seconds: float) -> Fault:
-    """Nothing of ours gets onto the bus for a while, and nothing says so; then what was queued goes
-    out first."""
+    """Nothing of ours gets onto the bus for a while, unnoticed; what was queued goes out then."""
 
     def fault(on: BreakableArm) -> Iterator[None]:
         with on.off_the_bus():

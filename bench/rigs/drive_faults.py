@@ -6,20 +6,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from bench.rigs import foreign_tool
-from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever
+from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever, lasting, once, throughout
 from drivers.canopen.cia402 import VOLTAGE_ENABLED
 from drivers.canopen.codec import transmit_pdos
 from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
 from simulator.state_machine import Trigger
 
-OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}
-"""A mode of operation that the drives of a make have beside ours."""
+OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}  # that they have, too
 OVER_CURRENT, UNDER_VOLTAGE, OVER_TEMPERATURE = 0x2310, 0x3220, 0x4310
 
 
-def heartbeat_lost(on: BreakableArm) -> Iterator[None]:
-    with on.losing(HEARTBEAT + on.drive.node):
-        yield from for_ever()
+heartbeat_lost = throughout(lambda on: on.losing(HEARTBEAT + on.drive.node))
 
 
 def emergency(code: int) -> Fault:
@@ -75,9 +72,7 @@ def samples_repeat(on: BreakableArm) -> Iterator[None]:
         yield from for_ever()
 
 
-def emergency_stop(on: BreakableArm) -> Iterator[None]:
-    on.simulated.axis.happen(Trigger.DISABLE_VOLTAGE)
-    yield
+emergency_stop = once(lambda on: on.simulated.axis.happen(Trigger.DISABLE_VOLTAGE))
 
 
 def supply_gone(on: BreakableArm) -> Iterator[None]:
@@ -90,14 +85,8 @@ def supply_gone(on: BreakableArm) -> Iterator[None]:
         on.simulated.axis.statusword = word  # type: ignore[method-assign]
 
 
-def left_operational(on: BreakableArm) -> Iterator[None]:
-    on.simulated.on_nmt(ENTER_PRE_OPERATIONAL)
-    yield from for_ever()
-
-
-def reboot(on: BreakableArm) -> Iterator[None]:
-    on.simulated.boot()
-    yield from for_ever()
+left_operational = lasting(lambda on: on.simulated.on_nmt(ENTER_PRE_OPERATIONAL))
+reboot = lasting(lambda on: on.simulated.boot())
 
 
 def restarts_unheard(on: BreakableArm) -> Iterator[None]:
@@ -126,22 +115,15 @@ def restarts_operational(on: BreakableArm) -> Iterator[None]:
         on.simulated.make = make
 
 
-def mode_changed(on: BreakableArm) -> Iterator[None]:
-    """Somebody else's tool chooses another mode of operation."""
-    on.simulated.on_sdo(foreign_tool.mode_changed(OTHER_MODE[on.make.name]))
-    yield from for_ever()
-
-
-def rpdo_off(on: BreakableArm) -> Iterator[None]:
-    """Somebody else's tool turns the RPDO off that brings the target velocity."""
-    on.simulated.on_sdo(foreign_tool.rpdo_off(on.drive))
-    yield from for_ever()
-
-
-def locked(on: BreakableArm) -> Iterator[None]:
-    """It has missed its master, says that this is over, and takes no fault reset."""
-    on.simulated.lock()
-    yield from for_ever()
+# Somebody else's tool chooses another mode of operation, turns the RPDO off that brings the target
+# velocity, or gives SYNC another identifier (0x1005).
+mode_changed = lasting(
+    lambda on: on.simulated.on_sdo(foreign_tool.mode_changed(OTHER_MODE[on.make.name]))
+)
+rpdo_off = lasting(lambda on: on.simulated.on_sdo(foreign_tool.rpdo_off(on.drive)))
+sync_moved = lasting(lambda on: on.simulated.on_sdo(foreign_tool.sync_moved()))
+# It has missed its master, says that this is over, and takes no fault reset.
+locked = lasting(lambda on: on.simulated.lock())
 
 
 def locked_and_slow(on: BreakableArm) -> Iterator[None]:
@@ -205,38 +187,12 @@ def _deaf(on: BreakableArm, *to: str) -> Iterator[None]:
             drive.__dict__.pop(method, None)
 
 
-def deaf_to_setpoints(on: BreakableArm) -> Iterator[None]:
-    """It answers every SYNC and hears our heartbeat, and goes on at its last velocity."""
-    with _deaf(on, "on_pdo"):
-        yield from for_ever()
-
-
-def deaf_to_sdo_too(on: BreakableArm) -> Iterator[None]:
-    """An NMT stop is all that it hears."""
-    with _deaf(on, "on_pdo", "on_sdo"):
-        yield from for_ever()
-
-
-def deaf_to_nmt_too(on: BreakableArm) -> Iterator[None]:
-    """Nothing that we say stops it; our silence would."""
-    with _deaf(on, "on_pdo", "on_sdo", "on_nmt"):
-        yield from for_ever()
-
-
-def deaf_to_sync(on: BreakableArm) -> Iterator[None]:
-    """It never takes a setpoint, nor answers: it goes on at its last velocity, and our heartbeat
-    tells it that all is well."""
-    with _deaf(on, "latch", "transmit"):
-        yield from for_ever()
-
-
-def sync_moved(on: BreakableArm) -> Iterator[None]:
-    """Somebody's tool gives SYNC another identifier in this drive (0x1005)."""
-    on.simulated.on_sdo(foreign_tool.sync_moved())
-    yield from for_ever()
-
-
-def stone_deaf(on: BreakableArm) -> Iterator[None]:
-    """It hears nothing at all, and sends its heartbeat."""
-    with _deaf(on, "on_pdo", "on_sdo", "on_nmt", "on_heartbeat", "transmit", "latch"):
-        yield from for_ever()
+# It answers every SYNC and hears our heartbeat, and goes on at its last velocity.
+deaf_to_setpoints = throughout(lambda on: _deaf(on, "on_pdo"))
+# An NMT stop is all that it hears; and not even that: our silence would stop it.
+deaf_to_sdo_too = throughout(lambda on: _deaf(on, "on_pdo", "on_sdo"))
+deaf_to_nmt_too = throughout(lambda on: _deaf(on, "on_pdo", "on_sdo", "on_nmt"))
+# It never takes a setpoint, nor answers, and our heartbeat tells it that all is well.
+deaf_to_sync = throughout(lambda on: _deaf(on, "latch", "transmit"))
+_HEARS = ("on_pdo", "on_sdo", "on_nmt", "on_heartbeat", "transmit", "latch")
+stone_deaf = throughout(lambda on: _deaf(on, *_HEARS))  # and sends its heartbeat

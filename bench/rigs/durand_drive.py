@@ -26,8 +26,7 @@ from simulator.sensors import Readings
 SYNC: Final = 0x080
 MASTER_HEARTBEAT: Final = 0x700 + 127
 SERIAL: Final = 4711
-SERVO_DRIVE: Final = 0x0002_0192
-"""Device type of CiA 402: profile 402, a servo drive."""
+SERVO_DRIVE: Final = 0x0002_0192  # Device type of CiA 402: profile 402, a servo drive.
 #: As configs/single_joint has it: gear, counts per revolution, rpm / 10, current and its constant.
 GEAR: Final = 100.0
 LINK_COUNT: Final = 2.0 * math.pi / 131072
@@ -35,8 +34,7 @@ MOTOR_COUNT: Final = 2.0 * math.pi / 4096
 VELOCITY_UNIT: Final = 0.2 * math.pi / 60.0
 RATED_CURRENT_A: Final = 2.0
 TORQUE_CONSTANT: Final = 3.0
-RAMP: Final = 12.0
-"""Highest acceleration at the link [rad/s2]."""
+RAMP: Final = 12.0  # Highest acceleration at the link [rad/s2].
 
 # Index: type, access, value, name. What a drive with two encoders has, as its maker would set it.
 _OBJECTS: Final = {
@@ -82,8 +80,7 @@ class PolledBus:
 
     def __init__(self, bus: FarEnd) -> None:
         self._bus = bus
-        self.on_sync: Callable[[], None] = lambda: None
-        """Called before a SYNC is handled."""
+        self.on_sync: Callable[[], None] = lambda: None  # Called before a SYNC is handled.
         self._callbacks: dict[int, Callable[[int, bytes], None]] = {}
 
     def forget(self) -> None:
@@ -126,8 +123,7 @@ class DurandDrive:
         self._alone = threading.Lock()
         self.q = 0.0  # link position [rad]
         self.velocity = 0.0  # [rad/s]
-        self.states: list[str] = []
-        """Every power state it was in, in order."""
+        self.states: list[str] = []  # Every power state it was in, in order.
         self.sense = self.read
         """What it says of its sensors; who wants it to lie puts something else in its place."""
         self.power_on()

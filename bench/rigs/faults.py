@@ -5,94 +5,19 @@ interface, or `EXCLUDED` says why not. Faults of processes (SIGSTOP, SIGKILL, a 
 no part of it.
 """
 
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage
-from bench.rigs.bus_faults import (
-    adapter_gone,
-    answers_a_period_late,
-    bus_down,
-    bus_off,
-    bus_off_for,
-    deaf_on_a_late_machine,
-    enobufs,
-    error_passive,
-    flooded,
-    flooded_and_unheard,
-    foreign_nmt,
-    foreign_setpoint,
-    foreign_sync,
-    old_frames,
-    one_enobufs,
-    one_pdo_missing,
-    pdos_lost_in_most_ticks,
-    pdos_lost_in_turn,
-    pdos_stale,
-    pdos_stale_on_a_late_machine,
-    sync_lost,
-    two_drives,
-    unheard_for,
-)
-from bench.rigs.drive_faults import (
-    OVER_TEMPERATURE,
-    UNDER_VOLTAGE,
-    another_product,
-    deaf_to_nmt_too,
-    deaf_to_sdo_too,
-    deaf_to_setpoints,
-    deaf_to_sync,
-    emergency,
-    emergency_stop,
-    false_statusword,
-    fault_bit,
-    heartbeat_lost,
-    left_operational,
-    locked,
-    locked_and_slow,
-    mode_changed,
-    quick_stop_hunts,
-    quick_stop_not_kept,
-    reboot,
-    restarts_operational,
-    restarts_unheard,
-    rpdo_off,
-    runaway,
-    samples_repeat,
-    stone_deaf,
-    supply_gone,
-    sync_moved,
-)
+from bench.rigs import bus_faults as bus
+from bench.rigs import drive_faults as drive
+from bench.rigs import measurement_faults as measured
+from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage, throughout
 from bench.rigs.lines import LINES
-from bench.rigs.measurement_faults import (
-    all_frozen,
-    encoder_frozen,
-    encoder_jump,
-    encoders_dark,
-    gear_slips,
-    hit_hard,
-    infinite_reference,
-    not_a_number,
-    pushed_beyond_a_limit,
-    torque_saturated,
-    torque_stuck,
-)
 from daemon.faults.conditions import Condition
 
 
-def late(seconds: float) -> Fault:
-    def fault(on: BreakableArm) -> Iterator[None]:
-        with on.late(seconds):
-            yield
-
-    return fault
-
-
-def late_ticks(on: BreakableArm) -> Iterator[None]:
-    with on.late(0.012):
-        for _ in range(8):
-            yield
+def late(seconds: float, ticks: int = 1) -> Fault:
+    return throughout(lambda on: on.late(seconds), ticks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,135 +30,101 @@ class Case:
     fault: Fault
     ticks: int
     armed: bool = True
-    before: tuple[Condition, ...] = ()
-    """What is found of it sooner, and latched."""
-    provable: bool = True
-    """Whether anything can say that the drive stands; else only silence is left."""
-    by_motor: bool = False
-    """Whether a stand is proved only where the drive reports the position of its motor."""
+    before: tuple[Condition, ...] = ()  # What is found of it sooner, and latched.
+    provable: bool = True  # something can say that the drive stands; else only silence is left
+    by_motor: bool = False  # a stand is proved only where the motor's position is reported
     obeys: bool = False
     """Whether the drive says that it obeys and nothing says where it is: then it is neither proved
     to stand nor silenced, as silence would ask no more of it."""
-    driven: bool = False
-    """Whether a hand moves a joint faster than any setpoint: then it may go further than
-    `contactd check` prints."""
-    own: bool = False
-    """Whether the drive does: then it is held against what is printed for that."""
-    frames: bool = False
-    """Whether it is made, or shows, in frames: then every wire has to carry it."""
+    driven: bool = False  # a hand is faster than any setpoint: what is printed may be exceeded
+    own: bool = False  # Whether the drive does: then it is held against what is printed for that.
+    frames: bool = False  # made, or shown, in frames: every wire has to carry it
 
 
 _C = Condition
 CASES = (
-    Case("one PDO missing", _C.SAMPLE_MISSING, one_pdo_missing, 1, frames=True),
-    Case("a drive's PDOs missing", _C.STALE, pdos_stale, 3, frames=True),
-    Case("... on a late machine", _C.STARVED, pdos_stale_on_a_late_machine, 3),
-    Case("... now and then on a late machine", _C.DEAF, deaf_on_a_late_machine, 8),
-    Case("PDOs missing in turn", _C.SAMPLE_MISSING, pdos_lost_in_turn, 1, frames=True),
-    Case("PDOs missing in most ticks", _C.STALE, pdos_lost_in_most_ticks, 27, frames=True),
-    Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, heartbeat_lost, 21, frames=True),
-    Case("over-temperature", _C.EMERGENCY, emergency(OVER_TEMPERATURE), 1, frames=True),
-    Case("under-voltage", _C.EMERGENCY, emergency(UNDER_VOLTAGE), 1, frames=True),
-    Case("fault bit", _C.DRIVE_FAULT, fault_bit, 1, frames=True),
-    Case("emergency stop of a drive", _C.DRIVE_DROPPED, emergency_stop, 1, frames=True),
-    Case("statusword false once: stops", _C.DRIVE_DROPPED, false_statusword(0x0217), 1),
-    Case("... switched on", _C.DRIVE_DROPPED, false_statusword(0x0233), 1),
-    Case("... without power", _C.DRIVE_DROPPED, false_statusword(0x0250), 1),
-    Case("... fault", _C.DRIVE_FAULT, false_statusword(0x0218), 1),
-    Case("drive deaf to setpoints", _C.NOT_FOLLOWING, deaf_to_setpoints, 45),
-    Case(
-        "... and to SDO",
-        _C.NOT_SEEN_TO_STOP,
-        deaf_to_sdo_too,
-        60,
-        provable=False,
-        before=(_C.NOT_FOLLOWING,),
-    ),
-    Case(
-        "... and to NMT",
-        _C.UNPROVED,
-        deaf_to_nmt_too,
-        70,
-        provable=False,
-        before=(_C.NOT_FOLLOWING, _C.NOT_SEEN_TO_STOP),
-    ),
-    Case(
-        "quick stop said, and not kept",
-        _C.NOT_SEEN_TO_STOP,
-        quick_stop_not_kept,
-        60,
-        before=(_C.EMERGENCY,),
-        own=True,
-    ),
-    Case(
-        "quick stop said, and hunts",
-        _C.NOT_SEEN_TO_STOP,
-        quick_stop_hunts,
-        60,
-        before=(_C.EMERGENCY,),
-        own=True,
-    ),
-    Case("drive stone-deaf", _C.STALE, stone_deaf, 3, provable=False),
-    Case(
-        "drive leaves operational",
-        _C.STALE,
-        left_operational,
-        3,
-        before=(_C.DRIVE_DROPPED,),
-        frames=True,
-    ),
-    Case("drive restarts", _C.REBOOTED, reboot, 1, frames=True),
-    Case("... unheard, and starts by itself", _C.STALE, restarts_unheard, 3, frames=True),
-    Case("... heard, says late that a PDO was too long", _C.REBOOTED, restarts_operational, 1),
-    Case("another product in its place", _C.REBOOTED, another_product, 1, frames=True),
-    Case("drive locked in 0x8130", _C.UNHEARD, locked, 1, frames=True),
-    Case("... and slow to boot", _C.UNHEARD, locked_and_slow, 1, frames=True),
-    Case("drive without supply", _C.SUPPLY_LOST, supply_gone, 2),
-    Case("mode changed by a tool (0x6060)", _C.IGNORES_SETPOINT, mode_changed, 4),
-    Case("RPDO turned off by a tool", _C.NOT_FOLLOWING, rpdo_off, 60),
-    Case("drive deaf to SYNC", _C.STALE, deaf_to_sync, 3),
-    Case("SYNC moved by a tool (0x1005)", _C.STALE, sync_moved, 3),
-    Case("SYNC lost", _C.STALE, sync_lost, 3, frames=True),
-    Case("a drive answers a period late", _C.OLD, answers_a_period_late, 12, frames=True),
-    Case("two drives with one node", _C.TWO_DRIVES, two_drives, 7, frames=True),
-    Case("foreign SYNC", _C.FOREIGN_MASTER, foreign_sync, 1, frames=True),
-    Case("foreign NMT command", _C.FOREIGN_MASTER, foreign_nmt, 1, frames=True),
-    Case("foreign setpoint", _C.FOREIGN_MASTER, foreign_setpoint, 1, frames=True),
-    Case("bus flooded", _C.BUS_LOADED, flooded, 12, frames=True),
-    Case("... and a drive misses us", _C.UNHEARD, flooded_and_unheard, 14, frames=True),
-    Case("ENOBUFS once", _C.BUS_DISTURBED, one_enobufs, 1, frames=True),
-    Case("ENOBUFS for 3 ticks", _C.BUS_TROUBLE, enobufs, 4, frames=True),
-    Case("network down", _C.BUS_TROUBLE, bus_down, 4, frames=True),
-    Case("old frames come back", _C.STALE, old_frames, 3, frames=True),
-    Case("error-passive", _C.ERROR_PASSIVE, error_passive, 1, frames=True),
-    Case("bus-off", _C.BUS_OFF, bus_off, 1, frames=True),
-    Case("... for 30 ms", _C.BUS_OFF, bus_off_for(0.03), 1, frames=True),
-    Case("... for 80 ms", _C.BUS_OFF, bus_off_for(0.08), 1, frames=True),
-    Case("... for 400 ms", _C.BUS_OFF, bus_off_for(0.4), 1, frames=True),
-    Case("unheard for 80 ms", _C.STALE, unheard_for(0.08), 3, frames=True),
-    Case("unheard for 400 ms", _C.STALE, unheard_for(0.4), 3, frames=True),
-    Case("NaN in the estimate", _C.NOT_FINITE, not_a_number, 1),
-    Case("infinite reference", _C.NOT_FINITE, infinite_reference, 2),
-    Case("encoder jump of 0.2 rad", _C.JUMP, encoder_jump, 1),
-    Case("encoder frozen", _C.FROZEN, encoder_frozen, 60, by_motor=True, obeys=True),
-    Case("everything measured frozen", _C.FROZEN, all_frozen, 12, provable=False, obeys=True),
-    Case("every encoder dark", _C.NOT_FOLLOWING, encoders_dark, 45, provable=False, obeys=True),
-    Case("PDOs repeat themselves", _C.FROZEN, samples_repeat, 12, frames=True),
-    Case("gear slips at 0.8 rad/s", _C.APART, gear_slips, 9),
-    Case("current stuck", _C.TORQUE_STUCK, torque_stuck, 150, armed=False),
-    Case("current at its limit", _C.TORQUE_SATURATED, torque_saturated, 20, armed=False),
-    Case("hit of 9 Nm", _C.RESIDUAL_LIMIT, hit_hard, 15, driven=True),
-    Case("drive runs away", _C.OVERSPEED, runaway, 15, own=True),
-    Case("pushed beyond a limit", _C.JOINT_LIMIT, pushed_beyond_a_limit, 100, driven=True),
+    Case("one PDO missing", _C.SAMPLE_MISSING, bus.one_pdo_missing, 1, frames=True),
+    Case("a drive's PDOs missing", _C.STALE, bus.pdos_stale, 3, frames=True),
+    Case("... on a late machine", _C.STARVED, bus.pdos_stale_on_a_late_machine, 3),
+    Case("... now and then on a late machine", _C.DEAF, bus.deaf_on_a_late_machine, 8),
+    Case("PDOs missing in turn", _C.SAMPLE_MISSING, bus.pdos_lost_in_turn, 1, frames=True),
+    Case("PDOs missing in most ticks", _C.STALE, bus.pdos_lost_in_most_ticks, 27, frames=True),
+    Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, drive.heartbeat_lost, 21, frames=True),
+    Case("over-temperature", _C.EMERGENCY, drive.emergency(drive.OVER_TEMPERATURE), 1, frames=True),
+    Case("under-voltage", _C.EMERGENCY, drive.emergency(drive.UNDER_VOLTAGE), 1, frames=True),
+    Case("fault bit", _C.DRIVE_FAULT, drive.fault_bit, 1, frames=True),
+    Case("emergency stop of a drive", _C.DRIVE_DROPPED, drive.emergency_stop, 1, frames=True),
+    Case("statusword false once: stops", _C.DRIVE_DROPPED, drive.false_statusword(0x0217), 1),
+    Case("... switched on", _C.DRIVE_DROPPED, drive.false_statusword(0x0233), 1),
+    Case("... without power", _C.DRIVE_DROPPED, drive.false_statusword(0x0250), 1),
+    Case("... fault", _C.DRIVE_FAULT, drive.false_statusword(0x0218), 1),
+    Case("drive deaf to setpoints", _C.NOT_FOLLOWING, drive.deaf_to_setpoints, 45),
+    Case("... and to SDO", _C.NOT_SEEN_TO_STOP, drive.deaf_to_sdo_too, 60, provable=False,
+         before=(_C.NOT_FOLLOWING,)),
+    Case("... and to NMT", _C.UNPROVED, drive.deaf_to_nmt_too, 70, provable=False,
+         before=(_C.NOT_FOLLOWING, _C.NOT_SEEN_TO_STOP)),
+    Case("quick stop said, and not kept", _C.NOT_SEEN_TO_STOP, drive.quick_stop_not_kept, 60,
+         before=(_C.EMERGENCY,), own=True),
+    Case("quick stop said, and hunts", _C.NOT_SEEN_TO_STOP, drive.quick_stop_hunts, 60,
+         before=(_C.EMERGENCY,), own=True),
+    Case("drive stone-deaf", _C.STALE, drive.stone_deaf, 3, provable=False),
+    Case("drive leaves operational", _C.STALE, drive.left_operational, 3,
+         before=(_C.DRIVE_DROPPED,), frames=True),
+    Case("drive restarts", _C.REBOOTED, drive.reboot, 1, frames=True),
+    Case("... unheard, and starts by itself", _C.STALE, drive.restarts_unheard, 3, frames=True),
+    Case("... heard, says late that a PDO was too long", _C.REBOOTED, drive.restarts_operational,
+         1),
+    Case("another product in its place", _C.REBOOTED, drive.another_product, 1, frames=True),
+    Case("drive locked in 0x8130", _C.UNHEARD, drive.locked, 1, frames=True),
+    Case("... and slow to boot", _C.UNHEARD, drive.locked_and_slow, 1, frames=True),
+    Case("drive without supply", _C.SUPPLY_LOST, drive.supply_gone, 2),
+    Case("mode changed by a tool (0x6060)", _C.IGNORES_SETPOINT, drive.mode_changed, 4),
+    Case("RPDO turned off by a tool", _C.NOT_FOLLOWING, drive.rpdo_off, 60),
+    Case("drive deaf to SYNC", _C.STALE, drive.deaf_to_sync, 3),
+    Case("SYNC moved by a tool (0x1005)", _C.STALE, drive.sync_moved, 3),
+    Case("SYNC lost", _C.STALE, bus.sync_lost, 3, frames=True),
+    Case("a drive answers a period late", _C.OLD, bus.answers_a_period_late, 12, frames=True),
+    Case("two drives with one node", _C.TWO_DRIVES, bus.two_drives, 7, frames=True),
+    Case("foreign SYNC", _C.FOREIGN_MASTER, bus.foreign_sync, 1, frames=True),
+    Case("foreign NMT command", _C.FOREIGN_MASTER, bus.foreign_nmt, 1, frames=True),
+    Case("foreign setpoint", _C.FOREIGN_MASTER, bus.foreign_setpoint, 1, frames=True),
+    Case("bus flooded", _C.BUS_LOADED, bus.flooded, 12, frames=True),
+    Case("... and a drive misses us", _C.UNHEARD, bus.flooded_and_unheard, 14, frames=True),
+    Case("ENOBUFS once", _C.BUS_DISTURBED, bus.one_enobufs, 1, frames=True),
+    Case("ENOBUFS for 3 ticks", _C.BUS_TROUBLE, bus.enobufs, 4, frames=True),
+    Case("network down", _C.BUS_TROUBLE, bus.bus_down, 4, frames=True),
+    Case("old frames come back", _C.STALE, bus.old_frames, 3, frames=True),
+    Case("error-passive", _C.ERROR_PASSIVE, bus.error_passive, 1, frames=True),
+    Case("bus-off", _C.BUS_OFF, bus.bus_off, 1, frames=True),
+    Case("... for 30 ms", _C.BUS_OFF, bus.bus_off_for(0.03), 1, frames=True),
+    Case("... for 80 ms", _C.BUS_OFF, bus.bus_off_for(0.08), 1, frames=True),
+    Case("... for 400 ms", _C.BUS_OFF, bus.bus_off_for(0.4), 1, frames=True),
+    Case("unheard for 80 ms", _C.STALE, bus.unheard_for(0.08), 3, frames=True),
+    Case("unheard for 400 ms", _C.STALE, bus.unheard_for(0.4), 3, frames=True),
+    Case("NaN in the estimate", _C.NOT_FINITE, measured.not_a_number, 1),
+    Case("infinite reference", _C.NOT_FINITE, measured.infinite_reference, 2),
+    Case("encoder jump of 0.2 rad", _C.JUMP, measured.encoder_jump, 1),
+    Case("encoder frozen", _C.FROZEN, measured.encoder_frozen, 60, by_motor=True, obeys=True),
+    Case("everything measured frozen", _C.FROZEN, measured.all_frozen, 12, provable=False,
+         obeys=True),
+    Case("every encoder dark", _C.NOT_FOLLOWING, measured.encoders_dark, 45, provable=False,
+         obeys=True),
+    Case("PDOs repeat themselves", _C.FROZEN, drive.samples_repeat, 12, frames=True),
+    Case("gear slips at 0.8 rad/s", _C.APART, measured.gear_slips, 9),
+    Case("current stuck", _C.TORQUE_STUCK, measured.torque_stuck, 150, armed=False),
+    Case("current at its limit", _C.TORQUE_SATURATED, measured.torque_saturated, 20, armed=False),
+    Case("hit of 9 Nm", _C.RESIDUAL_LIMIT, measured.hit_hard, 15, driven=True),
+    Case("drive runs away", _C.OVERSPEED, drive.runaway, 15, own=True),
+    Case("pushed beyond a limit", _C.JOINT_LIMIT, measured.pushed_beyond_a_limit, 100, driven=True),
     Case("one late tick", _C.LATE, late(0.012), 1),
-    Case("8 late ticks", _C.OVERRUN, late_ticks, 5),
+    Case("8 late ticks", _C.OVERRUN, late(0.012, ticks=8), 5),
     Case("60 ms late", _C.OVERRUN, late(0.060), 1),
     Case("stood still for 90 ms", _C.ABSENT, late(0.090), 1),
     Case("stood still for 150 ms", _C.ABSENT, late(0.150), 1),
     Case("stood still for 300 ms", _C.ABSENT, late(0.300), 1),
     Case("stood still for 3 s", _C.ABSENT, late(3.0), 1),
-    Case("adapter gone", _C.ADAPTER_GONE, adapter_gone, 1, frames=True),
-)
+    Case("adapter gone", _C.ADAPTER_GONE, bus.adapter_gone, 1, frames=True),
+)  # fmt: skip
 
 NO_FRAMES = "the daemon alone makes it, or a sensor: the frames are ordinary ones"
 

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 
 from drivers.can.wire import Frame, Wire
 
-#: What a network interface queues by default (txqueuelen).
-QUEUED = 10
+QUEUED = 10  # What a network interface queues by default (txqueuelen)
 
 
 class FaultyWire:
@@ -17,22 +16,17 @@ class FaultyWire:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self.lost: set[int] = set()
-        self.changes: list[Callable[[int, bytes], bytes]] = []
-        """What becomes of the data of frames that are received, one after the other."""
-        self.unsent: set[int] = set()
-        """Frames of ours that get lost."""
-        self.late: set[int] = set()
-        """Frames that come when `pass_tick` is called."""
-        self.twice: set[int] = set()
-        """Frames that come twice."""
+        self.changes: list[Callable[[int, bytes], bytes]] = []  # of received data, one by one
+        self.unsent: set[int] = set()  # Frames of ours that get lost.
+        self.late: set[int] = set()  # Frames that come when `pass_tick` is called.
+        self.twice: set[int] = set()  # Frames that come twice.
         self._held: list[Frame] = []
         self._ready: deque[Frame] = deque()
         self.queue: list[Frame] | None = None
         """Where frames of ours wait for a bus that is off; None while it is not."""
         self.sending: Exception | None = None
         self.receiving: Exception | None = None
-        self.sent: list[tuple[int, bytes]] = []
-        """Since the last tick began."""
+        self.sent: list[tuple[int, bytes]] = []  # Since the last tick began.
 
     def receive(self, timeout: float) -> Frame | None:
         """The next frame that is not lost, like `Wire.receive`."""

@@ -46,10 +46,8 @@ class GeneratedArm:
     make: Make
     bodies: tuple[Body, ...]
     urdf: str
-    stops: tuple[tuple[float, float], ...]
-    """end stops of each joint [rad]"""
-    joints: tuple[dict[str, Any], ...]
-    """as `config.yaml` has them"""
+    stops: tuple[tuple[float, float], ...]  # end stops of each joint [rad]
+    joints: tuple[dict[str, Any], ...]  # as `config.yaml` has them
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -191,8 +189,7 @@ def urdf_of(
     *,
     hanging: bool = False,
 ) -> str:
-    """URDF of a chain: joints with their axes and limits [rad], each at the end of the rod before
-    it."""
+    """URDF of a chain: joints with axes and limits [rad], each at the end of the rod before it."""
     parts = ['<?xml version="1.0"?>', '<robot name="generated">', '  <link name="world"/>']
     parent, place = "world", "0 0 0"
     for i, (body, (lower, upper)) in enumerate(zip(bodies, ranges, strict=True)):

@@ -1,6 +1,7 @@
 """Generated makes of drives: six that no configuration has, each with an EDS and a data sheet of
 its own, as an owner gets them from a maker."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import pi
@@ -13,7 +14,6 @@ VENDOR = 0x00C0DAC8
 _CODES = {
     "INTEGER8": 2, "INTEGER16": 3, "INTEGER32": 4, "UNSIGNED8": 5, "UNSIGNED16": 6, "UNSIGNED32": 7,
 }  # fmt: skip
-_BITS = {"8": 8, "16": 16, "32": 32}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +52,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Make:
-    """One make of drive: its quantities by the name that a profile has for them, its PDOs, and what
-    is peculiar to it."""
+    """One make of drive: its quantities by their name in a profile, its PDOs, and its quirks."""
 
     name: str
     product: int
@@ -185,9 +184,7 @@ class _Variable:
     low: str = ""
 
 
-_U8, _U16, _U32, _I8, _I16, _I32 = (
-    "UNSIGNED8", "UNSIGNED16", "UNSIGNED32", "INTEGER8", "INTEGER16", "INTEGER32",
-)  # fmt: skip
+_U8, _U16, _U32, _I8, _I16 = "UNSIGNED8", "UNSIGNED16", "UNSIGNED32", "INTEGER8", "INTEGER16"
 _Objects = dict[tuple[int, int], _Variable]
 
 
@@ -270,7 +267,7 @@ def _mapped(make: Make, entry: str) -> int:
     if entry in words:
         return words[entry]
     quantity = make.quantities[entry]
-    bits = next(bits for end, bits in _BITS.items() if quantity.type.endswith(end))
+    bits = int(re.sub(r"\D", "", quantity.type))
     return quantity.index << 16 | quantity.subindex << 8 | bits
 
 

@@ -19,8 +19,7 @@ class InterfaceEnd:
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
-        self.to_daemon = self.to_drives = 0
-        """Frames on their way."""
+        self.to_daemon = self.to_drives = 0  # Frames on their way.
 
     def send(self, msg: can.Message) -> None:
         self._bus.send(msg)
@@ -45,8 +44,7 @@ class TextEnd:
         self._port: int | None = port
         self._encode, self._decode = encode, decode
         self._heard: deque[can.Message] = deque()
-        self.to_daemon = self.to_drives = 0
-        """Frames on their way."""
+        self.to_daemon = self.to_drives = 0  # Frames on their way.
 
     def send(self, msg: can.Message) -> None:
         if self._port is None:

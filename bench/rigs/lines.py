@@ -52,18 +52,13 @@ class FarEnd(Protocol):
 class Line:
     """A bus in lockstep. `full` is what the daemon's wire raises that takes no more frames."""
 
-    near: OpenBus
-    """The daemon's end, as it is: for SDO, whose answers are waited for anyway."""
-    wire: Wire
-    """The same for the tick, which waits for what is on its way."""
+    near: OpenBus  # The daemon's end, as it is: for SDO, whose answers are waited for anyway.
+    wire: Wire  # The same for the tick, which waits for what is on its way.
     far: FarEnd
     full: Exception
-    unplug: Callable[[], None] | None = None
-    """Takes the adapter away; None where there is none."""
-    hand_over: Callable[[], None] = lambda: None
-    """To be called when the tick takes over from SDO."""
-    channel: str = ""
-    """Of a virtual bus, for whoever wants to listen."""
+    unplug: Callable[[], None] | None = None  # Takes the adapter away; None where there is none.
+    hand_over: Callable[[], None] = lambda: None  # To be called when the tick takes over from SDO.
+    channel: str = ""  # Of a virtual bus, for whoever wants to listen.
 
 
 OpenLine = Callable[[], AbstractContextManager[Line]]

@@ -6,8 +6,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
-
 from bench.rigs.lines import Line, OpenLine, virtual_line
 from common.errors import DriveError
 from daemon.assembly import build_tick
@@ -41,12 +39,56 @@ DESK_ARM = ROMEO.parent / "desk_arm"
 
 #: Of an arm whose configuration is right by construction.
 TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")
-#: Unix time of the first tick.
-WALL_S = 1.8e9
+WALL_S = 1.8e9  # Unix time of the first tick
+
+
+class Ticking:
+    """Tick of the daemon that a rig moves on by `step`, and what it came to."""
+
+    robot: Robot
+    tick: Tick
+    ticks: int
+
+    @property
+    def time_s(self) -> float:
+        """Time of the next tick [s]."""
+        return self.ticks * self.robot.configuration.period_s
+
+    def step(self) -> None:
+        """One tick."""
+        raise NotImplementedError
+
+    def run(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
+        """Tick for so long; `each` is called after every tick."""
+        for _ in range(round(seconds / self.robot.configuration.period_s)):
+            self.step()
+            each()
+
+    @property
+    def mode(self) -> Mode:
+        """The controller's."""
+        return self.tick.controller.machine.mode
+
+    @property
+    def last(self) -> TickRecord:
+        """The last tick; AssertionError before the first."""
+        assert self.tick.last is not None
+        return self.tick.last
+
+    @property
+    def estimate(self) -> Estimate:
+        """The newest; AssertionError before the first complete samples."""
+        assert self.last.estimate is not None
+        return self.last.estimate
+
+    def permit(self, who: str = "the bench") -> list[str]:
+        """Arm as the daemon does for a client; returns every reason why not."""
+        reasons = self.tick.check_arming(self.time_s).reasons
+        return list(reasons) or self.tick.controller.arm(who)
 
 
 @dataclass(slots=True)
-class Rig:
+class Rig(Ticking):
     """Both ends of the bus; `step` moves them on by one period."""
 
     robot: Robot
@@ -55,16 +97,9 @@ class Rig:
     arm: SimulatedArm
     lockstep: Lockstep
     line: Line
-    build: Callable[[Robot], tuple[CanopenArm, Tick]]
-    """sets the drives up for a robot, and builds its tick"""
+    build: Callable[[Robot], tuple[CanopenArm, Tick]]  # drives set up, and their tick
     ticks: int = 0
-    before_s: float = 0.0
-    """time of the ticks that were built before this one"""
-
-    @property
-    def time_s(self) -> float:
-        """Time of the next tick [s]."""
-        return self.ticks * self.robot.configuration.period_s
+    before_s: float = 0.0  # time of the ticks that were built before this one
 
     @property
     def wall_s(self) -> float:
@@ -72,8 +107,7 @@ class Rig:
         return WALL_S + self.before_s + self.time_s
 
     def take_up(self, robot: Robot) -> None:
-        """End as the daemon does, and begin anew by another robot, at the same arm. Raises
-        ContactdError."""
+        """End as the daemon does, and begin anew by another robot. Raises ContactdError."""
         with self.by_sdo(), suppress(DriveError):
             self.drives.let_go()
         self.drives.end()
@@ -90,12 +124,6 @@ class Rig:
         self.tick.finish(0.0, Wakeup(wall_s=wall_s))
         self.ticks += 1
 
-    def run(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
-        """Tick for so long; `each` is called after every tick."""
-        for _ in range(round(seconds / self.robot.configuration.period_s)):
-            self.step()
-            each()
-
     def states(self, seconds: float) -> list[State]:
         """Every State of the next `seconds`."""
         states: list[State] = []
@@ -103,8 +131,7 @@ class Rig:
         return states
 
     def request(self, event: Event) -> None:
-        """Request an event as a person would; raises AssertionError with the reasons of a
-        refusal."""
+        """Request an event as a person would; AssertionError with the reasons of a refusal."""
         reasons = self.tick.controller.request(event, "the bench", self.time_s)
         assert not reasons, reasons
 
@@ -153,26 +180,9 @@ class Rig:
         return self.drives.boot
 
     @property
-    def mode(self) -> Mode:
-        """The controller's."""
-        return self.tick.controller.machine.mode
-
-    @property
-    def last(self) -> TickRecord:
-        """The last tick; AssertionError before the first."""
-        assert self.tick.last is not None
-        return self.tick.last
-
-    @property
     def samples(self) -> Samples:
         """Samples of the last tick."""
         return self.last.samples
-
-    @property
-    def estimate(self) -> Estimate:
-        """The newest; AssertionError before the first complete samples."""
-        assert self.last.estimate is not None
-        return self.last.estimate
 
     @property
     def decision(self) -> Decision:
@@ -183,11 +193,6 @@ class Rig:
     def state(self) -> State:
         """State of the last tick, as it is published."""
         return state_of(self.last)
-
-    def permit(self, who: str = "the bench") -> list[str]:
-        """Arm as the daemon does for a client; returns every reason why not."""
-        reasons = self.tick.check_arming(self.time_s).reasons
-        return list(reasons) or self.tick.controller.arm(who)
 
     def clock(self) -> Clock:
         """For a loop around the tick: time passes by `step` alone."""
@@ -238,8 +243,3 @@ def lockstep_rig(
             return drives, tick
 
         yield Rig(robot, *build(robot), arm, lockstep, bus, build)
-
-
-def changed(settings: msgspec.Struct, **fields: object) -> msgspec.Struct:
-    """A copy of a settings struct with some fields changed."""
-    return msgspec.structs.replace(settings, **fields)

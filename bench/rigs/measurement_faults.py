@@ -1,12 +1,14 @@
 """Numbers that are none, sensors that lie, and somebody stronger than the arm."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import repeat
 from typing import Any, cast
 
 import numpy as np
 
-from bench.rigs.breakable_arm import BreakableArm, for_ever
+from bench.rigs.breakable_arm import BreakableArm, for_ever, throughout
 from daemon.motion.path import Follower, Reference
 from drivers.canopen.witness import STANDS
 from simulator.sensors import Readings
@@ -37,8 +39,7 @@ def infinite_reference(on: BreakableArm) -> Iterator[None]:
     follower = motion.follower
     motion.follower = cast(Follower, _Infinite(follower))
     try:
-        for _ in range(3):
-            yield
+        yield from repeat(None, 3)
     finally:
         motion.follower = follower
 
@@ -90,7 +91,7 @@ def all_frozen(on: BreakableArm) -> Iterator[None]:
         yield from for_ever()
 
 
-def encoders_dark(on: BreakableArm, share: float = 0.3) -> Iterator[None]:
+def encoders_dark(on: BreakableArm) -> Iterator[None]:
     """Supply of one drive's encoders gone: positions stay, and of the velocity, which the drive
     filters, a share is left a tick later."""
     joint = on.joint
@@ -100,7 +101,7 @@ def encoders_dark(on: BreakableArm, share: float = 0.3) -> Iterator[None]:
     def dark(r: Readings) -> Readings:
         nonlocal left
         held[:] = held or [r]
-        left *= share
+        left *= 0.3
         velocity = round(left * held[0].motor_velocity[joint])
         return replace(
             r,
@@ -147,23 +148,18 @@ def torque_saturated(on: BreakableArm) -> Iterator[None]:
         return replace(r, current=_at(r.current, on.make.saturated, full))
 
     with on.sensing(saturated):
-        for _ in range(25):
-            yield
+        yield from repeat(None, 25)
 
 
-def hit_hard(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.external_torque[on.joint] = 9.0
+@contextmanager
+def _pushed(on: BreakableArm, joint: int, torque: float) -> Iterator[None]:
+    """A hand pushes a joint inside the block [Nm]."""
+    on.rig.arm.external_torque[joint] = torque
     try:
-        for _ in range(15):
-            yield
+        yield
     finally:
-        on.rig.arm.external_torque[on.joint] = 0.0
+        on.rig.arm.external_torque[joint] = 0.0
 
 
-def pushed_beyond_a_limit(on: BreakableArm) -> Iterator[None]:
-    on.rig.arm.external_torque[on.make.pushed] = on.make.push_Nm
-    try:
-        for _ in range(100):
-            yield
-    finally:
-        on.rig.arm.external_torque[on.make.pushed] = 0.0
+hit_hard = throughout(lambda on: _pushed(on, on.joint, 9.0), 15)
+pushed_beyond_a_limit = throughout(lambda on: _pushed(on, on.make.pushed, on.make.push_Nm), 100)

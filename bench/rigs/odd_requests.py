@@ -27,16 +27,8 @@ STRINGS: Final = tuple(
 # No Unicode, half a pair of surrogates, an escape that is none.
 NO_STRINGS: Final = ('"\\ud800"', '"\\udfff\\ud800"', '"\\x"', '"')
 TYPES: Final = (
-    "null",
-    "true",
-    "false",
-    "[]",
-    "{}",
-    "[[]]",
-    "[null]",
-    '{"": 0}',
-    '{"a": {"b": []}}',
-)
+    "null", "true", "false", "[]", "{}", "[[]]", "[null]", '{"": 0}', '{"a": {"b": []}}',
+)  # fmt: skip
 DEEP: Final = (900 * "[" + 900 * "]", 400 * '{"a":' + "0" + 400 * "}")
 
 

@@ -53,10 +53,8 @@ class Story:
     make: str
     joints: int
     hanging: bool
-    commands: list[str] = field(default_factory=list)
-    """as they were typed, one after the other"""
-    seen: list[str] = field(default_factory=list)
-    """fields in no data sheet that were corrected: signs and zeros, as seen at the arm"""
+    commands: list[str] = field(default_factory=list)  # as they were typed, one after the other
+    seen: list[str] = field(default_factory=list)  # corrected fields of no data sheet
     armed: bool = False
     led: bool = False
     why: str = ""

@@ -29,8 +29,7 @@ from simulator.truth import SimulationFile
 
 Described = Callable[[Robot, SimulationFile], ArmDescription]
 """The simulated arm of a folder, as `lockstep_rig` has it."""
-Written = dict[str, Any]
-"""A config.yaml as plain data."""
+Written = dict[str, Any]  # A config.yaml as plain data.
 
 # Raised a little, so that the shoulder carries something; friction holds it while it is off.
 POSE = {"LShoulderPitch": 1.3}
@@ -84,8 +83,7 @@ class OneHand:
 
 
 class CommissionedArm:
-    """An arm to commission: a folder for the daemon, another for the arm as it is, and what was
-    found so far."""
+    """An arm to commission: the daemon's folder, that of the arm as it is, and what was found."""
 
     def __init__(
         self,
@@ -178,8 +176,7 @@ class Person:
         """model: folder of the arm; `about` as of `CommissionedArm`."""
         self.show, self._folder, self._seed, self._model = show, folder, seed, model
         self._about = {"pose": POSE} | about
-        self.took: dict[str, float] = {}
-        """Time of each step, of the arm [s]"""
+        self.took: dict[str, float] = {}  # Time of each step, of the arm [s]
         self.arm = self.another_arm("an arm")
 
     def another_arm(self, name: str, **about: Any) -> CommissionedArm:

@@ -25,8 +25,7 @@ class Reaching:
 
     way: Way = "ramps"
     bandwidth_Hz: float = _USUAL_HZ
-    acceleration: float = 30.0
-    """of those that accelerate [rad/s2 at the link]"""
+    acceleration: float = 30.0  # of those that accelerate [rad/s2 at the link]
 
     def servo(self, description: ArmDescription, link_inertia: Vector) -> Servo:
         """Velocity loops of this bandwidth."""

@@ -24,8 +24,7 @@ def _dial(path: str) -> socket.socket:
 
 
 def _sending(path: str, packets: list[bytes], connections: int, *, listens: bool) -> Iterator[None]:
-    """Send everything on every connection as fast as the daemon takes it; a connection that is
-    dropped comes again."""
+    """Send everything on every connection as fast as it is taken; dropped ones come again."""
     opened = [_dial(path) for _ in range(connections)]
     while True:
         for i, one in enumerate(opened):
@@ -122,42 +121,23 @@ def _is_out(one: socket.socket) -> bool:
         return True
 
 
-def apart(path: str) -> Iterator[None]:
-    """Load of the attackers alone: as busy as the others, with a socket of their own."""
-    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    while True:
-        for _ in range(48):
-            near.send(b'{"command":"status"}')
-            far.recv(1 << 20)
-        yield
-
-
 ATTACKS: dict[str, Attack] = {
-    "flood": flood,
-    "babble": babble,
-    "deaf": deaf,
-    "upload": upload,
-    "crowd": crowd,
-    "siege": siege,
-    "stampede": stampede,
-    "garrison": garrison,
+    attack.__name__: attack
+    for attack in (flood, babble, deaf, upload, crowd, siege, stampede, garrison)
 }
-BESIDE: dict[str, Attack] = {"apart": apart}
 
 
 def _attack(name: str, path: str) -> None:
-    rounds = {**ATTACKS, **BESIDE}[name](path)
-    while True:
-        next(rounds)
+    for _ in ATTACKS[name](path):
         time.sleep(PAUSE_S)
 
 
 @contextlib.contextmanager
-def attacking(name: str | None, path: Path) -> Iterator[None]:
+def attacking(name: str, path: Path) -> Iterator[None]:
     """Processes that attack while the block lasts."""
     context = multiprocessing.get_context("fork")
     # Whoever holds a thousand connections is one, the others are many.
-    count = 0 if name is None else 1 if name == "crowd" else ATTACKERS
+    count = 1 if name == "crowd" else ATTACKERS
     made = [
         context.Process(target=_attack, args=(name, str(path)), daemon=True) for _ in range(count)
     ]

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, Any
 from unittest import mock
 
+from click import Command
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
@@ -114,8 +115,7 @@ class ServedDaemon:
             self._take_up()
 
     def _take_up(self) -> None:
-        """Begin anew by the files as they are, or if they are bad by those of before, as
-        `contactd run` does."""
+        """Begin anew by the files, or if they are bad by those before, as `contactd run` does."""
         robot, refused = self.rig.robot, ""
         try:
             robot = load_robot(robot.path)
@@ -160,20 +160,16 @@ class ServedDaemon:
     def contactctl(self, *arguments: str) -> Result:
         """Run `contactctl` as a person would type it, so not at once after another command."""
         self.run(TYPING_S)
-        result = self.until(
-            lambda: CliRunner().invoke(
-                contactctl.main, ["--socket", str(self.path), *arguments], catch_exceptions=False
-            )
-        )
-        assert isinstance(result, Result)
-        return result
+        return self._typed(contactctl.main, ["--socket", str(self.path), *arguments])
 
     def contactd(self, *arguments: str, answers: IO[bytes] | None = None) -> Result:
         """Run a command of `contactd` that talks to the daemon, as a person would type it, with
         `answers` to what it asks."""
-        words = [*arguments, "--socket", str(self.path)]
+        return self._typed(contactd.main, [*arguments, "--socket", str(self.path)], answers)
+
+    def _typed(self, main: Command, words: list[str], answers: IO[bytes] | None = None) -> Result:
         result = self.until(
-            lambda: CliRunner().invoke(contactd.main, words, answers, catch_exceptions=False)
+            lambda: CliRunner().invoke(main, words, answers, catch_exceptions=False)
         )
         assert isinstance(result, Result)
         return result
@@ -183,8 +179,7 @@ class ServedDaemon:
 def served_daemon(
     folder: Path, robot: Path = SINGLE_JOINT, **both_ends: Any
 ) -> Iterator[ServedDaemon]:
-    """The daemon of `robot`, off, with its control socket in `folder`; `both_ends` as of
-    `lockstep_rig`."""
+    """The daemon of `robot`, off, with its socket in `folder`; `both_ends` as of `lockstep_rig`."""
     with (
         lockstep_rig(robot, identification=check_identification, **both_ends) as rig,
         PatientSocket(folder / "control") as control,

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bench.rigs.generated_arms import Body, in_yaml, urdf_of
+from bench.rigs.generated_arms import EDS, URDF, Body, GeneratedArm, in_yaml, urdf_of
 from bench.rigs.generated_makes import MAKES
 
 NAMES = ("base", "shoulder", "elbow", "forearm", "wrist_pitch", "wrist_roll")
@@ -21,34 +21,29 @@ _BODIES = (
 )  # fmt: skip
 _STOPS = ((-2.0, 2.0), (-1.6, 1.6), (-2.0, 2.0), (-2.5, 2.5), (-1.8, 1.8), (-2.5, 2.5))
 _GEARS = (100.0, 100.0, 100.0, 80.0, 50.0, 50.0)
-_CONSTANTS = (3.0, 6.0, 4.0, 1.5, 0.7, 0.5)
-"""Torque constants at the link [Nm/A]."""
-_MOST = (6.0, 7.0, 6.0, 4.0, 3.0, 2.0)
-"""Largest currents [A]."""
+_CONSTANTS = (3.0, 6.0, 4.0, 1.5, 0.7, 0.5)  # Torque constants at the link [Nm/A].
+_MOST = (6.0, 7.0, 6.0, 4.0, 3.0, 2.0)  # Largest currents [A].
 _ROTORS = (0.12, 0.14, 0.08, 0.02, 0.006, 0.003)
 _HALF_GAPS = (0.004, 0.006, 0.008, 0.005, 0.012, 0.010)
 _COULOMB = (0.5, 0.9, 0.6, 0.25, 0.10, 0.06)
 _VISCOUS = (0.4, 0.6, 0.4, 0.15, 0.05, 0.03)
 _LINK_SHARE = 0.15
-STIFFNESS = 1000.0
-"""Of every gear [Nm/rad]."""
+STIFFNESS = 1000.0  # Of every gear [Nm/rad].
 MASSES_OFF = 10.0
 PRESLIDING = 0.0003
-ENCODERS_OFF = 0.0005
-"""Amplitude of what both encoders of each joint err with each turn [rad at the link]."""
+ENCODERS_OFF = 0.0005  # Amplitude of what both encoders err with each turn [rad at the link]
 START = {"shoulder": 0.6, "elbow": 0.5, "wrist_pitch": 0.3}
 MAKE = replace(MAKES[0], quirks={"interpolation_ms": 10.0})
 """Setpoints become a ramp over the period, as in most drives: where they are steps, a rotor's
 current is over when it is sampled."""
-_EDS, _URDF = "drive.eds", "arm.urdf"
 
 
 def write(folder: Path, *, gaps: float = 1.0, start: Mapping[str, float] = START) -> Path:
     """Write what its owner has, with `simulation.yaml` as the arm is in truth, its half-gaps so
     many times as large, and where it stands; returns the folder."""
     folder.mkdir(parents=True)
-    (folder / _URDF).write_text(urdf_of(NAMES, _AXES, _BODIES, _STOPS), encoding="utf-8")
-    (folder / _EDS).write_text(MAKE.eds(), encoding="utf-8")
+    (folder / URDF).write_text(urdf_of(NAMES, _AXES, _BODIES, _STOPS), encoding="utf-8")
+    (folder / EDS).write_text(MAKE.eds(), encoding="utf-8")
     (folder / "config.yaml").write_text(in_yaml(_configuration(gaps)), encoding="utf-8")
     (folder / "simulation.yaml").write_text(in_yaml(_truth(gaps, start)), encoding="utf-8")
     return folder
@@ -90,18 +85,9 @@ def _configuration(gaps: float) -> dict[str, Any]:
         }
         for i, name in enumerate(NAMES)
     ]  # fmt: skip
-    return {
-        "version": 1,
-        "name": "Upright arm",
-        "urdf": _URDF,
-        "period_ms": 10,
-        "bus": {"interface": "socketcand", "host": "127.0.0.1", "port": 29536, "channel": "can0",
-                "bitrate": 1_000_000},
-        "drives": {"servo": MAKE.profile(_EDS)},
-        "joints": joints,
-        "estimator": {"motor_position": "measured"},
-        "trajectory": {"sinusoids": {"wrist_roll": {"amplitude": 0.2, "frequency_Hz": 0.2}}},
-    }  # fmt: skip
+    arm = GeneratedArm(0, False, MAKE, _BODIES, "", _STOPS, tuple(joints))
+    swings = {"sinusoids": {NAMES[-1]: {"amplitude": 0.2, "frequency_Hz": 0.2}}}
+    return arm.configuration() | {"name": "Upright arm", "trajectory": swings}
 
 
 def _encoder_errors(i: int) -> list[dict[str, Any]]:
@@ -131,9 +117,9 @@ def _truth(gaps: float, start: Mapping[str, float]) -> dict[str, Any]:
         "seed": 1, "mismatch": mismatch, "friction": "dahl", "presliding": PRESLIDING,
     }  # fmt: skip
     return {
-        "urdf": _URDF,
+        "urdf": URDF,
         "initial_position": dict(start),
         "joints": joints,
-        "drives": {"servo": MAKE.truth(_EDS)},
+        "drives": {"servo": MAKE.truth(EDS)},
         "settings": settings,
     }

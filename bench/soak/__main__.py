@@ -32,33 +32,27 @@ from pathlib import Path
 
 import click
 
-from bench.options import help_of
+from bench.options import command
 from bench.report import print_report
 from bench.soak.plot import plot
-from bench.soak.progress import Progress
 from bench.soak.real_time import run_real_time
+from bench.soak.record import Progress
 from bench.soak.report import failures, show, targets_of
 from bench.soak.simulated import simulate_hours
 
 OUT = Path("bench/out")
 
 
-@click.command(help=help_of(__doc__))
-@click.option(
-    "--minutes", type=click.FloatRange(0.0), default=20.0, show_default=True, help="Of real time."
-)
-@click.option(
-    "--hours", type=click.FloatRange(0.0), default=3.0, show_default=True, help="Simulated."
-)
+@command(__doc__)
+@click.option("--minutes", type=click.FloatRange(0.0), default=20.0, help="Of real time.")
+@click.option("--hours", type=click.FloatRange(0.0), default=3.0, help="Simulated.")
 @click.option(
     "--jobs",
     type=click.IntRange(1, 64),
     default=1,
-    show_default=True,
     help="Processes that share the simulated hours; on one CPU an hour takes some 20 minutes.",
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
-@click.option("--json", "as_json", is_flag=True, help="Everything as JSON on the last line.")
+@click.option("--seed", type=click.IntRange(0), default=1)
 def main(minutes: float, hours: float, jobs: int, seed: int, as_json: bool) -> None:
     if not (minutes or hours):
         raise click.UsageError("neither minutes nor hours: nothing to do")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bench.soak.record import Ledger
 from bench.soak.sensing_rules import SensingRules
 from bench.soak.stop_rules import StopRules
+from common.arrays import Vector
 from daemon.assembly import build_transmission
 from daemon.config.schema import Configuration
 from daemon.config.vectors import limits_of
@@ -15,17 +16,14 @@ from daemon.modes.table import GUIDED, SENSING, TRANSITIONS, YIELDING, Mode
 from daemon.motion.release import SLACK_S
 from daemon.protocol.state import State
 
-# Nearer to its limit than this, a joint has been led back to it [rad]...
-AT_LIMIT = 0.005
-# ...which takes so long after a hand has pressed it beyond [s].
-LED_BACK_S = 1.0
+AT_LIMIT = 0.005  # Nearer to its limit than this, a joint has been led back to it [rad]
+LED_BACK_S = 1.0  # ...which takes so long after a hand has pressed it beyond [s]
 # How long a quick stop may take [s], and the speed of a motor that stands [rad/s].
 BRAKING_S = 1.0
 STANDS = 0.05
 # A fault that is gone must be reset and the arm be up again within this time [s].
 COMES_BACK_S = 60.0
-# After the hand is off, an arm that swings in its gaps may still raise contacts [s].
-SWINGS_S = 1.0
+SWINGS_S = 1.0  # After the hand is off, an arm that swings in its gaps may still raise contacts [s]
 
 LATCHED = (Mode.OFF, Mode.ENABLING, Mode.FAULTED)
 STEPS = frozenset((before, after) for (before, _), after in TRANSITIONS.items())
@@ -34,22 +32,19 @@ STEPS = frozenset((before, after) for (before, _), after in TRANSITIONS.items())
 class Watch:
     """Check of one State after the other; `ledger` keeps what was broken."""
 
-    def __init__(
-        self, c: Configuration, ledger: Ledger, gives_way: NDArray[np.float64] | float
-    ) -> None:
+    def __init__(self, c: Configuration, ledger: Ledger, gives_way: Vector | float) -> None:
         """gives_way (n,) [rad]: how far a hand may press the drives beyond a joint limit."""
         self.ledger = ledger
         self._gives_way = gives_way
         self._stops, self._sensing = StopRules(c, ledger), SensingRules(c, ledger)
-        self.contacts_s: list[float] = []
-        """When a contact or a collision was reported."""
+        self.contacts_s: list[float] = []  # When a contact or a collision was reported.
         self._limits = limits_of(c)
         self._transmission = build_transmission(c)
         self._period_s = c.period_s
         self._names = c.joint_names
         self._reactions = c.reactions
         # Where the release that goes on began, and the way of the push.
-        self._let_go_from: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._let_go_from: tuple[Vector, Vector] | None = None
         self._let_go_since_s = 0.0
         self._before: State | None = None
         self._setpoint = np.zeros(len(c.joints))
@@ -65,9 +60,9 @@ class Watch:
         lease_ticks: int,
         touched: bool,
         trouble: bool,
-        q: NDArray[np.float64] | None = None,
-        theta: NDArray[np.float64] | None = None,
-        motor_velocity: NDArray[np.float64] | None = None,
+        q: Vector | None = None,
+        theta: Vector | None = None,
+        motor_velocity: Vector | None = None,
     ) -> None:
         """Check one State.
 
@@ -119,12 +114,7 @@ class Watch:
         self._before, self._setpoint = state, setpoint
 
     def _all(
-        self,
-        rule: str,
-        holds: NDArray[np.bool_],
-        now: float,
-        values: NDArray[np.float64],
-        unit: str,
+        self, rule: str, holds: NDArray[np.bool_], now: float, values: Vector, unit: str
     ) -> None:
         words = ""
         if not holds.all():
@@ -133,12 +123,7 @@ class Watch:
         self.ledger.check(rule, bool(holds.all()), now, words)
 
     def _bounds(
-        self,
-        state: State,
-        mode: Mode,
-        setpoint: NDArray[np.float64],
-        measured: NDArray[np.float64],
-        fresh: NDArray[np.bool_],
+        self, state: State, mode: Mode, setpoint: Vector, measured: Vector, fresh: NDArray[np.bool_]
     ) -> None:
         limits, now = self._limits, state.time_s
         within = np.abs(setpoint) <= limits.velocity + 1e-9
@@ -150,13 +135,13 @@ class Watch:
         else:
             self._all("no setpoint while latched", setpoint == 0.0, now, setpoint, "rad/s")
 
-    def _room(self, state: State, measured: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _room(self, state: State, measured: Vector) -> Vector:
         """Room of each link, in its gap, to its lower and upper limit (2, n) [rad]."""
         play = self._transmission.play(np.array(state.phi), np.array(state.phi_sigma))
         to_limits = np.array((measured - self._limits.lower, self._limits.upper - measured))
         return np.asarray(to_limits - play)
 
-    def _position(self, now: float, q: NDArray[np.float64], known: NDArray[np.bool_]) -> None:
+    def _position(self, now: float, q: Vector, known: NDArray[np.bool_]) -> None:
         """A push that the drive gives way to is all that gets a joint beyond its limit, and from
         there it is led back."""
         limits = self._limits
@@ -173,11 +158,8 @@ class Watch:
             check("armed no longer than the lease", late <= allowed_ticks, now, f"{late} ticks")
             check("not armed while latched", mode not in LATCHED, now, state.mode)
 
-    def _lets_go(
-        self, state: State, mode: Mode, setpoint: NDArray[np.float64], measured: NDArray[np.float64]
-    ) -> None:
-        """A release is slow, bounded, and goes the way it was pushed when it began; else it only
-        brakes."""
+    def _lets_go(self, state: State, mode: Mode, setpoint: Vector, measured: Vector) -> None:
+        """A release is slow, bounded, and goes the way it was pushed, or only brakes."""
         if mode is not Mode.RELEASING:
             self._let_go_from = None
             return
@@ -207,13 +189,7 @@ class Watch:
         if not back:
             self._up_s = now
 
-    def _step(
-        self,
-        before: State,
-        state: State,
-        setpoint: NDArray[np.float64],
-        measured: NDArray[np.float64],
-    ) -> None:
+    def _step(self, before: State, state: State, setpoint: Vector, measured: Vector) -> None:
         """Acceleration: only the braking distance to a limit may ask for more, to brake; and a
         setpoint that a blocked motor did not reach is given up when the arm begins to yield."""
         if Mode(before.mode) not in SENSING or Mode(state.mode) not in SENSING:

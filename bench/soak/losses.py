@@ -14,8 +14,7 @@ from drivers.canopen.codec import transmit_pdos
 
 LASTS_TICKS = 300
 
-Pattern = Callable[[Random], Iterator[bool]]
-"""Ticks that are lost, without end."""
+Pattern = Callable[[Random], Iterator[bool]]  # Ticks that are lost, without end.
 
 
 def share(rng: Random) -> Iterator[bool]:

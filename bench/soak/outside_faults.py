@@ -113,15 +113,6 @@ def daemon_held_up(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
 
 
 FAULTS: tuple[Fault, ...] = (
-    emergency,
-    drive_restarts,
-    drive_stopped,
-    foreign_sync,
-    foreign_setpoint,
-    sync_moved,
-    sync_lost,
-    mode_changed,
-    rpdo_off,
-    drives_held_up,
-    daemon_held_up,
-)
+    emergency, drive_restarts, drive_stopped, foreign_sync, foreign_setpoint, sync_moved, sync_lost,
+    mode_changed, rpdo_off, drives_held_up, daemon_held_up,
+)  # fmt: skip

@@ -56,8 +56,7 @@ Person = Generator[Step, View, None]
 
 NOTHING = ""
 STRAY = [one for one in COMMANDS if one not in ("load", "subscribe", "follow", "target")]
-# What a lease begins or goes on with.
-LEASED = (Arm, Renew)
+LEASED = (Arm, Renew)  # What a lease begins or goes on with
 # What a person wishes for in each mode, and how much more often than something else.
 WISHES: dict[Mode, dict[str, float]] = {
     Mode.OFF: {"enable": 8, "stray": 1},
@@ -87,8 +86,7 @@ def operator(rng: Random, c: Configuration) -> Person:
 
 
 def program(rng: Random, c: Configuration) -> Person:
-    """A program that keeps a connection and a short lease: it renews for a while, then forgets to,
-    disarms, or dies."""
+    """A program that keeps a short lease: it renews a while, then forgets, disarms, or dies."""
     view = yield Step()
     while True:
         if view.mode not in (Mode.HOLDING, Mode.TRACKING):
@@ -110,8 +108,7 @@ def program(rng: Random, c: Configuration) -> Person:
 
 
 def leader(rng: Random, c: Configuration) -> Person:
-    """A program that streams targets now and then: steadily, with losses and leaps, until it ends,
-    hangs, or dies."""
+    """A program that streams targets, with losses and leaps, until it ends, hangs, or dies."""
     view = yield Step()
     while True:
         if view.mode is not Mode.HOLDING or not view.q:
@@ -185,10 +182,8 @@ def explained(reply: Reply) -> bool:
     return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
 
 
-# Ticks until the daemon has seen that an owner is gone, whoever else waits.
-HEARD_TICKS = 2
-# The lease is looked at after each tick.
-LAPSES_TICKS = 1
+HEARD_TICKS = 2  # Ticks until the daemon has seen that an owner is gone, whoever else waits
+LAPSES_TICKS = 1  # The lease is looked at after each tick
 
 
 def hear(part: Part, request: Request, reply: Reply, mode: Mode | None, time_s: float) -> None:
@@ -210,8 +205,7 @@ class Leases:
         self._holder = 0
         self._asked: dict[int, Arm | Renew] = {}  # by connection: may be granted at any moment
         self._numbers = itertools.count(1)
-        self.ticks = LAPSES_TICKS
-        """For how many ticks it may still be armed after that."""
+        self.ticks = LAPSES_TICKS  # For how many ticks it may still be armed after that.
 
     def connection(self) -> int:
         """A number for a new connection."""

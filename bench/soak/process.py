@@ -1,7 +1,6 @@
 """Memory, descriptors and times of a process, from the kernel."""
 
 import os
-import time
 from pathlib import Path
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -13,10 +12,19 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
 
 
+def _status(pid: int) -> dict[str, str]:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return dict(line.split(":", 1) for line in lines)
+
+
+def peak_mb(pid: int) -> float:
+    """Most memory that it has had [MB]."""
+    return int(_status(pid)["VmHWM"].split()[0]) / 1e3
+
+
 def held(pid: int) -> dict[str, float]:
     """Memory [kB], open files, threads and children, by the names of the samples."""
-    folder = Path(f"/proc/{pid}")
-    status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
+    folder, status = Path(f"/proc/{pid}"), _status(pid)
     children = (folder / "task" / str(pid) / "children").read_text().split()
     return {
         "memory (anonymous)": float(status["RssAnon"].split()[0]),
@@ -38,8 +46,3 @@ class Stopwatch:
         spent = 1e6 * (now - self._cpu_s) / max(ticks - self._ticks, 1)
         self._cpu_s, self._ticks = now, ticks
         return spent
-
-
-def monotonic() -> float:
-    """CLOCK_MONOTONIC [s], which all processes share."""
-    return time.monotonic()

@@ -23,8 +23,7 @@ from bench.soak.onlooker import Onlooker
 from bench.soak.outside_faults import FAULTS
 from bench.soak.people import Leases, Person, Step, View, hear, leader, operator, program
 from bench.soak.process import Stopwatch, held
-from bench.soak.progress import Report
-from bench.soak.record import Part
+from bench.soak.record import Part, Report
 from bench.soak.robot import gives_way, hand_script, write_robot
 from common.errors import ContactdError
 from daemon.config.load import load_robot

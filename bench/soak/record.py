@@ -1,13 +1,15 @@
 """Record of one part of a soak: samples over time, checks, and what was seen."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import click
+
 from bench.soak.trend import Bound, Trend, trend
 
-# Cases of each broken rule that are described in words.
-CASES_TOLD = 5
+CASES_TOLD = 5  # Cases of each broken rule that are described in words
 
 # The kinds of touches and faults come back in some minutes; a shared machine has no such rhythm.
 RHYTHM_S, NEVER = 900.0, float("inf")
@@ -35,8 +37,7 @@ class Ledger:
     checked: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
     cases: list[str] = field(default_factory=list)
-    refusal: str = ""
-    """The last refusal that a person got."""
+    refusal: str = ""  # The last refusal that a person got.
 
     def check(self, rule: str, holds: bool, time_s: float, words: str = "") -> None:
         """Note that `rule` was looked at."""
@@ -93,3 +94,19 @@ class Part:
                 for name, values in self.samples.items()
             },
         }
+
+
+Report = Callable[[float], None]  # Takes the share of a run that is done, 0 to 1.
+
+
+class Progress:
+    """A line on stderr for every tenth that is done."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._shown = name, 0
+
+    def __call__(self, share: float) -> None:
+        """Write the line if another tenth is done."""
+        if share >= (self._shown + 1) / 10:
+            self._shown = int(10 * share + 1e-9)
+            click.echo(f"{self._name}: {10 * self._shown} % done", err=True)

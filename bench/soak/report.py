@@ -48,17 +48,16 @@ def targets_of(parts: Sequence[Part]) -> list[Target]:
     for part in parts:
         at = f"{part.name}: "
         checks, broken = part.ledger.checked.total(), part.ledger.broken.total()
-        targets.append(Target(f"{at}rules broken, of {checks} checks", broken, 0, "", "lower"))
+        targets.append(Target(f"{at}rules broken, of {checks} checks", broken, 0))
         hours = part.seconds / 3600.0
         alarms = part.counts["false alarms"] / hours
-        targets.append(Target(f"{at}false alarms per hour", alarms, 1.0, "", "lower"))
+        targets.append(Target(f"{at}false alarms per hour", alarms, 1.0))
         targets += [
             Target(
                 f"{at}growth of {each.name}",
                 each.growth if each.grows else min(each.growth, each.allowed),
                 each.allowed,
                 each.unit,
-                "lower",
             )
             for each in part.trends()
         ]

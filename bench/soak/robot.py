@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from bench.rigs.all_joints import MOTION
 from bench.rigs.lockstep import ROMEO
+from common.arrays import Vector
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Joint
 from daemon.faults.plausibility import GAP_TOLERANCE
@@ -50,7 +50,7 @@ def strongest(joint: Joint) -> float:
     return max(0.4 * drive, 2.0 * joint.thresholds.contact)
 
 
-def gives_way(robot: Robot) -> NDArray[np.float64]:
+def gives_way(robot: Robot) -> Vector:
     """Largest way (n,) [rad] that the hand may press the joints beyond where the daemon holds them.
 
     At most, the velocity loop of the simulated drive gives way to it like a spring, and like a

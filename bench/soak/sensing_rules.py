@@ -10,8 +10,7 @@ MOVES = frozenset({Mode.TRACKING, Mode.ADMITTANCE, Mode.RETRACTING, Mode.RETURNI
 # Modes in which it waits for quiet, and what it goes on with then.
 WAITS = frozenset({Mode.ADMITTANCE, Mode.RETRACTING})
 GOES_ON = frozenset({Mode.TRACKING, Mode.RETURNING})
-# Ticks in a row in which it may move although some joint senses nothing.
-PATIENCE_TICKS = 5
+PATIENCE_TICKS = 5  # Ticks in a row in which it may move although some joint senses nothing
 
 
 class SensingRules:

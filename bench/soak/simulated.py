@@ -13,23 +13,23 @@ import os
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from random import Random
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm
+from bench.rigs.breakable_arm import ROMEO_ARM, BreakableArm, breakable
 from bench.rigs.faults import CASES, Case
-from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.soak.invariants import Watch, false_alarms
 from bench.soak.losses import LOSSES
 from bench.soak.people import LAPSES_TICKS, Leases, Person, View, hear, leader, operator, program
 from bench.soak.process import held
-from bench.soak.progress import Progress, Report
-from bench.soak.record import Part
+from bench.soak.record import Part, Progress, Report
 from bench.soak.robot import gives_way, hand_script, write_robot
+from common.arrays import Vector
 from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.protocol.replies import Reply
@@ -40,25 +40,15 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process
 from daemon.tick.loop import Loop
-from drivers.can.wire import Wire
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
 # what needs a certain motion to be noticed, what stands in for somebody else's part, and what is
 # stronger than a drive: no setpoint keeps it inside a joint limit.
 UNFIT = {
-    "adapter gone",
-    "drive deaf to setpoints",
-    "... and to SDO",
-    "... and to NMT",
-    "drive stone-deaf",
-    "drive runs away",
-    "current stuck",
-    "encoder frozen",
-    "gear slips at 0.8 rad/s",
-    "infinite reference",
-    "pushed beyond a limit",
-    "hit of 9 Nm",
-}
+    "adapter gone", "drive deaf to setpoints", "... and to SDO", "... and to NMT",
+    "drive stone-deaf", "drive runs away", "current stuck", "encoder frozen",
+    "gear slips at 0.8 rad/s", "infinite reference", "pushed beyond a limit", "hit of 9 Nm",
+}  # fmt: skip
 # A robot has losses every day: each is drawn as often as three faults.
 FAULTS = (*(case for case in CASES if case.name not in UNFIT), *LOSSES * 3)
 # Ticks that an arm waits for missing samples, by the seed: the usual ones, and so many that its
@@ -137,21 +127,13 @@ def run_lockstep(seed: int, hours: float, report: Report = lambda share: None) -
     with _silent_log(), tempfile.TemporaryDirectory(prefix="contactd-soak-") as folder:
         robot = write_robot(Path(folder) / "arm", STALE_TICKS[seed % len(STALE_TICKS)])
         hand = hand_script(Random(seed), load_robot(robot).configuration, seconds)
-        wires: list[FaultyWire] = []
-
-        def between(wire: Wire) -> FaultyWire:
-            wires.append(FaultyWire(wire))
-            return wires[0]
-
+        make = replace(ROMEO_ARM, rig=partial(lockstep_rig, robot))
         with (
-            lockstep_rig(robot, hand=hand, between=between) as rig,
+            breakable(make, hand=hand) as stage,
             ControlSocket(Path(folder) / "control") as control,
             contextlib.closing(Notifier()) as notifier,
         ):
-            stage = BreakableArm(ROMEO_ARM, rig, wires[0], rig.arm.plant.q.copy())
-            read = rig.arm.sense
-            rig.arm.sense = lambda *state: stage.sense(read(*state))
-            _soak(part, rng, stage, _service(rig, control, notifier), seconds, report)
+            _soak(part, rng, stage, _service(stage.rig, control, notifier), seconds, report)
     part.took_s = time.perf_counter() - began
     return part
 
@@ -232,7 +214,7 @@ class _Sampler:
         self._error: list[float] = []
         self._cpu_s = time.thread_time()
 
-    def take(self, time_s: float, state: State, theta: NDArray[np.float64]) -> bool:
+    def take(self, time_s: float, state: State, theta: Vector) -> bool:
         """One tick, with the motors' true positions (n,) [rad]; whether it completes a sample."""
         self._sigma.append(sum(state.phi_sigma) / len(state.phi_sigma))
         # What stands where its side of the gap is unknown may be a gap off, and says so: that comes

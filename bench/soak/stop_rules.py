@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.soak.record import Ledger
+from common.arrays import Vector
 from daemon.config.schema import Configuration
 from daemon.config.travels import travels
 from daemon.modes.table import Mode
@@ -16,17 +17,13 @@ from daemon.tick.news import STOP_PROVED
 AFTER_PROOF_S = 0.3
 STANDS = 0.05
 KNOCK_READINGS = 2
-# A stop must be proved, or the drives be left to themselves, within [s].
-PROVED_S = 1.0
-# However long a tick took, the drives had one chance to be seen [s].
-LONGEST_TICK_S = 0.1
+PROVED_S = 1.0  # A stop must be proved, or the drives be left to themselves, within [s]
+LONGEST_TICK_S = 0.1  # However long a tick took, the drives had one chance to be seen [s]
 # After a reset nothing old comes back for [s]: a drive has RESET_PATIENCE_S to leave its fault.
 RESET_HOLDS_S = RESET_PATIENCE_S + 0.1
-# Arm and drives still give way so long after a hand is off [s].
-HAND_S = 1.0
+HAND_S = 1.0  # Arm and drives still give way so long after a hand is off [s]
 
-# Notice of a reset.
-RESET = f"{Mode.FAULTED} -> {Mode.OFF}:"
+RESET = f"{Mode.FAULTED} -> {Mode.OFF}:"  # Notice of a reset
 
 
 class StopRules:
@@ -36,8 +33,8 @@ class StopRules:
         self._ledger, self._names = ledger, c.joint_names
         self._travel = np.array([travel.total for travel in travels(c)])
         self._before: State | None = None
-        self._joints: NDArray[np.float64] | None = None  # last known
-        self._began: NDArray[np.float64] | None = None  # at the fault; None once a hand was there
+        self._joints: Vector | None = None  # last known
+        self._began: Vector | None = None  # at the fault; None once a hand was there
         self._hand_s = -np.inf
         self._proved_s = np.inf
         self._moving = np.zeros(len(c.joints), dtype=np.int64)  # readings in a row that say so
@@ -45,13 +42,7 @@ class StopRules:
         self._reset_s = np.inf  # time of a reset that nothing has excused since
 
     def see(
-        self,
-        state: State,
-        *,
-        joints: NDArray[np.float64],
-        speed: NDArray[np.float64],
-        touched: bool,
-        trouble: bool,
+        self, state: State, *, joints: Vector, speed: Vector, touched: bool, trouble: bool
     ) -> None:
         """Check one State.
 
@@ -73,7 +64,7 @@ class StopRules:
             self._proved_s, self._doubted_s = np.inf, 0.0
         self._before, self._joints = state, joints
 
-    def _travels(self, state: State, joints: NDArray[np.float64], by_hand: bool) -> None:
+    def _travels(self, state: State, joints: Vector, by_hand: bool) -> None:
         """From the last tick before the fault on, no joint goes further than is printed."""
         if self._before is None or self._before.mode != Mode.FAULTED:
             self._began = joints if self._joints is None else self._joints
@@ -84,7 +75,7 @@ class StopRules:
         gone = np.abs(joints - self._began).max(axis=0)
         self._all("no joint goes further than is printed", gone > self._travel, state, gone, "rad")
 
-    def _stays(self, state: State, speed: NDArray[np.float64], by_hand: bool) -> None:
+    def _stays(self, state: State, speed: Vector, by_hand: bool) -> None:
         """A stop that was proved lasts until `reset`."""
         if any(notice.text == STOP_PROVED for notice in state.notices):
             self._proved_s = min(self._proved_s, state.time_s)
@@ -124,12 +115,7 @@ class StopRules:
             self._reset_s = np.inf
 
     def _all(
-        self,
-        rule: str,
-        wrong: NDArray[np.bool_],
-        state: State,
-        values: NDArray[np.float64],
-        unit: str,
+        self, rule: str, wrong: NDArray[np.bool_], state: State, values: Vector, unit: str
     ) -> None:
         words = ", ".join(f"{self._names[i]} {values[i]:.4f} {unit}" for i in np.flatnonzero(wrong))
         self._ledger.check(rule, not wrong.any(), state.time_s, f"{words} ({state.cause})")

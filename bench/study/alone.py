@@ -18,27 +18,23 @@ from bench.study.world import LAWS
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Sinusoid
+from daemon.config.vectors import limits_of
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import GUIDED, Event, Mode
 
 WORK_S: Final = 240.0
-JUDGED_S: Final = 60.0
-"""of the work before, in which the level is taken"""
+JUDGED_S: Final = 60.0  # of the work before, in which the level is taken
 SOON_S: Final = 10.0
 LATE_S: Final = 120.0
 TOUCHES_S: Final = 75.0
-EVERY_S: Final = 15.0
-"""between two touches: one leaves doubt until the joint passed there again, the same way"""
+EVERY_S: Final = 15.0  # between two touches: doubt lasts until the joint passed there again
 TOUCH_S: Final = 0.5
 FADES_S: Final = 0.5
 AFTER_S: Final = 130.0
 LEVEL_S: Final = 40.0
-TIMES: Final = 2.0
-"""of the level in force before the change: a touch"""
-MOVES: Final = 0.02
-"""[rad/s]"""
-FAST: Final = 0.1
-"""of a joint that is touched in motion [rad/s], beyond its gap for ENGAGED_S"""
+TIMES: Final = 2.0  # of the level in force before the change: a touch
+MOVES: Final = 0.02  # [rad/s]
+FAST: Final = 0.1  # of a joint that is touched in motion [rad/s], beyond its gap for ENGAGED_S
 ENGAGED_S: Final = 0.3
 GAINS: Final = (0.1, 5.0)
 START: Final = np.array([0.3, 0.3, 0.0, -0.8, -1.0, 0.0, 0.0])
@@ -57,16 +53,11 @@ class Job:
 class Course:
     """Observations of one arm."""
 
-    alone_s: float = 0.0
-    """longest"""
-    alone_rad: float = 0.0
-    """furthest, in one contact"""
-    false: list[float] = field(default_factory=list)
-    """times of contacts [s]"""
-    levels: list[float] = field(default_factory=list)
-    """in force in motion, of the changed joint [Nm]"""
-    felt: list[float] = field(default_factory=list)
-    """delays of touches [s]; infinite: missed"""
+    alone_s: float = 0.0  # longest
+    alone_rad: float = 0.0  # furthest, in one contact
+    false: list[float] = field(default_factory=list)  # times of contacts [s]
+    levels: list[float] = field(default_factory=list)  # in motion, of the changed joint [Nm]
+    felt: list[float] = field(default_factory=list)  # delays of touches [s]; infinite: missed
     faults: int = 0
 
     def level(self) -> float:
@@ -87,12 +78,8 @@ def arm_of(
     joints = [
         joint if own else msgspec.structs.replace(joint, admittance_gain=gain) for joint in c.joints
     ]
-    room = np.array(
-        [
-            min(joint.limits.upper - q, q - joint.limits.lower)
-            for joint, q in zip(c.joints, START, strict=True)
-        ]
-    )
+    limits = limits_of(c)
+    room = np.minimum(limits.upper - START, START - limits.lower)
     sinusoids = {
         joint.name: Sinusoid(
             amplitude=float(min(0.8 * reach, rng.uniform(0.2, 0.4))),
@@ -176,7 +163,7 @@ class Watched:
         """Arm again where the permission ended, and start again where the trajectory did."""
         on, machine = self.on, self.on.tick.controller.machine
         if on.mode is Mode.TRACKING and not machine.armed:
-            on.arm()
+            on.permit()
         if on.mode is Mode.HOLDING and not self.rests:
             on.tick.controller.request(Event.START, "the bench", on.time_s)
 

@@ -5,8 +5,6 @@ own. The load is there from one moment on, as a cup is that somebody puts into t
 arm holds because it could not go on by itself, somebody starts it again, and arms it.
 """
 
-import re
-import shutil
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from bench.rigs.arm_without_bus import Course
 from bench.rigs.lockstep import Rig, lockstep_rig
 from bench.study import courses, world
 from bench.study.loads import AWAY_M
@@ -23,10 +22,8 @@ from daemon.config.load import Robot, load_robot
 from daemon.modes.table import Event, Mode
 from programs.simulate.simulated_robot import read_simulation
 
-WATCHED_S: Final = 60.0
-"""from the load on"""
-LOOKS_S: Final = 3.0
-"""Somebody looks after an arm that stands this often."""
+WATCHED_S: Final = 60.0  # from the load on
+LOOKS_S: Final = 3.0  # Somebody looks after an arm that stands this often.
 _MARGIN: Final = 0.15  # of the way between its limits that a joint keeps off them, each side
 
 
@@ -46,20 +43,13 @@ class ArmedResult:
     """What became of it."""
 
     job: ArmedJob
-    felt_s: float | None
-    """from the load until the arm first yielded or let go; None: never"""
-    hinted_s: float | None
-    """from the load until it was said what to do if it is one; None: not within WATCHED_S"""
-    found_s: float | None
-    """from the load until it was recognised, likewise"""
-    mass: float
-    """that was believed [kg]; NaN"""
-    told_before: bool
-    """a load was recognised before there was one"""
-    rearmed: int
-    """how often somebody had to arm it again"""
-    modes: dict[str, float]
-    """seconds from the load on, by mode"""
+    felt_s: float | None  # from the load until the arm first yielded or let go; None: never
+    hinted_s: float | None  # until it was said what to do if it is one; None: not within WATCHED_S
+    found_s: float | None  # from the load until it was recognised, likewise
+    mass: float  # that was believed [kg]; NaN
+    told_before: bool  # a load was recognised before there was one
+    rearmed: int  # how often somebody had to arm it again
+    modes: dict[str, float]  # seconds from the load on, by mode
 
 
 def armed_load(job: ArmedJob) -> ArmedResult:
@@ -68,9 +58,8 @@ def armed_load(job: ArmedJob) -> ArmedResult:
     settings = world.subject(robot, job.law, job.seed).settings
     rng = np.random.default_rng((job.seed, 63))
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "arm"
-        shutil.copytree(job.robot, folder)
-        _let_swing(folder, _swing(robot, job.worked_s + WATCHED_S, rng))
+        swing = _swing(robot, job.worked_s + WATCHED_S, rng)
+        folder = courses.folder_with(swing, robot, Path(place) / "arm")
         with lockstep_rig(folder, simulate=lambda _: settings) as rig:
             rig.enable()
             rig.run(1.0)
@@ -134,19 +123,8 @@ class _Watch:
             self.rearmed += not rig.permit()
 
 
-def _let_swing(folder: Path, rows: str) -> None:
-    """Make the trajectory of a configuration one of these rows."""
-    (folder / "swing.csv").write_text(rows)
-    text, new = (folder / "config.yaml").read_text(), "{file: swing.csv, from_here: true}"
-    text, count = re.subn(
-        r"^trajectory:\n(  .*\n)+", f"trajectory: {new}\n", text, flags=re.MULTILINE
-    )
-    assert count == 1
-    (folder / "config.yaml").write_text(text)
-
-
-def _swing(robot: Robot, seconds: float, rng: np.random.Generator) -> str:
-    """Trajectory file: a move to a pose well within the limits, and sinusoids about it."""
+def _swing(robot: Robot, seconds: float, rng: np.random.Generator) -> Course:
+    """A move to a pose well within the limits, and sinusoids about it."""
     c, room = robot.configuration, courses.Room.of(robot.configuration)
     margin: Vector = _MARGIN * (room.upper - room.lower)
     room = replace(room, lower=room.lower + margin, upper=room.upper - margin)
@@ -154,10 +132,4 @@ def _swing(robot: Robot, seconds: float, rng: np.random.Generator) -> str:
     start = np.array([initial.get(name, 0.0) for name in c.joint_names])
     home = rng.uniform(room.lower, room.upper)
     there = courses.move(room, start, home)
-    parts = [there, courses.sinusoids(room, home, seconds, rng)]
-    q = courses.joined(parts).q[::5]
-    rows = [
-        f"{5 * room.period_s * k:.2f}," + ",".join(f"{x:.5f}" for x in row)
-        for k, row in enumerate(q)
-    ]
-    return "\n".join(["time_s," + ",".join(c.joint_names), *rows, ""])
+    return courses.joined([there, courses.sinusoids(room, home, seconds, rng)])

@@ -21,25 +21,18 @@ Kind = Literal[
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 BY_PERSON: Final = frozenset({"rub", "rub one way", "rub with the motion", "lean"})
 """A contact with these is none that is false."""
-LASTING: Final = frozenset({"friction", "rest"})
-"""What is never gone again."""
+LASTING: Final = frozenset({"friction", "rest"})  # What is never gone again.
 
-SIZES: Final = (0.2, 0.9)
-"""of the stated level"""
+SIZES: Final = (0.2, 0.9)  # of the stated level
 TIMES_S: Final = (60.0, 420.0)
 LEANS_S: Final = (60.0, 1200.0)
 RESTS_S: Final = (120.0, 300.0)
-FACTORS: Final = (0.5, 2.0)
-"""Friction after a step, over that which was identified."""
-GROWN: Final = 1.5
-"""Friction after a rest, over that before it, but not beyond FACTORS."""
-LOST: Final = 0.01
-"""of the samples of each joint"""
-SPRING_RAD: Final = 0.15
-"""from where a spring begins to where it pulls most"""
+FACTORS: Final = (0.5, 2.0)  # Friction after a step, over that which was identified.
+GROWN: Final = 1.5  # Friction after a rest, over that before it, but not beyond FACTORS.
+LOST: Final = 0.01  # of the samples of each joint
+SPRING_RAD: Final = 0.15  # from where a spring begins to where it pulls most
 JOINTS: Final = (0, 1, 2, 3)
-SMOOTH: Final = 0.02
-"""[rad/s]"""
+SMOOTH: Final = 0.02  # [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +41,9 @@ class Change:
 
     kind: Kind
     joint: int
-    torque: float
-    """signed, at most [Nm]; friction: its factor"""
+    torque: float  # signed, at most [Nm]; friction: its factor
     seconds: float
-    place: float = 0.0
-    """of a spring, from the middle of the joint's swing [rad]"""
+    place: float = 0.0  # of a spring, from the middle of the joint's swing [rad]
 
     def torques(self, velocity: Vector, q: Vector, middle: Vector) -> Vector:
         """Torque (n,) [Nm] of what rubs, leans or pulls, by the links' motion."""

@@ -13,15 +13,14 @@ from bench.rigs.person import CommissionedArm, Person
 from common.arrays import Vector
 from daemon.config.identified import IdentifiedJoint
 from daemon.config.load import load_robot
+from daemon.config.vectors import limits_of
 from simulator.mismatch import PlantParameters
 
-_95 = 1.96
-"""Standard errors in half of a 95 % interval."""
+_95 = 1.96  # Standard errors in half of a 95 % interval.
 _POSES = 2000
 _EDGE = 0.1  # [rad] of the limits, which strokes need
 _LITTLE = 0.02  # of a joint's friction: gravity that is no more does not act
-WIDEST = 15.0
-"""Interval of friction [%]."""
+WIDEST = 15.0  # Interval of friction [%].
 
 Show = Callable[[str], None]
 
@@ -39,10 +38,9 @@ def observable(arm: CommissionedArm) -> NDArray[np.bool_]:
     """(n,) True for a joint whose link meets both borders of its gap within the limits: gravity
     changes side there, or does not act, by the arm as it is in truth."""
     true = _true(arm)
-    joints = load_robot(arm.folder).configuration.joints
-    lower = np.array([joint.limits.lower for joint in joints]) + _EDGE
-    upper = np.array([joint.limits.upper for joint in joints]) - _EDGE
-    drawn = np.random.default_rng(0).uniform(lower, upper, (_POSES, len(joints)))
+    limits = limits_of(load_robot(arm.folder).configuration)
+    shape = _POSES, len(arm.joints)
+    drawn = np.random.default_rng(0).uniform(limits.lower + _EDGE, limits.upper - _EDGE, shape)
     data = true.model.createData()
     g = np.array([pin.computeGeneralizedGravity(true.model, data, q) for q in drawn])
     little = _LITTLE * _sum(true.coulomb)
@@ -52,14 +50,30 @@ def observable(arm: CommissionedArm) -> NDArray[np.bool_]:
 
 def stated(arm: CommissionedArm) -> dict[str, Stated]:
     """Every quantity with an interval, by name."""
-    true, found = _true(arm), arm.found()
-    truth = {
-        "K_theta_s": _sum(true.coulomb),
-        "K_theta_v": _sum(true.viscous),
-        "B": true.rotor_inertia,
-    }
-    return {"alpha": _gaps(found, true.half_gap)} | {
+    found, truth = arm.found(), true_friction(arm)
+    return {"alpha": _gaps(found, _true(arm).half_gap)} | {
         name: _friction(found, name, values) for name, values in truth.items()
+    }
+
+
+def true_friction(arm: CommissionedArm) -> dict[str, Vector]:
+    """Friction of motor and link together, and the rotor, as they are in truth, (n,) each."""
+    true = _true(arm)
+    sums = {"K_theta_s": _sum(true.coulomb), "K_theta_v": _sum(true.viscous)}
+    return sums | {"B": true.rotor_inertia}
+
+
+def friction_values(joint: IdentifiedJoint) -> dict[str, float]:
+    """The same as it was identified, NaN where it was not; and R2."""
+    entry = joint.friction
+    if entry is None:
+        return dict.fromkeys(("K_theta_s", "K_theta_v", "B", "r2"), np.nan)
+    f, rotor = entry.friction, entry.rotor_inertia
+    return {
+        "K_theta_s": f.motor_coulomb + f.link_coulomb,
+        "K_theta_v": f.motor_viscous + f.link_viscous,
+        "B": np.nan if rotor is None else rotor,
+        "r2": entry.r2,
     }
 
 
@@ -77,12 +91,12 @@ def judged(name: str, person: Person, went: dict[str, bool]) -> tuple[list[Targe
     ]
     friction = np.concatenate([of["K_theta_s"].wide, of["K_theta_v"].wide])
     targets = [
-        Target(f"{name}: steps that failed, and not armed", len(failed), 0, "", "lower"),
-        Target(f"{name}: steps that observable joints failed", len(missing), 0, "", "lower"),
+        Target(f"{name}: steps that failed, and not armed", len(failed), 0),
+        Target(f"{name}: steps that observable joints failed", len(missing), 0),
         Target(f"{name}: error of what is good over its stated interval, worst",
-               _worst(np.concatenate([one.error for one in of.values()])), 1.5, "", "lower"),
-        Target(f"{name}: widest interval of friction", _worst(friction), WIDEST, "%", "lower"),
-        Target(f"{name}: time of `identify gap`", person.took["gap"] / 60.0, 10, "min", "lower"),
+               _worst(np.concatenate([one.error for one in of.values()])), 1.5),
+        Target(f"{name}: widest interval of friction", _worst(friction), WIDEST, "%"),
+        Target(f"{name}: time of `identify gap`", person.took["gap"] / 60.0, 10, "min"),
     ]  # fmt: skip
     data = {
         "joints": arm.joints,
@@ -115,19 +129,9 @@ def _gaps(found: list[IdentifiedJoint], true: Vector) -> Stated:
 
 
 def _friction(found: list[IdentifiedJoint], name: str, true: Vector) -> Stated:
-    values, errors = np.full((2, len(found)), np.nan)
-    for i, joint in enumerate(found):
-        entry = joint.friction
-        if entry is None or name not in entry.errors:
-            continue
-        f = entry.friction
-        own = {
-            "K_theta_s": f.motor_coulomb + f.link_coulomb,
-            "K_theta_v": f.motor_viscous + f.link_viscous,
-            "B": entry.rotor_inertia,
-        }[name]
-        values[i], errors[i] = np.nan if own is None else own, entry.errors[name]
-    half = _95 * errors
+    values = np.array([friction_values(joint)[name] for joint in found])
+    errors = [j.friction.errors.get(name, np.nan) if j.friction else np.nan for j in found]
+    half = _95 * np.array(errors)
     return Stated(np.abs(values - true) / np.maximum(half, 1e-12), 200.0 * half / values)
 
 

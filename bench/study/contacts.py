@@ -5,12 +5,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from common.arrays import Matrix
+from common.arrays import Matrix, Vector
 
-FADE_S = 0.3
-"""After a release the residual still fades, and the link swings back through its gap."""
+FADE_S = 0.3  # After a release the residual still fades, and the link swings back through its gap.
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +18,7 @@ class Stretch:
     begin: int
     end: int
     sign: int
-    peak: float
-    """largest size"""
+    peak: float  # largest size
 
 
 @dataclass(slots=True)
@@ -31,11 +28,10 @@ class Count:
     detected: int = 0
     missed: int = 0
     false: int = 0
-    delays_s: list[float] = field(default_factory=list)
-    """of the detected ones that reach `level`, from there; negative where it was detected before"""
+    delays_s: list[float] = field(default_factory=list)  # from `level` on; negative: before
 
 
-def stretches(signal: NDArray[np.float64]) -> list[Stretch]:
+def stretches(signal: Vector) -> list[Stretch]:
     """All stretches (ticks,) of one sign; where it is zero there is none."""
     sign = np.sign(signal).astype(int)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], sign, [0])))).tolist()
@@ -47,11 +43,7 @@ def stretches(signal: NDArray[np.float64]) -> list[Stretch]:
 
 
 def count_joint(
-    torque: NDArray[np.float64],
-    thresholded: NDArray[np.float64],
-    level: float,
-    period_s: float,
-    fade_s: float = FADE_S,
+    torque: Vector, thresholded: Vector, level: float, period_s: float, fade_s: float = FADE_S
 ) -> Count:
     """Contacts of one joint: true external torque (ticks,), thresholded residual (ticks,), both
     [Nm].

@@ -10,8 +10,11 @@ A course is a table of q_d and its velocity, a row for each tick; each part begi
 where the part before left the arm.
 """
 
+import re
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -19,12 +22,11 @@ from numpy.typing import NDArray
 
 from bench.rigs.arm_without_bus import Course
 from common.arrays import Vector
+from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 
-CLEARANCE: Final = 0.1
-"""[rad] between a course and the joint limits"""
-CREEP: Final = 0.02
-"""[rad/s]"""
+CLEARANCE: Final = 0.1  # [rad] between a course and the joint limits
+CREEP: Final = 0.02  # [rad/s]
 _SPEED_SHARE: Final = 0.6  # of a joint's velocity limit
 _RAMP_S: Final = 2.0
 
@@ -65,10 +67,10 @@ def holding(room: Room, start: Vector, seconds: float, rng: np.random.Generator)
     return Course(q, np.zeros_like(q))
 
 
-def move(room: Room, start: Vector, end: Vector, least_s: float = 0.5) -> Course:
+def move(room: Room, start: Vector, end: Vector) -> Course:
     """From rest to rest, all joints at once: q = start + way (10 u^3 - 15 u^4 + 6 u^5)."""
     way = end - start
-    seconds = max(least_s, float(np.max(1.875 * np.abs(way) / room.fastest)))
+    seconds = max(0.5, float(np.max(1.875 * np.abs(way) / room.fastest)))
     u = np.minimum(room.times(seconds + room.period_s) / seconds, 1.0)[:, np.newaxis]
     shape, slope = u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * (u * (1.0 - u)) ** 2 / seconds
     return Course(start + way * shape, way * slope)
@@ -160,9 +162,21 @@ def joined(parts: list[Course]) -> Course:
     )
 
 
-def day(
-    c: Configuration, seed: int, seconds: float, part_s: float = 30.0
-) -> tuple[Course, NDArray[np.int64]]:
+def folder_with(course: Course, robot: Robot, folder: Path) -> Path:
+    """A copy of a robot's folder whose trajectory is a file of this course."""
+    shutil.copytree(robot.folder, folder, dirs_exist_ok=True)
+    c, file = robot.configuration, "course.csv"
+    rows = [f"{c.period_s * k:.2f}," + ",".join(f"{q:.5f}" for q in course.q[k])
+            for k in range(0, len(course.q), 5)]  # fmt: skip
+    (folder / file).write_text("\n".join(["time_s," + ",".join(c.joint_names), *rows, ""]))
+    path, new = folder / "config.yaml", f"trajectory: {{file: {file}, from_here: true}}\n"
+    text, count = re.subn(r"^trajectory:\n(  .*\n)+", new, path.read_text(), flags=re.MULTILINE)
+    assert count == 1
+    path.write_text(text)
+    return folder
+
+
+def day(c: Configuration, seed: int, seconds: float) -> tuple[Course, NDArray[np.int64]]:
     """A course of every kind of part in turns, in an order of its own, with a move to another pose
     after each; and which of PARTS each tick belongs to. A row for every tick of `seconds`."""
     rng, room = np.random.default_rng((seed, 21)), Room.of(c)
@@ -171,8 +185,7 @@ def day(
     while len(kinds) < wanted:
         for kind in rng.permutation(len(PARTS)).tolist():
             name = list(PARTS)[kind]
-            length_s = part_s / 3.0 if name == "holding" else part_s
-            part = PARTS[name](room, here, length_s, rng)
+            part = PARTS[name](room, here, 10.0 if name == "holding" else 30.0, rng)
             there = rng.uniform(room.lower, room.upper)
             parts += [part, move(room, part.q[-1], there)]
             kinds += [kind] * (len(part.q) + len(parts[-1].q))

@@ -1,7 +1,7 @@
 """Score of one residual, from the runs of many arms."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -19,40 +19,28 @@ from estimator.alarms import per_hour
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Score of one residual under one friction; lists are per joint, None where nothing was
-    tried."""
+    """Score of one residual under one friction; lists are per joint, NaN where none was tried."""
 
-    hours: float
-    """contact-free"""
+    hours: float  # contact-free
     alarms: int
     alarms_per_hour: float
-    quiet_nm: list[float]
-    """lowest thresholds without an alarm"""
+    quiet_nm: list[float]  # lowest thresholds without an alarm
     smallest_moving_nm: list[float]
     """step that is detected in every trial in which the joint moved all the while: by the residual
     that decides at its levels in force, by the rivals at those thresholds"""
-    smallest_turning_nm: list[float]
-    """the same where the joint stood or turned meanwhile"""
+    smallest_turning_nm: list[float]  # the same where the joint stood or turned meanwhile
     smallest_rest_nm: list[float]
-    hidden_rest_nm: list[float]
-    """the most of such a step that friction of the gear kept from the motor to its end"""
-    stiction_rest_nm: list[float]
-    """the most that friction of the gear may hide: it held one way, and holds the other"""
-    in_force_nm: list[float]
-    """threshold in force in motion after the work before, median over the arms"""
-    missed_moving: int
-    """of the steps of two to four times the threshold in force at their onset"""
+    hidden_rest_nm: list[float]  # the most of it that friction of the gear kept from the motor
+    stiction_rest_nm: list[float]  # the most that friction may hide: it held one way, and turns
+    in_force_nm: list[float]  # threshold in motion after work, median over the arms
+    missed_moving: int  # of the steps of two to four times the threshold in force at their onset
     tried_moving: int
-    missed_rest: int
-    """the same"""
+    missed_rest: int  # the same
     tried_rest: int
-    delay_ms: tuple[float, float]
-    """p50 and p95 in motion, of those steps, no gap to cross"""
-    delay_travel_ms: tuple[float, float]
-    """the same where link and rotor came apart"""
+    delay_ms: tuple[float, float]  # p50 and p95 in motion, of those steps, no gap to cross
+    delay_travel_ms: tuple[float, float]  # the same where link and rotor came apart
     delay_rest_ms: tuple[float, float]
-    rms_nm: list[float]
-    """error in motion while engaged, against the filtered true torque"""
+    rms_nm: list[float]  # error in motion while engaged, against the filtered true torque
 
 
 def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
@@ -62,6 +50,7 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
     free = [r for r in results if r.job.kind == "free"]
     moving = [t for r in results if r.job.kind == "moving" for t in r.trials]
     resting = [t for r in results if r.job.kind == "rest" for t in r.trials]
+    going, turning = ([t for t in moving if t.moving is way] for way in (True, False))
     quiet = np.max([r.quiet[variant] for r in free], axis=0)
     used = contact if variant == 0 else quiet
     seconds = sum(r.job.seconds for r in free)
@@ -77,13 +66,11 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
         alarms=count,
         alarms_per_hour=per_hour(count, seconds),
         quiet_nm=quiet.tolist(),
-        smallest_moving_nm=smallest([t for t in moving if t.moving], variant, used, 2.0 * contact),
-        smallest_turning_nm=smallest(
-            [t for t in moving if not t.moving], variant, used, 2.0 * contact
-        ),
-        smallest_rest_nm=smallest(resting, variant, used, 2.0 * contact + 2.0 * stuck),
+        smallest_moving_nm=smallest(going, variant, used, 2.0 * contact),
+        smallest_turning_nm=smallest(turning, variant, used, 2.0 * contact),
+        smallest_rest_nm=smallest(resting, variant, used, 2.0 * (contact + stuck)),
         stiction_rest_nm=stiction(resting, len(contact)),
-        hidden_rest_nm=hidden(resting, 2.0 * contact + 2.0 * stuck),
+        hidden_rest_nm=most(resting, len(contact), lambda t: t.hidden, 2.0 * (contact + stuck)),
         in_force_nm=level.tolist(),
         missed_moving=sum(f is None for f in moved),
         tried_moving=len(moved),
@@ -110,34 +97,33 @@ def twice(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Tria
     return [t for t in trials if 2.0 <= t.size / (threshold[t.joint] + t.raised[variant, 0]) <= 4.0]
 
 
+def most(
+    trials: Sequence[Trial], joints: int, of: Callable[[Trial], float], up_to: Vector | None = None
+) -> list[float]:
+    """Most of a figure of all trials per joint, NaN without any; `up_to`: of steps so large."""
+    found: list[list[float]] = [[] for _ in range(joints)]
+    for t in trials:
+        if up_to is None or t.size <= up_to[t.joint] * (1.0 + 1e-9):
+            found[t.joint].append(of(t))
+    return [max(figures, default=math.nan) for figures in found]
+
+
 def smallest(
     trials: Sequence[Trial], variant: int, threshold: Vector, largest: Vector
 ) -> list[float]:
     """Smallest step per joint [Nm] that every trial would have detected at these thresholds; from
     the trials with steps up to `largest`, as a large one disturbs the arm more than a small one
     would."""
-    needed: list[list[float]] = [[] for _ in threshold]
-    for t in trials:
-        if t.size <= largest[t.joint] * (1.0 + 1e-9):
-            needed[t.joint].append(scores.size_needed(t, variant, float(threshold[t.joint])))
-    return [max(sizes, default=math.nan) for sizes in needed]
 
+    def needed(t: Trial) -> float:
+        return scores.size_needed(t, variant, float(threshold[t.joint]))
 
-def hidden(trials: Sequence[Trial], largest: Vector) -> list[float]:
-    """Most of a step up to `largest` that never reached the motor, per joint [Nm]."""
-    held: list[list[float]] = [[] for _ in largest]
-    for t in trials:
-        if t.size <= largest[t.joint] * (1.0 + 1e-9):
-            held[t.joint].append(t.hidden)
-    return [max(sizes, default=math.nan) for sizes in held]
+    return most(trials, len(threshold), needed, largest)
 
 
 def stiction(trials: Sequence[Trial], joints: int) -> list[float]:
     """Twice the torque at which the joint breaks away, per joint [Nm], the most of all trials."""
-    held: list[list[float]] = [[] for _ in range(joints)]
-    for t in trials:
-        held[t.joint].append(2.0 * t.breakaway)
-    return [max(values, default=math.nan) for values in held]
+    return most(trials, joints, lambda t: 2.0 * t.breakaway)
 
 
 def delays(found: Sequence[Detection]) -> tuple[float, float]:

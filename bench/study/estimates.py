@@ -12,7 +12,7 @@ from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from common.arrays import Matrix
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot
-from estimator.estimate import SampleRows
+from estimator.estimate import EstimateRows, SampleRows
 from estimator.estimator import Estimator
 from estimator.settings import Variant
 
@@ -31,15 +31,10 @@ VARIANTS: Final = (
 class Estimates:
     """One row per SYNC, true `delay_s` before it."""
 
-    residuals: dict[str, Matrix]
-    """by the name of the variant, the one that decides first, the Kalman rival last [Nm]"""
-    threshold: Matrix
-    """in force, with its raise near rest [Nm]"""
-    phi: Matrix
-    phi_sigma: Matrix
+    residuals: dict[str, Matrix]  # by variant, the one that decides first, Kalman last [Nm]
+    threshold: Matrix  # in force, with its raise near rest [Nm]
     side: NDArray[np.int8]
-    touched_link: NDArray[np.int64]
-    """(ticks,): index of the joint whose link is said to be touched, -1 where none is"""
+    touched_link: NDArray[np.int64]  # (ticks,): joint whose link is touched, or -1
     delay_s: float
 
 
@@ -52,20 +47,22 @@ def build(robot: Robot, **changes: object) -> Estimator:
     return build_estimator(msgspec.structs.replace(c, estimator=settings), robot.model)
 
 
+def rows_of(estimator: Estimator, samples: Matrix) -> EstimateRows:
+    """Rows of samples (ticks, 4, n), none of which is missing: current, link position, motor
+    velocity and position. The estimator goes on from where it was."""
+    current, link_position, motor_velocity, motor_position = np.moveaxis(samples, 1, 0)
+    return estimator.run(
+        SampleRows(
+            current=current, link_position=link_position, motor_velocity=motor_velocity,
+            motor_position=motor_position, fresh=np.ones(current.shape, dtype=np.bool_),
+            interval_s=np.full(len(current), estimator.period_s),
+        )
+    )  # fmt: skip
+
+
 def estimates(estimator: Estimator, recording: Recording) -> Estimates:
     """Step through the recording; the estimator goes on from where it was."""
-    ticks, n = recording.samples.shape[0], recording.samples.shape[2]
-    current, link_position, motor_velocity, motor_position = np.moveaxis(recording.samples, 1, 0)
-    rows = estimator.run(
-        SampleRows(
-            current=current,
-            link_position=link_position,
-            motor_velocity=motor_velocity,
-            motor_position=motor_position,
-            fresh=np.ones((ticks, n), dtype=np.bool_),
-            interval_s=np.full(ticks, estimator.period_s),
-        )
-    )
+    rows = rows_of(estimator, recording.samples)
     residuals = {estimator.variants[0].name: rows.residual, **rows.beside}
     if KALMAN_BELIEF in residuals:
         belief, K = residuals[KALMAN_BELIEF], estimator.settings.gain
@@ -73,8 +70,6 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
     return Estimates(
         residuals=residuals,
         threshold=rows.threshold,
-        phi=rows.phi,
-        phi_sigma=rows.phi_sigma,
         side=rows.side,
         touched_link=rows.touched_link,
         delay_s=estimator.delay_s,

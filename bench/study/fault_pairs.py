@@ -29,51 +29,21 @@ TICKS: Final = 120
 #: So far a motor goes at least that moves on after it was said to stand [rad], in so many ticks; a
 #: link that comes to the end of its gap knocks its motor for a tick.
 GOES_ON_RAD, GOES_ON_TICKS = 0.006, 6
-#: A motor that stood and moves again may be found so late.
-VOID_TICKS: Final = VOID_READINGS + 10
+VOID_TICKS: Final = VOID_READINGS + 10  # A motor that stood and moves again may be found so late
 #: Of cases that differ in their names or lengths, not in what reaches the daemon, one is tried.
-ALIKE: Final = frozenset(
-    {
-        "under-voltage",
-        "another product in its place",
-        "... and slow to boot",
-        "foreign setpoint",
-        "infinite reference",
-        "... for 30 ms",
-        "network down",
-        "stood still for 150 ms",
-        "stood still for 3 s",
-        "60 ms late",
-        "SYNC moved by a tool (0x1005)",
-        "... switched on",
-    }
-)
+ALIKE: Final = frozenset({
+    "under-voltage", "another product in its place", "... and slow to boot", "foreign setpoint",
+    "infinite reference", "... for 30 ms", "network down", "stood still for 150 ms",
+    "stood still for 3 s", "60 ms late", "SYNC moved by a tool (0x1005)", "... switched on",
+})  # fmt: skip
 #: These disturb the bus, the machine, or joints that the make names: where else is nothing new.
-JOINTLESS: Final = frozenset(
-    {
-        "PDOs missing in turn",
-        "SYNC lost",
-        "foreign SYNC",
-        "foreign NMT command",
-        "ENOBUFS once",
-        "ENOBUFS for 3 ticks",
-        "old frames come back",
-        "error-passive",
-        "bus-off",
-        "... for 80 ms",
-        "... for 400 ms",
-        "unheard for 80 ms",
-        "unheard for 400 ms",
-        "current stuck",
-        "current at its limit",
-        "pushed beyond a limit",
-        "one late tick",
-        "8 late ticks",
-        "stood still for 90 ms",
-        "stood still for 300 ms",
-        "adapter gone",
-    }
-)
+JOINTLESS: Final = frozenset({
+    "PDOs missing in turn", "SYNC lost", "foreign SYNC", "foreign NMT command", "ENOBUFS once",
+    "ENOBUFS for 3 ticks", "old frames come back", "error-passive", "bus-off", "... for 80 ms",
+    "... for 400 ms", "unheard for 80 ms", "unheard for 400 ms", "current stuck",
+    "current at its limit", "pushed beyond a limit", "one late tick", "8 late ticks",
+    "stood still for 90 ms", "stood still for 300 ms", "adapter gone",
+})  # fmt: skip
 SINGLES: Final = tuple(s.case for s in SHOWN if s.place == PLACE and s.case.name not in ALIKE)
 
 

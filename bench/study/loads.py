@@ -14,11 +14,11 @@ import pinocchio as pin
 
 from bench.rigs.arm_without_bus import Carried, Recording, Scenario, record
 from bench.study import courses, world
-from bench.study.estimates import build
+from bench.study.estimates import build, rows_of
 from bench.study.world import Law
 from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
-from estimator.estimate import EstimateRows, SampleRows
+from estimator.estimate import EstimateRows
 from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.payload import Payload
@@ -28,13 +28,10 @@ Touch = Literal["push", "lead", "lean", "pull"]
 TOUCHES: Final[tuple[Touch, ...]] = ("push", "lead", "lean", "pull")
 FREE_S: Final = 120.0
 LOADED_S: Final = 90.0
-AWAY_M: Final = 0.03
-"""place of a load from the tool point, along each axis, at most"""
+AWAY_M: Final = 0.03  # place of a load from the tool point, along each axis, at most
 MOVES: Final = 0.05
-CARRIES_NM: Final = 0.1
-"""a joint that carries a load feels so much of it"""
-WAY: Final = 0.5
-"""[rad]"""
+CARRIES_NM: Final = 0.1  # a joint that carries a load feels so much of it
+WAY: Final = 0.5  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,24 +46,16 @@ class LoadJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadResult:
-    """What became of one mass; times count the motion of joints that carry it, from the pick-up
-    on."""
+    """What became of one mass; times count the motion of joints that carry it, from then on."""
 
     job: LoadJob
-    given: float
-    """[kg]"""
-    enough: bool
-    """they moved for ten seconds, and WAY"""
-    found_s: float | None
-    """None: not within the run"""
-    seconds_s: float
-    """the same by the clock; NaN"""
-    mass: float
-    """that was believed [kg]; NaN"""
-    confirmed: float
-    """mass that was confirmed [kg]; NaN"""
-    told_before: int
-    """loads that were recognised before there was one"""
+    given: float  # [kg]
+    enough: bool  # they moved for ten seconds, and WAY
+    found_s: float | None  # None: not within the run
+    seconds_s: float  # the same by the clock; NaN
+    mass: float  # that was believed [kg]; NaN
+    confirmed: float  # mass that was confirmed [kg]; NaN
+    told_before: int  # loads that were recognised before there was one
     ratio: float
     """root mean square of r in motion over the configured levels: with the load told, over that of
     the same motion without it"""
@@ -88,7 +77,7 @@ def _judged(robot: Robot, job: LoadJob, free: Recording, payload: Payload) -> Lo
     model = Model(robot.urdf, c.joint_names)
     begin = round(FREE_S / c.period_s)
     loaded = _at_work(robot, job, payload.mass, np.array(payload.com))
-    rows = estimated(_estimator(robot), loaded)
+    rows = rows_of(_estimator(robot), loaded.samples)
     found = recognised(model, rows, loaded)
     moved_s = _moved_s(model, payload, loaded, begin)
     after = [one for one in found if one.tick >= begin]
@@ -116,23 +105,6 @@ def _at_work(robot: Robot, job: LoadJob, mass: float, place: Vector) -> Recordin
 
 def _estimator(robot: Robot) -> Estimator:
     return build(robot, beside=(), motor_position="integrated")
-
-
-def estimated(
-    estimator: Estimator, recording: Recording, ticks: slice = slice(None)
-) -> EstimateRows:
-    """Rows of a part of a recording; the estimator goes on from where it was."""
-    current, q, speed, theta = np.moveaxis(recording.samples[ticks], 1, 0)
-    return estimator.run(
-        SampleRows(
-            current=current,
-            link_position=q,
-            motor_velocity=speed,
-            motor_position=theta,
-            fresh=np.ones(q.shape, dtype=np.bool_),
-            interval_s=np.full(len(q), estimator.period_s),
-        )
-    )
 
 
 @dataclass(slots=True)
@@ -164,8 +136,7 @@ def recognised(model: Model, rows: EstimateRows, recording: Recording) -> list[R
 
 
 def _moved_s(model: Model, payload: Payload, recording: Recording, begin: int) -> Vector:
-    """Seconds for which joints that carry it have moved since `begin`, tick by tick; none before
-    they moved by WAY."""
+    """Seconds of motion of joints that carry it since `begin`, by tick; none before WAY."""
     q, speed = recording.samples[begin:, 1], np.abs(recording.samples[begin:, 2])
     carries = np.empty(q.shape, dtype=np.bool_)
     for tick in range(len(q)):
@@ -184,13 +155,12 @@ def _ratio(robot: Robot, free: Recording, loaded: Recording, payload: Payload, b
     sizes = []
     for recording, told in ((free, None), (loaded, payload)):
         estimator = _estimator(robot)
-        estimated(estimator, recording, slice(0, begin))
+        rows_of(estimator, recording.samples[:begin])
         estimator.carry(told)
         # The pick-up itself, and what the new model makes of it, take a moment.
-        rows = estimated(estimator, recording, slice(begin, None))
-        late = slice(200, None)
-        moving = np.abs(recording.samples[begin:, 2][late]) > MOVES
-        size = np.where(moving, rows.residual[late] / contact, np.nan)
+        rows = rows_of(estimator, recording.samples[begin:])
+        moving = np.abs(recording.samples[begin + 200 :, 2]) > MOVES
+        size = np.where(moving, rows.residual[200:] / contact, np.nan)
         sizes.append(float(np.sqrt(np.nanmean(size**2))))
     return sizes[1] / sizes[0]
 
@@ -223,7 +193,7 @@ def hand(job: HandJob) -> tuple[HandJob, list[Recognised]]:
     )
     recording = record(world.subject(robot, job.law, job.seed), scenario)
     model = Model(robot.urdf, c.joint_names)
-    return job, recognised(model, estimated(_estimator(robot), recording), recording)
+    return job, recognised(model, rows_of(_estimator(robot), recording.samples), recording)
 
 
 def hand_torque(robot: Robot, q: Matrix, touch: Touch, rng: np.random.Generator) -> Matrix:

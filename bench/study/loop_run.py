@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
@@ -33,15 +33,12 @@ class Turn:
 
     figures: dict[str, NDArray[np.float64]]
     missed: int
-    missed_so_far: int
-    """by this process of the loop"""
-    rival_us: Distribution | None
-    """lateness of the control thread beside it"""
+    missed_so_far: int  # by this process of the loop
+    rival_us: Distribution | None  # lateness of the control thread beside it
     mode: str
     joints: int
     realtime: list[str]
-    repeated: int = 0
-    """how often it was: the machine stalled, and the arm stopped for that"""
+    repeated: int = 0  # how often it was: the machine stalled, and the arm stopped for that
 
     def after(self, stopped: "Turn") -> "Turn":
         """This turn in the place of one in which the arm stopped: ticks of an arm that stands cost
@@ -100,23 +97,10 @@ class Run:
 
     def data(self) -> dict[str, Any]:
         """Measurements for JSON."""
-        return {
-            "joints": self.joints,
-            "seconds": self.seconds,
-            "ticks": int(self.lateness_us.counts.sum()),
-            "missed": self.missed,
-            "repeated": self.repeated,
-            "mode": self.mode,
-            "realtime": self.realtime,
-            "lateness_us": self.lateness_us.data(),
-            "rival": self.rival,
-            "rival_us": self.rival_us.data() if self.rival_us else None,
-            "rivals_missed": self.rivals_missed,
-            "cpu_us": self.cpu_us.data(),
-            "work_us": self.work_us.data(),
-            "setpoint_us": self.setpoint_us.data(),
-            "drift_us": round(self.drift_us, 1),
-        }
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        found |= {"drift_us": round(self.drift_us, 1), "rivals_missed": self.rivals_missed}
+        found["ticks"] = int(self.lateness_us.counts.sum())
+        return {k: v.data() if isinstance(v, Distribution) else v for k, v in found.items()}
 
 
 def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:

@@ -9,7 +9,6 @@ CPU time is left out. It runs in a process of its own, which has the daemon's re
 import contextlib
 import logging
 import math
-import multiprocessing
 import os
 import tempfile
 import time
@@ -24,6 +23,7 @@ import numpy as np
 from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
+from bench.study.wakeups import Spawned
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
@@ -41,8 +41,7 @@ from drivers.canopen.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
 
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 RPDOS: Final = set(range(RPDO, RPDO + 4 * NEXT_PDO, NEXT_PDO))
-# Above, frames of seven drives would not fit on a bus of 1 Mbit/s.
-MOST_HZ_OF_SEVEN: Final = 250
+MOST_HZ_OF_SEVEN: Final = 250  # Above, frames of seven drives would not fit on a bus of 1 Mbit/s
 # What the recorded session does, and when [s].
 ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
 # Sampled on a grid, and played to wake-ups that are not: so slow that this is no blow.
@@ -127,37 +126,24 @@ def in_a_row() -> Clock:
     return Clock(lambda: now, jump, lambda: now)
 
 
-class Session:
+class Session(Spawned):
     """Process in which the loop runs."""
 
     def __init__(self, hz: int, *, waits: bool) -> None:
         self._options = (hz, waits)
-        self._start()
-
-    def _start(self) -> None:
-        spawned = multiprocessing.get_context("spawn")
-        self._connection, theirs = spawned.Pipe()
-        self._process = spawned.Process(target=_serve, args=(theirs, *self._options), daemon=True)
-        self._process.start()
-        theirs.close()
-        self._connection.recv()  # raises EOFError if it ended
+        super().__init__(_serve, *self._options)
 
     def begin_anew(self) -> None:
         """Put a new process in its place."""
         self.close()
-        self._start()
+        super().__init__(_serve, *self._options)
 
     def ask(self, ticks: int) -> dict[str, Any]:
         """Figures of so many ticks. Raises EOFError if the process ends before it, having said why
         on stderr."""
-        self._connection.send(ticks)
-        answer: dict[str, Any] = self._connection.recv()
+        self.connection.send(ticks)
+        answer: dict[str, Any] = self.connection.recv()
         return answer
-
-    def close(self) -> None:
-        """End it and wait."""
-        self._connection.close()
-        self._process.join()
 
 
 def _serve(connection: Connection, hz: int, waits: bool) -> None:
@@ -169,8 +155,7 @@ def _serve(connection: Connection, hz: int, waits: bool) -> None:
 
 @contextlib.contextmanager
 def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]]:
-    """The loop, enabled and then tracking; it waits for its deadlines, or ticks as fast as it
-    can."""
+    """The loop, enabled and then tracking; it waits for its deadlines, or ticks on at once."""
     robot, answers = record(hz)
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="contactd-bench-")))

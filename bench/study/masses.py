@@ -12,6 +12,7 @@ import pinocchio as pin
 from bench.rigs.arm_batch import Reference, Scatter, random_arm, record_fleet
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.reaching import RAMPING, Reaching
+from bench.study.estimates import rows_of
 from common.arrays import Matrix, Vector
 from daemon.assembly import build_estimator, build_transmission
 from daemon.config.dynamics import model_of
@@ -19,7 +20,6 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, Friction
 from daemon.config.vectors import row
 from estimator.body_inertia import BodyInertia
-from estimator.estimate import SampleRows
 from estimator.model import Model
 from estimator.payload import Payload
 from identification.friction import identify_friction
@@ -35,23 +35,19 @@ from simulator.mismatch import PlantParameters, true_parameters
 EXACT: Final = Mismatch(
     mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0
 )
-SETTLED_S: Final = 1.0
-"""The residual of an estimator that begins anew is not counted for so long."""
-AWAY_M: Final = 0.03
-"""Place of a load from the tool point, along each axis, at most."""
+SETTLED_S: Final = 1.0  # The residual of an estimator that begins anew is not counted for so long.
+AWAY_M: Final = 0.03  # Place of a load from the tool point, along each axis, at most.
 LIGHTEST, HEAVIEST = 0.1, 0.5  # kg; the wrist holds 0.59
 
 
-def wrongly_weighed(
-    arm: PlantParameters, rng: np.random.Generator, share: float = 0.2, center_m: float = 0.02
-) -> PlantParameters:
-    """Arm whose bodies are all heavier or lighter by a share, their tensors with them, and their
-    centres off by a length [m] in any direction."""
+def wrongly_weighed(arm: PlantParameters, rng: np.random.Generator) -> PlantParameters:
+    """Arm whose bodies are all heavier or lighter by a fifth, their tensors with them, and their
+    centres off by 20 mm in any direction."""
     model = arm.model.copy()
     for i in range(1, model.njoints):
         body, way = model.inertias[i], rng.standard_normal(3)
-        factor = 1.0 + share * rng.choice((-1.0, 1.0))
-        center = body.lever + center_m * way / np.linalg.norm(way)
+        factor = 1.0 + 0.2 * rng.choice((-1.0, 1.0))
+        center = body.lever + 0.02 * way / np.linalg.norm(way)
         model.inertias[i] = pin.Inertia(factor * body.mass, center, factor * body.inertia)
     return replace(arm, model=model)
 
@@ -80,42 +76,44 @@ def with_bodies(c: Configuration, bodies: dict[str, BodyInertia]) -> Configurati
     return msgspec.structs.replace(c, joints=joints)
 
 
-class Subjects:
+class Fleet:
     """The left arm of Romeo as configured, and arms that differ from it."""
 
-    def __init__(self, arms: int, seed: tuple[int, int], reaching: Reaching = RAMPING) -> None:
-        self.reaching = reaching
+    def __init__(self, arms: int, seed: tuple[int, int], scatter: Scatter) -> None:
         self.robot = load_robot(ROMEO)
         self.c = self.robot.configuration
         self.model = Model(self.robot.urdf, self.c.joint_names)
         self.max_current = row(self.c, lambda j: j.wiring.max_current_A)
-        self.limits = row(self.c, lambda j: j.limits.lower), row(self.c, lambda j: j.limits.upper)
         self.description = describe(self.robot, read_simulation(self.robot))
         self.rng = np.random.default_rng(seed)
         noise = int(self.rng.integers(2**31))
         self.settings = SimulationSettings(mismatch=EXACT, seed=noise)
         nominal = true_parameters(self.description, self.settings)
+        self.arms = [random_arm(nominal, scatter, self.settings, self.rng) for _ in range(arms)]
+
+
+class Subjects(Fleet):
+    """A fleet whose masses are not the URDF's."""
+
+    def __init__(self, arms: int, seed: tuple[int, int], reaching: Reaching = RAMPING) -> None:
         # Masses are what is looked for; a torque constant cannot be told from them.
         scatter = Scatter(mass=1.0, center_of_mass=1.0, torque_constant=1.0, half_gap=1.0)
-        plain = [random_arm(nominal, scatter, self.settings, self.rng) for _ in range(arms)]
-        self.arms = [wrongly_weighed(arm, self.rng) for arm in plain]
+        super().__init__(arms, seed, scatter)
+        self.reaching = reaching
+        self.limits = row(self.c, lambda j: j.limits.lower), row(self.c, lambda j: j.limits.upper)
+        self.arms = [wrongly_weighed(arm, self.rng) for arm in self.arms]
 
     def moved(
         self, arms: list[PlantParameters], seconds: float, seed: int, *turn_s: float
     ) -> list[MotionLog]:
-        """Logs of an excitation of all joints; turn_s: its periods, where they are not the
-        usual."""
+        """Logs of an excitation of all joints; turn_s: its periods, if not the usual ones."""
         period = self.c.period_s
         motion = excitation(bounds_of(self.c), self.model, period, seed, *turn_s)
         path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
         return record_fleet(
-            self.description,
-            arms,
-            along(path, period),
-            len(path) * period,
-            self.settings,
+            self.description, arms, along(path, period), len(path) * period, self.settings,
             reaching=self.reaching,
-        )[0]
+        )[0]  # fmt: skip
 
     def friction_with(self, bodies: dict[str, BodyInertia], log: MotionLog) -> Configuration:
         """Configuration with these bodies, and the friction that is identified with them."""
@@ -142,19 +140,12 @@ class Subjects:
 
     def residual(self, c: Configuration, log: MotionLog) -> Vector:
         """rms of r (n,) [Nm] of the estimator of a configuration over a log."""
-        ticks = len(log.time_s)
         measured = np.full_like(log.current, np.nan)
-        estimates = build_estimator(c, model_of(c, self.robot.urdf)).run(
-            SampleRows(
-                current=log.current,
-                link_position=log.link_position,
-                motor_velocity=log.motor_velocity,
-                motor_position=measured if log.motor_position is None else log.motor_position,
-                fresh=np.ones_like(log.current, dtype=np.bool_),
-                interval_s=np.full(ticks, c.period_s),
-            )
-        )
-        counted = estimates.residual[round(SETTLED_S / c.period_s) :]
+        motor_position = measured if log.motor_position is None else log.motor_position
+        samples = (log.current, log.link_position, log.motor_velocity, motor_position)
+        estimator = build_estimator(c, model_of(c, self.robot.urdf))
+        rows = rows_of(estimator, np.stack(samples, axis=1))
+        counted = rows.residual[round(SETTLED_S / c.period_s) :]
         return np.asarray(np.sqrt(np.square(counted).mean(axis=0)))
 
 

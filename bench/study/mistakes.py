@@ -108,26 +108,9 @@ def _drive(entry: str, **fields: Any) -> Callable[[Data], None]:
     return edit
 
 
-def _effort(data: Data) -> str:
-    return "current" if "current" in data["drives"][PROFILE] else "torque"
-
-
 def _effort_scale(data: Data) -> None:
-    data["drives"][PROFILE][_effort(data)]["scale"] = 1.0
-
-
-def _all(*path: str, value: Any) -> Callable[[Data], None]:
-    def edit(data: Data) -> None:
-        place = data
-        for part in path[:-1]:
-            place = place[part]
-        place[path[-1]] = value
-
-    return edit
-
-
-def _tpdo(change: Callable[[Data], None]) -> Callable[[Data], None]:
-    return lambda data: change(data["drives"][PROFILE]["tpdo"])
+    drive = data["drives"][PROFILE]
+    drive["current" if "current" in drive else "torque"]["scale"] = 1.0
 
 
 def _renamed(data: Data) -> None:
@@ -135,35 +118,28 @@ def _renamed(data: Data) -> None:
     joint["halfgap"] = joint.pop("half_gap")
 
 
-def _upside_down(data: Data) -> None:
-    limits = data["joints"][JOINT]["limits"]
-    limits["lower"], limits["upper"] = limits["upper"], limits["lower"]
+def _range(new: Callable[[float, float], tuple[float, float]]) -> Callable[[Data], None]:
+    """Make other limits of the joint's lower and upper one."""
+
+    def edit(data: Data) -> None:
+        limits = data["joints"][JOINT]["limits"]
+        limits["lower"], limits["upper"] = new(limits["lower"], limits["upper"])
+
+    return edit
 
 
-def _mirrored(data: Data) -> None:
-    limits = data["joints"][JOINT]["limits"]
-    limits["lower"], limits["upper"] = -limits["upper"], -limits["lower"]
+def _by_gear(name: str, new: Callable[[float, float], float]) -> Callable[[Data], None]:
+    """Make another value of a field and of the gear of the joint."""
+
+    def edit(data: Data) -> None:
+        joint = data["joints"][JOINT]
+        joint[name] = new(joint[name], joint["wiring"]["gear"])
+
+    return edit
 
 
-def _in_degrees(data: Data) -> None:
-    limits = data["joints"][JOINT]["limits"]
-    for end in ("lower", "upper"):
-        limits[end] = round(math.degrees(limits[end]), 1)
-
-
-def _at_the_shaft(data: Data) -> None:
-    joint = data["joints"][JOINT]
-    joint["torque_constant"] = round(joint["torque_constant"] / joint["wiring"]["gear"], 4)
-
-
-def _rotor_at_the_shaft(data: Data) -> None:
-    joint = data["joints"][JOINT]
-    joint["rotor_inertia"] /= joint["wiring"]["gear"] ** 2
-
-
-def _gear_twice(data: Data) -> None:
-    joint = data["joints"][JOINT]
-    joint["torque_constant"] *= joint["wiring"]["gear"]
+def _degrees(angle: float) -> float:
+    return round(math.degrees(angle), 1)
 
 
 def _same_node(data: Data) -> None:
@@ -206,7 +182,7 @@ def _scaled(attribute: str, factor: float, *, which: str = "") -> Callable[[str]
         return f'{match[1]}="{words}"'
 
     def edit(text: str) -> str:
-        pattern = re.compile(rf'(\b{attribute})="([^"]*)"')
+        pattern = re.compile(rf'(\b(?:{attribute}))="([^"]*)"')
         if not which:
             return pattern.sub(scale, text)
         block = re.compile(rf'(?s)<link name="{which}">.*?</link>|<joint name="{which}".*?</joint>')
@@ -241,8 +217,7 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("an inertia 10^7 too small", "urdf", urdf=_scaled(_INERTIA, 1e-7, which=_LINK)),
     Mistake("inertias in g m2 taken for a thousandth", "urdf", urdf=_scaled(_INERTIA, 1e-3)),
     Mistake("a joint's limits in degrees", "urdf",
-            urdf=lambda text: _scaled("lower", math.degrees(1.0), which="shoulder")(
-                _scaled("upper", math.degrees(1.0), which="shoulder")(text))),
+            urdf=_scaled("lower|upper", math.degrees(1.0), which="shoulder")),
     Mistake("a joint's velocity in degrees/s", "urdf",
             urdf=_scaled("velocity", math.degrees(1.0), which="shoulder")),
     Mistake("a joint that has another name in the URDF", _AT + "name",
@@ -252,10 +227,11 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("a moving joint that is not configured", "urdf", _without_last_joint),
     # Motor and gear.
     Mistake("the torque constant of the motor, not of the link", _AT + "torque_constant",
-            _at_the_shaft),
+            _by_gear("torque_constant", lambda x, gear: round(x / gear, 4))),
     Mistake("the torque constant in mNm/A", _AT + "torque_constant",
             _joint(torque_constant=lambda x: 1000.0 * x)),
-    Mistake("the torque constant times the gear twice", _AT + "torque_constant", _gear_twice),
+    Mistake("the torque constant times the gear twice", _AT + "torque_constant",
+            _by_gear("torque_constant", lambda x, gear: x * gear)),
     Mistake("the gear upside down", _AT + "wiring.gear", _joint(wiring__gear=lambda x: 1.0 / x)),
     Mistake("a gear with a digit too many", _AT + "wiring.gear",
             _joint(wiring__gear=lambda x: 10.0 * x)),
@@ -265,7 +241,7 @@ MISTAKES: tuple[Mistake, ...] = (
             _joint(wiring__max_current_A=lambda x: 1000.0 * x)),
     Mistake("rated and largest current swapped", _AT + "wiring.max_current_A", _swapped_currents),
     Mistake("the rotor's inertia at the shaft, not at the link", _AT + "rotor_inertia",
-            _rotor_at_the_shaft),
+            _by_gear("rotor_inertia", lambda x, gear: x / gear**2)),
     Mistake("the rotor's inertia in g cm2", _AT + "rotor_inertia", _joint(rotor_inertia=30.0)),
     Mistake("the rotor's inertia 10^7 too large", _AT + "rotor_inertia",
             _joint(rotor_inertia=lambda x: 1e7 * x)),
@@ -286,9 +262,12 @@ MISTAKES: tuple[Mistake, ...] = (
             _joint(thresholds__collision=lambda x: 10.0 * x)),
     Mistake("levels that grow beyond the motor with speed", _AT + "thresholds.per_speed",
             lambda data: data["joints"][JOINT]["thresholds"].update(per_speed=100.0)),
-    Mistake("limits in degrees", _AT + "limits", _in_degrees),
-    Mistake("limits about the axis the other way round", _AT + "limits", _mirrored),
-    Mistake("limits upside down", _AT + "limits", _upside_down),
+    Mistake("limits in degrees", _AT + "limits",
+            _range(lambda lower, upper: (_degrees(lower), _degrees(upper)))),
+    Mistake("limits about the axis the other way round", _AT + "limits",
+            _range(lambda lower, upper: (-upper, -lower))),
+    Mistake("limits upside down", _AT + "limits",
+            _range(lambda lower, upper: (upper, lower))),
     Mistake("a velocity limit in degrees/s", _AT + "limits.velocity",
             _joint(limits__velocity=15.0)),
     Mistake("an acceleration in degrees/s2", _AT + "limits.acceleration",
@@ -323,8 +302,8 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("current in A per count", _DRIVE + "current.scale", _effort_scale),
     Mistake("a PDO of more than eight bytes", _DRIVE + "tpdo.1", _too_long),
     Mistake("no statusword in any PDO", _DRIVE + "tpdo",
-            _tpdo(lambda layouts: layouts["1"].remove("statusword"))),
-    Mistake("the bitrate in kbit/s", "bus.bitrate", _all("bus", "bitrate", value=1000)),
+            lambda data: data["drives"][PROFILE]["tpdo"]["1"].remove("statusword")),
+    Mistake("the bitrate in kbit/s", "bus.bitrate", lambda data: data["bus"].update(bitrate=1000)),
     # Only the arm can tell.
     Mistake("the motor's sign", edit=_joint(wiring__motor_sign=lambda x: -x)),
     Mistake("the link encoder's sign", edit=_joint(wiring__link_sign=lambda x: -x)),

@@ -27,19 +27,16 @@ from bench.study.estimates import Estimates, build, estimates
 from bench.study.population import STEP_MS, Step, Touch
 from bench.study.scores import Errors, Trial, count_alarms, quiet_threshold
 from bench.study.world import Gears, Law
-from common.arrays import Vector
+from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 
 Kind = Literal["free", "moving", "rest", "link"]
 Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
 """Verdict on the touched link of an estimate."""
-MOVING = 0.05
-"""[rad/s]"""
-SMOOTH = 10
-"""ticks over which a motor's torque is averaged"""
-GRACE_S = 1.0
-"""Alarms count from here on: an arm that was just switched on is not armed yet."""
+MOVING = 0.05  # [rad/s]
+SMOOTH = 10  # ticks over which a motor's torque is averaged
+GRACE_S = 1.0  # Alarms count from here on: an arm that was just switched on is not armed yet.
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +49,9 @@ class Job:
     seed: int
     seconds: float
     motor_position: Literal["measured", "integrated"]
-    stiction_share: float | None = None
-    """in place of the configured one"""
-    worked_s: float = 600.0
-    """at work before"""
+    worked_s: float = 600.0  # at work before
     gears: Gears = "modelled"
-    link_encoder: bool = True
-    """False: the motor's encoder stands for the link's, as in an arm without one"""
+    link_encoder: bool = True  # False: the motor's encoder stands for the link's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,12 +63,9 @@ class Result:
     alarms: NDArray[np.int64]
     """of the residual that decides at its levels in force; of the rivals at those of the
     configuration, raised near rest"""
-    quiet: NDArray[np.float64]
-    """lowest thresholds without an alarm [Nm]; of the residual that decides, learning aside"""
-    level: NDArray[np.float64]
-    """(n,): median in motion of the level in force, after the work before [Nm]"""
-    errors: tuple[Errors, ...]
-    """by variant: against the filtered truth while link and rotor touch"""
+    quiet: Matrix  # lowest thresholds without an alarm [Nm], learning aside
+    level: Matrix  # (n,): median in motion, in force after the work before [Nm]
+    errors: tuple[Errors, ...]  # by variant: against the filtered truth while link and rotor touch
     trials: tuple[Trial, ...]
     named: tuple[Named, ...]
 
@@ -86,8 +76,7 @@ def run(job: Job) -> Result:
     c = robot.configuration
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     subject = world.subject(robot, job.friction, job.seed, job.gears)
-    share = c.estimator.stiction_share if job.stiction_share is None else job.stiction_share
-    how = {"motor_position": job.motor_position, "stiction_share": share}
+    how = {"motor_position": job.motor_position}
     believed = robot if job.link_encoder else without_link_encoder(robot)
     estimator = build(believed, **how)
     course, _ = courses.day(c, job.seed, job.worked_s)
@@ -111,21 +100,12 @@ def run(job: Job) -> Result:
     truth = scores.filtered(external, c.estimator.gain, c.period_s)
     touching = recording.mean(found.delay_s, recording.apart) == 0.0
     residuals = found.residuals.values()
+    pairs = [(r[armed], above[armed]) for r, above in zip(residuals, raised, strict=True)]
     return Result(
         job=job,
         names=tuple(found.residuals),
-        alarms=np.array(
-            [
-                count_alarms(r[armed], contact + above[armed])
-                for r, above in zip(residuals, raised, strict=True)
-            ]
-        ),
-        quiet=np.array(
-            [
-                quiet_threshold(r[armed], above[armed])
-                for r, above in zip(residuals, raised, strict=True)
-            ]
-        ),
+        alarms=np.array([count_alarms(r, contact + above) for r, above in pairs]),
+        quiet=np.array([quiet_threshold(r, above) for r, above in pairs]),
         level=level,
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
         trials=tuple(_trial(step, recording, found, raised, c) for step in steps),
@@ -134,8 +114,7 @@ def run(job: Job) -> Result:
 
 
 def without_link_encoder(robot: Robot) -> Robot:
-    """Robot as an owner would describe it whose joints have a motor encoder alone: without a gap,
-    as none can be seen."""
+    """Robot as its owner describes it who has motor encoders alone: without a gap."""
     c = robot.configuration
     joints = [replace(joint, half_gap=0.0) for joint in c.joints]
     return dataclasses.replace(robot, configuration=replace(c, joints=joints))

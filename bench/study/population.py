@@ -7,20 +7,17 @@ import numpy as np
 import pinocchio as pin
 
 from bench.rigs.arm_without_bus import Motion, Push
+from bench.study.courses import Room
 from common.arrays import Matrix, Vector
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 
 DISPLACEMENT_M: Final = 0.005
-LATENCY_MS: Final = 1.0
-"""at most, of the link encoder; the model does not know"""
+LATENCY_MS: Final = 1.0  # at most, of the link encoder; the model does not know
 VELOCITY_SCALE_ERROR: Final = 0.002
-VELOCITY_BIAS: Final = 0.001
-"""[rad/s], 0.02 % of a full scale of 5 rad/s; both of motor velocities that are integrated"""
+VELOCITY_BIAS: Final = 0.001  # [rad/s], 0.02 % of 5 rad/s; both of velocities that are integrated
 
 STEP_MS: Final = 500
-CLEARANCE: Final = 0.1
-"""[rad] between the motion and the joint limits"""
 
 
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
@@ -38,27 +35,20 @@ def motion(
     *,
     go_s: float = np.inf,
     rest_s: float = 0.0,
-    slow: float = 1.0,
     held: float = 0.15,
 ) -> Motion:
-    """Sinusoids around a pose of its own, within joint limits and velocities.
-
-    slow: factor on the frequencies; held: share of the joints that stand still.
-    """
-    rng = np.random.default_rng((seed, 11))
-    joints = configuration.joints
-    n = len(joints)
-    lower = np.array([joint.limits.lower for joint in joints]) + CLEARANCE
-    upper = np.array([joint.limits.upper for joint in joints]) - CLEARANCE
-    fastest = np.array([joint.limits.velocity for joint in joints])
+    """Sinusoids around a pose of its own, within joint limits and velocities; held: share of the
+    joints that stand still."""
+    rng, room = np.random.default_rng((seed, 11)), Room.of(configuration)
+    n = len(configuration.joints)
     omega = 2.0 * np.pi * rng.uniform(0.08, 0.4, n)
-    room = np.minimum(0.4 * (upper - lower), 0.6 * fastest / omega)
-    amplitude = np.minimum(room, 0.5) * rng.uniform(0.4, 1.0, n)
+    reach = np.minimum(0.4 * (room.upper - room.lower), room.fastest / omega)
+    amplitude = np.minimum(reach, 0.5) * rng.uniform(0.4, 1.0, n)
     amplitude[rng.random(n) < held] = 0.0
     return Motion(
-        home=rng.uniform(lower + amplitude, upper - amplitude),
+        home=rng.uniform(room.lower + amplitude, room.upper - amplitude),
         amplitude=amplitude,
-        omega=slow * omega,
+        omega=omega,
         phase=rng.uniform(0.0, 2.0 * np.pi, n),
         go_s=go_s,
         rest_s=rest_s,
@@ -146,8 +136,7 @@ def onsets_in_motion(seconds: float, seed: int) -> list[int]:
     return [int(1000 * t + rng.integers(200)) for t in np.arange(3.0, seconds - 1.0, 1.5)]
 
 
-GO_S, REST_S = 5.0, 8.0
-"""at rest: moves before, so that friction is where a motion leaves it"""
+GO_S, REST_S = 5.0, 8.0  # at rest: moves before, so that friction is where a motion leaves it
 
 
 def onsets_at_rest(seconds: float, seed: int) -> list[int]:

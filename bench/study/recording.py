@@ -9,12 +9,13 @@ The plant's rows are the truth at the instant of the samples; the estimator's ro
 """
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.rigs.lockstep import Rig
-from common.arrays import Matrix
+from common.arrays import Matrix, Vector
 from daemon.config.schema import Configuration
 from estimator.contact import dead_band
 
@@ -24,18 +25,14 @@ class Recording:
     """Arrays of one run; (ticks,) or (ticks, n)."""
 
     configuration: Configuration
-    urdf: str
-    delay_s: float
-    """how long before the samples the estimator's rows are true"""
-    time_s: NDArray[np.float64]
-    """since the recording began"""
+    delay_s: float  # how long before the samples the estimator's rows are true
+    time_s: Vector  # since the recording began
     mode: NDArray[np.str_]
     # The plant, in truth.
     true_q: Matrix
     true_theta: Matrix
     true_in_gap: NDArray[np.bool_]
-    true_torque: Matrix
-    """external torque [Nm]"""
+    true_torque: Matrix  # external torque [Nm]
     # The daemon: samples, estimate, decision.
     motor_velocity: Matrix
     q: Matrix
@@ -45,26 +42,16 @@ class Recording:
     tau_M: Matrix
     threshold: Matrix
     reference: Matrix
-    residuals: dict[str, Matrix]
-    """by the name of the variant, the one that decides first [Nm]"""
+    residuals: dict[str, Matrix]  # by the name of the variant, the one that decides first [Nm]
 
     @property
     def joints(self) -> list[str]:
         """Names, in the order of the columns."""
         return self.configuration.joint_names
 
-    @property
-    def deciding(self) -> Matrix:
-        """The residual that decides [Nm]."""
-        return self.residuals[self.configuration.estimator.residual.name]
-
     def thresholded(self, name: str) -> Matrix:
         """Residual `name` beyond the thresholds that were in force [Nm]."""
         return dead_band(self.residuals[name], self.threshold)
-
-    def with_residual(self, name: str, values: Matrix) -> "Recording":
-        """A copy with one more residual, made afterwards of the same samples."""
-        return replace(self, residuals={**self.residuals, name: values})
 
     def part(self, begin_s: float, end_s: float) -> "Recording":
         """The ticks with begin_s <= time_s < end_s."""
@@ -84,7 +71,8 @@ class Recorder:
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
         self._begin_s: float | None = None
-        self._rows: dict[str, list[object]] = {}
+        self._rows: list[dict[str, Any]] = []
+        self._residuals: list[dict[str, Vector]] = []
 
     def __call__(self) -> None:
         rig, plant = self._rig, self._rig.arm.plant
@@ -92,7 +80,7 @@ class Recorder:
         assert samples.fresh.all()
         now = rig.time_s
         self._begin_s = now if self._begin_s is None else self._begin_s
-        row: dict[str, object] = {
+        row = {
             "time_s": round(now - self._begin_s, 9),
             "mode": rig.mode.value,
             "true_q": plant.q.copy(),
@@ -108,24 +96,19 @@ class Recorder:
             "threshold": estimate.threshold,
             "reference": decision.reference.copy(),
         }
-        residual = rig.robot.configuration.estimator.residual.name
-        for name, values in {residual: estimate.residual, **estimate.beside}.items():
-            row[f"residual {name}"] = values
-        for key, value in row.items():
-            self._rows.setdefault(key, []).append(value)
+        self._rows.append(row)
+        deciding = rig.robot.configuration.estimator.residual.name
+        self._residuals.append({deciding: estimate.residual, **estimate.beside})
 
     def recording(self) -> Recording:
         """Everything since the first call."""
-        arrays = {key: np.array(rows) for key, rows in self._rows.items()}
-        residuals = {
-            key.removeprefix("residual "): arrays.pop(key)
-            for key in list(arrays)
-            if key.startswith("residual ")
-        }
         return Recording(
             configuration=self._rig.robot.configuration,
-            urdf=self._rig.robot.urdf,
             delay_s=self._rig.tick.estimator.delay_s,
-            residuals=residuals,
-            **arrays,
+            residuals=_columns(self._residuals),
+            **_columns(self._rows),
         )
+
+
+def _columns(rows: list[dict[str, Any]]) -> dict[str, NDArray[Any]]:
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}

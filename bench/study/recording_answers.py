@@ -10,7 +10,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -37,18 +36,6 @@ finally:
     status = open("/proc/self/status").read()
     print(status.partition("VmHWM:")[2].split()[0], file=sys.stderr)
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Times:
-    """Times of one recording [s]; CPU time where it is said."""
-
-    whatif_cpu_s: float
-    """200 levels, read anew"""
-    cached_s: float
-    """the same from the cache"""
-    plot_s: float
-    page_mb: float
 
 
 def messages_of(path: Path) -> tuple[bytes, list[bytes]]:
@@ -79,8 +66,9 @@ def write(path: Path, parts: Sequence[tuple[bytes, Sequence[bytes]]]) -> None:
         log.finish()  # type: ignore[no-untyped-call]
 
 
-def times(path: Path, joint: str, folder: Path) -> Times:
-    """Times of a recording, each with a new cache."""
+def times(path: Path, joint: str, folder: Path) -> dict[str, float]:
+    """Times of a recording [s]: of LEVELS levels read anew (CPU) and from the cache, and of its
+    page, with its size."""
     question = Question(levels={joint: tuple(np.linspace(0.1, 4.0, LEVELS).tolist())})
     cache = Path(tempfile.mkdtemp(dir=folder))
     cpu_s = time.process_time()
@@ -93,7 +81,8 @@ def times(path: Path, joint: str, folder: Path) -> Times:
     begun = time.perf_counter()
     page = page_of(read_view(path)).encode()
     plot_s = time.perf_counter() - begun
-    return Times(cpu_s, cached_s, plot_s, len(page) / 1e6)
+    mb = len(page) / 1e6
+    return {"whatif_cpu_s": cpu_s, "cached_s": cached_s, "plot_s": plot_s, "page_mb": mb}
 
 
 def _answered(answer: Answer) -> Answer:

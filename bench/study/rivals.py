@@ -18,8 +18,7 @@ import numpy as np
 from common.arrays import Matrix, Vector
 
 KALMAN: Final = "kalman"
-KALMAN_BELIEF: Final = "classical+friction+rotor"
-"""What the observer believes of the joint too: only the filter differs."""
+KALMAN_BELIEF: Final = "classical+friction+rotor"  # also what the observer believes
 
 
 def fair_index(TK: float) -> float:
@@ -33,12 +32,6 @@ def fair_index(TK: float) -> float:
     roots = np.roots([1.0, TK - 1.0, TK + 1.0, -1.0])
     r = next(float(root.real) for root in roots if abs(root.imag) < 1e-9 and 0.0 < root.real < 1.0)
     return 2.0 * (1.0 - r) ** 2 / r
-
-
-def steady_gains(index: float) -> tuple[float, float]:
-    """a and b: how much of an innovation of p goes into p, and times 1 / T into d."""
-    r = (4.0 + index - np.sqrt(index * (8.0 + index))) / 4.0
-    return 1.0 - r * r, 2.0 * (1.0 - r) ** 2
 
 
 class KalmanObserver:

@@ -11,14 +11,13 @@ from bench.report import Target
 from bench.rigs.all_joints import MOTION, moving
 from bench.rigs.lockstep import lockstep_rig
 from bench.rigs.person import CommissionedArm, Person, Written, poor_guesses
-from bench.study.commissioned import Show, judged
+from bench.study.commissioned import Show, friction_values, judged, true_friction
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from simulator.description import SimulationSettings
 
-MOTIONS, COMPARED_S = 3, 20.0
-"""without contact, on which residuals are compared"""
+MOTIONS, COMPARED_S = 3, 20.0  # without contact, on which residuals are compared
 SIZES = ("largest", "rms", "largest beyond the raise near rest")
 
 
@@ -57,8 +56,7 @@ def residuals(folder: Path, truth: Path, seed: int) -> Matrix:
 
 
 def inertias_of_the_model(settings: SimulationSettings) -> SimulationSettings:
-    """Leave masses as they are in the model; friction, gaps and rotors stay as wrong as they
-    are."""
+    """Leave masses as in the model; friction, gaps and rotors stay as wrong as they are."""
     mismatch = msgspec.structs.replace(settings.mismatch, mass=0.0, center_of_mass=0.0)
     return msgspec.structs.replace(settings, mismatch=mismatch)
 
@@ -88,20 +86,8 @@ def of_gaps(arm: CommissionedArm) -> tuple[float, list[str]]:
 
 def of_friction(arm: CommissionedArm) -> dict[str, Vector]:
     """Errors of what was found [%], per joint; infinite where nothing was."""
-    assert arm.true is not None
-    true, rows = arm.true, []
-    for joint in arm.found():
-        entry = joint.friction
-        if entry is None:
-            rows.append([np.nan] * 4)
-            continue
-        f = entry.friction
-        rotor = np.nan if entry.rotor_inertia is None else entry.rotor_inertia
-        coulomb, viscous = f.motor_coulomb + f.link_coulomb, f.motor_viscous + f.link_viscous
-        rows.append([coulomb, viscous, rotor, entry.r2])
-    found = np.array(rows).T
-    truth = [true.coulomb.reshape(2, -1).sum(0), true.viscous.reshape(2, -1).sum(0)]
-    errors = 100.0 * np.abs(found[:3] / np.array([*truth, true.rotor_inertia]) - 1.0)
+    found = np.array([list(friction_values(joint).values()) for joint in arm.found()]).T
+    errors = 100.0 * np.abs(found[:3] / np.array([*true_friction(arm).values()]) - 1.0)
     errors = np.where(np.isnan(errors), np.inf, errors)
     return dict(zip(("coulomb", "viscous", "B"), errors, strict=True)) | {"r2": found[3]}
 
@@ -126,20 +112,17 @@ def romeo(folder: Path, seed: int, show: Show) -> tuple[list[Target], dict[str, 
     beyond = float((by_identified[2] / levels).max())
     targets, data = judged("romeo", person, went)
     targets += [
-        Target("error of alpha over 5 % or 0.5 mrad, worst joint", gap_share, 1, "", "lower"),
+        Target("error of alpha over 5 % or 0.5 mrad, worst joint", gap_share, 1),
         Target("joints rightly without a dead zone", len(rigid), 2, "", "higher"),
-        Target("Coulomb friction of motor and link, worst joint", errors["coulomb"].max(), 10, "%",
-               "lower"),
-        Target("viscous friction of motor and link, worst joint", errors["viscous"].max(), 15, "%",
-               "lower"),
-        Target("rotor inertia, worst joint", errors["B"].max(), 10, "%", "lower"),
-        Target("rotors trusted though the current is unfiltered", trusted, 0, "", "lower"),
+        Target("Coulomb friction of motor and link, worst joint", errors["coulomb"].max(), 10, "%"),
+        Target("viscous friction of motor and link, worst joint", errors["viscous"].max(), 15, "%"),
+        Target("rotor inertia, worst joint", errors["B"].max(), 10, "%"),
+        Target("rotors trusted though the current is unfiltered", trusted, 0),
         Target("R2 on held-out motion, inertias of the model, worst joint", exact["r2"].min(), 0.98,
-               "", "higher"),
-        *[Target(f"{name} contact-free |r|, identified over hand-written, worst joint", ratio, 1,
-                 "", "lower") for name, ratio in zip(SIZES[:2], ratios, strict=False)],
-        Target(f"{SIZES[2]}, of the hand-written contact level, worst joint", beyond, 0.25, "",
-               "lower"),
+               better="higher"),
+        *[Target(f"{name} contact-free |r|, identified over hand-written, worst joint", ratio, 1)
+          for name, ratio in zip(SIZES[:2], ratios, strict=False)],
+        Target(f"{SIZES[2]}, of the hand-written contact level, worst joint", beyond, 0.25),
     ]  # fmt: skip
     data |= {
         "rigid": rigid,

@@ -28,24 +28,15 @@ class Trial:
     """Residuals of the pushed joint during a step. Torques count along the push."""
 
     joint: int
-    size: float
-    """of the step [Nm], > 0"""
-    delay_s: NDArray[np.float64]
-    """(ticks,) of each SYNC after the onset in the plant"""
-    residuals: NDArray[np.float64]
-    """(variants, ticks)"""
-    before: NDArray[np.float64]
-    """(variants,), at the last SYNC before the onset"""
-    raised: NDArray[np.float64]
-    """(variants, ticks), of the threshold: in force less configured"""
-    travelled: NDArray[np.bool_]
-    """(ticks,): link and rotor were apart at some time since the onset"""
-    hidden: float
-    """[Nm] of the step that did not reach the motor until its end: friction of the gear held it"""
-    breakaway: float
-    """[Nm]: most torque that friction of this joint holds at rest, either way"""
-    moving: bool
-    """the joint moved all the while: it neither stood nor turned"""
+    size: float  # of the step [Nm], > 0
+    delay_s: Vector  # (ticks,) of each SYNC after the onset in the plant
+    residuals: Matrix  # (variants, ticks)
+    before: Vector  # (variants,), at the last SYNC before the onset
+    raised: Matrix  # (variants, ticks), of the threshold: in force less configured
+    travelled: NDArray[np.bool_]  # (ticks,): link and rotor were apart at some time since the onset
+    hidden: float  # [Nm] of the step that friction of the gear kept from the motor
+    breakaway: float  # [Nm]: most torque that friction of this joint holds at rest, either way
+    moving: bool  # the joint moved all the while: it neither stood nor turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +48,7 @@ class Detection:
 
 
 def detection(trial: Trial, variant: int, threshold: float) -> Detection | None:
-    """Detection at the first SYNC at which the residual goes beyond the threshold in the push's
-    direction."""
+    """Detection at the first SYNC with a residual beyond the threshold in the push's direction."""
     beyond = np.flatnonzero(trial.residuals[variant] > threshold + trial.raised[variant])
     if not beyond.size:
         return None

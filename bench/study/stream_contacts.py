@@ -22,20 +22,17 @@ from daemon.motion.target_stream import TargetStream
 KNOTS_S: Final = 0.02
 EVERY_S: Final = 5.0
 TOUCH_S: Final = 0.5
-FAST: Final = 0.05
-"""[rad/s], from which on a joint counts as moving"""
+FAST: Final = 0.05  # [rad/s], from which on a joint counts as moving
 
 
 @dataclass(frozen=True, slots=True)
 class Work:
     """Contacts of one arm at work."""
 
-    felt_s: tuple[float, ...]
-    """delay of each touch; infinite: missed"""
+    felt_s: tuple[float, ...]  # delay of each touch; infinite: missed
     false: int
     hours: float
-    tick_s: tuple[float, ...]
-    """durations of ticks, every tenth"""
+    tick_s: tuple[float, ...]  # durations of ticks, every tenth
 
 
 def work(

@@ -21,15 +21,9 @@ from daemon.motion.playout import Target
 from daemon.motion.target_stream import BRAKED_S, TargetStream
 
 DEATHS: Final = (
-    "silence",
-    "ever later",
-    "repeated",
-    "clock stands",
-    "clock runs back",
-    "no numbers",
-)
-STANDS: Final = 0.02
-"""setpoint that counts as zero [rad/s]"""
+    "silence", "ever later", "repeated", "clock stands", "clock runs back", "no numbers",
+)  # fmt: skip
+STANDS: Final = 0.02  # setpoint that counts as zero [rad/s]
 SECONDS: Final = 8.0
 
 
@@ -63,15 +57,12 @@ def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
 class Death:
     """End of one stream."""
 
-    stands_s: float
-    """from the last target that could be relied on, less the time of braking"""
-    held_rad: float
-    """way of the joint that holding moved furthest afterwards"""
+    stands_s: float  # from the last target that could be relied on, less the time of braking
+    held_rad: float  # way of the joint that holding moved furthest afterwards
 
 
 def death(robot: Robot, way: str, rate_hz: float, seed: int) -> Death:
-    """Death of a stream in the middle of a motion. Raises RuntimeError if the arm did not follow
-    until then."""
+    """Death of a stream amid a motion. Raises RuntimeError if the arm did not follow until then."""
     c, limits = robot.configuration, limits_of(robot.configuration)
     motion = hand(limits, SECONDS, seed)
     coming = arrivals(motion, rate_hz, SECONDS, seed)

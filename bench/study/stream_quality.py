@@ -18,10 +18,8 @@ from daemon.motion.path import Place
 from daemon.motion.playout import Target
 from daemon.motion.target_stream import STALLED_S
 
-SETTLED_S: Final = 3.0
-"""after the first target, from which on a stream is judged"""
-FAST: Final = 0.1
-"""[rad/s], from which on a motion shows its delay"""
+SETTLED_S: Final = 3.0  # after the first target, from which on a stream is judged
+FAST: Final = 0.1  # [rad/s], from which on a motion shows its delay
 
 
 @dataclass(frozen=True, slots=True)

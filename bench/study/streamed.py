@@ -22,20 +22,15 @@ from daemon.motion.target_stream import TargetStream
 RATES_HZ: Final = (20.0, 50.0, 100.0, 200.0)
 JITTER_S: Final = 0.01
 LOSS: Final = 0.05
-WAY_S: Final = 0.002
-"""from sender to receiver, at least"""
-TREMOR: Final = 3e-4
-"""[rad]"""
-FINE_S: Final = 1e-3
-"""spacing of the tables of a motion"""
+WAY_S: Final = 0.002  # from sender to receiver, at least
+TREMOR: Final = 3e-4  # [rad]
+FINE_S: Final = 1e-3  # spacing of the tables of a motion
 
-Motion = Callable[[float], Vector]
-"""Pose (n,) [rad] at a time [s]."""
+Motion = Callable[[float], Vector]  # Pose (n,) [rad] at a time [s].
 
 
 def sines(limits: Limits, seconds: float, seed: int) -> Motion:
-    """All joints around their middles, with at most 60 % of their speed and 40 % of their
-    acceleration."""
+    """All joints around their middles, at most at 60 % of their speed and 40 % of acceleration."""
     del seconds
     rng = np.random.default_rng((seed, 42))
     n = len(limits.lower)
@@ -91,14 +86,12 @@ class Arrival:
     target: Target
 
 
-def arrivals(
-    motion: Motion, rate_hz: float, seconds: float, seed: int, loss: float = LOSS
-) -> list[Arrival]:
+def arrivals(motion: Motion, rate_hz: float, seconds: float, seed: int) -> list[Arrival]:
     """Targets of a motion as they come, in that order."""
     rng = np.random.default_rng((seed, 44))
     count = int(seconds * rate_hz)
     late = WAY_S + rng.uniform(0.0, JITTER_S, count)
-    there = rng.random(count) >= loss
+    there = rng.random(count) >= LOSS
     there[0] = True
     sent = [
         Arrival(k / rate_hz + late[k], Target(k, k / rate_hz, motion(k / rate_hz)))
@@ -115,8 +108,7 @@ class Track:
     time_s: Vector
     q: Matrix
     velocity: Matrix
-    delay_s: Vector
-    """that the stream reports"""
+    delay_s: Vector  # that the stream reports
 
 
 def stream_of(robot: Robot, first: Target) -> TargetStream:

@@ -31,8 +31,7 @@ class Met:
     refused: bool = False
     ended: str = ""
     armed: bool = False
-    ran: bool = False
-    """a trajectory that was not the wiring check's"""
+    ran: bool = False  # a trajectory that was not the wiring check's
     wiring_good: bool = False
 
     @property

@@ -14,11 +14,11 @@ import subprocess
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,27 +62,29 @@ class Distribution:
         return {f"p{p:g}": round(self.at(p), 1) for p in (50, 90, 99, 99.9, 100)}
 
 
-class Rival(Protocol):
-    """A control thread that only wakes up, as often as the loop, beside each turn."""
+class Spawned:
+    """Process of its own that answers one request after the other, by a pipe."""
 
-    @property
-    def name(self) -> str:
-        """What it is."""
+    def __init__(self, serve: Callable[..., None], *arguments: object) -> None:
+        """`serve(connection, *arguments)` runs in it, and says once that it is ready. Raises
+        EOFError if it ends before that, having said why on stderr."""
+        spawned = multiprocessing.get_context("spawn")
+        self.connection, theirs = spawned.Pipe()
+        self._process = spawned.Process(target=serve, args=(theirs, *arguments), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.connection.recv()
 
-    @property
-    def threads(self) -> int:
-        """How many wake up as often as the loop."""
-
-    def begin(self, seconds: int) -> None:
-        """Start it."""
-
-    def result(self) -> Distribution:
-        """How late it woke up [us]; waits for its end."""
+    def close(self) -> None:
+        """End it and wait."""
+        self.connection.close()
+        self._process.join()
 
 
 @contextlib.contextmanager
-def a_rival(hz: int) -> Iterator[Rival]:
-    """cyclictest, or where it cannot be had a sleeping thread of ours."""
+def a_rival(hz: int) -> Iterator["Rival"]:
+    """A control thread that only wakes up, as often as the loop, beside each turn: cyclictest, or
+    where it cannot be had a sleeping thread of ours."""
     with tempfile.TemporaryDirectory(prefix="cyclictest-") as folder:
         if program := shutil.which("cyclictest"):
             with contextlib.closing(Cyclictest(program, hz, Path(folder) / "json")) as cyclictest:
@@ -93,30 +95,19 @@ def a_rival(hz: int) -> Iterator[Rival]:
             yield sleeper
 
 
-class Sleeper:
+class Sleeper(Spawned):
     """A process whose thread does nothing but wake up, with the daemon's real-time set-up."""
 
-    name = "sleeper"
-    threads = 1
+    name, threads = "sleeper", 1
 
     def __init__(self, hz: int) -> None:
-        spawned = multiprocessing.get_context("spawn")
-        self._connection, theirs = spawned.Pipe()
-        self._process = spawned.Process(target=_sleep, args=(theirs, 1.0 / hz), daemon=True)
-        self._process.start()
-        theirs.close()
-        self._connection.recv()
+        super().__init__(_sleep, 1.0 / hz)
 
     def begin(self, seconds: int) -> None:
-        self._connection.send(seconds)
+        self.connection.send(seconds)
 
     def result(self) -> Distribution:
-        return Distribution.of(self._connection.recv())
-
-    def close(self) -> None:
-        """End it and wait."""
-        self._connection.close()
-        self._process.join()
+        return Distribution.of(self.connection.recv())
 
 
 def _sleep(connection: Connection, period_s: float) -> None:
@@ -184,6 +175,9 @@ class Cyclictest:
         if self._process is not None and self._process.returncode is None:
             self._process.terminate()
             self._process.communicate()
+
+
+Rival = Cyclictest | Sleeper
 
 
 def histogram(report: dict[str, Any]) -> Distribution:

@@ -34,24 +34,17 @@ MISMATCH: Final = Mismatch(
     mass=5, center_of_mass=0, friction=40, torque_constant=3, half_gap=10, rotor_inertia=10
 )
 DRIFT: Final = 0.2
-DRIFT_PERIOD_S: Final = 2400.0
-"""of the whole swing, so that DRIFT takes ten minutes"""
-PRESLIDING: Final = (1e-4, 2e-3)
-"""[rad]"""
+DRIFT_PERIOD_S: Final = 2400.0  # of the whole swing, so that DRIFT takes ten minutes
+PRESLIDING: Final = (1e-4, 2e-3)  # [rad]
 STRIBECK: Final = (1.0, 1.3)
-STIFFNESS: Final = (300.0, 4000.0)
-"""[Nm/rad]"""
-STEPPING: Final = 0.3
-"""share of the arms whose drives do not interpolate"""
+STIFFNESS: Final = (300.0, 4000.0)  # [Nm/rad]
+STEPPING: Final = 0.3  # share of the arms whose drives do not interpolate
 
-LOAD: Final = (0.0, 0.15)
-"""friction per transmitted torque, of half of the arms ..."""
-EFFICIENCY: Final = (0.7, 0.95)
-"""... and the efficiency of the other half's gears, driving and driven"""
+LOAD: Final = (0.0, 0.15)  # friction per transmitted torque, of half of the arms ...
+EFFICIENCY: Final = (0.7, 0.95)  # ... and the efficiency of the other half's gears
 FRICTION_RIPPLE: Final = 20.0
 COGGING: Final = 5.0
-GAP_RIPPLE: Final = 30.0
-"""[percent], at most"""
+GAP_RIPPLE: Final = 30.0  # [percent], at most
 REST_RISE: Final = (1.1, 1.5)
 REST_S: Final = (30.0, 180.0)
 

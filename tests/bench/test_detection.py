@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from bench.detection import alarmed, targets, worth
+from bench.detection import alarmed, joint_table, table, targets, worth
 from bench.rigs.arm_without_bus import Harness, Recording
 from bench.rigs.lockstep import ROMEO
 from bench.study import population, world
-from bench.study.detection_report import joint_table, table
 from bench.study.detection_score import score
 from bench.study.estimates import Estimates
 from bench.study.monte_carlo import Job, Result, named_link, run
@@ -110,8 +109,6 @@ def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str)
     found = Estimates(
         residuals={"backlash": exceeded},
         threshold=np.full((ticks, n), 0.5),
-        phi=exceeded,
-        phi_sigma=exceeded,
         side=np.zeros((ticks, n), dtype=np.int8),
         touched_link=links,
         delay_s=0.005,

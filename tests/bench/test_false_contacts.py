@@ -37,8 +37,6 @@ def estimated(residual: np.ndarray, side: int = Side.LEFT) -> Estimates:
     return Estimates(
         residuals={"ours": residual, "theirs": 2.0 * residual},
         threshold=np.tile(CONTACT, (TICKS, 1)),
-        phi=np.zeros((TICKS, N)),
-        phi_sigma=np.zeros((TICKS, N)),
         side=np.full((TICKS, N), side, dtype=np.int8),
         touched_link=np.full(TICKS, -1),
         delay_s=0.0,

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from bench.study.rivals import KalmanObserver, fair_index, kalman, steady_gains
+from bench.study.rivals import KalmanObserver, fair_index, kalman
 
 PERIOD = 0.01
+
+
+def steady_gains(index):
+    """How much of an innovation of p goes into p, and times 1 / T into d, in closed form."""
+    r = (4.0 + index - np.sqrt(index * (8.0 + index))) / 4.0
+    return 1.0 - r * r, 2.0 * (1.0 - r) ** 2
 
 
 def settled(index, period=PERIOD, n=1):

@@ -52,7 +52,7 @@ class Watched:
         self.on = ArmInTheLoop(subject, robot, START)
         self.on.start()
         self.on.run(4.0)
-        assert self.on.arm() == []
+        assert self.on.permit() == []
         self.modes: list[Mode] = [self.on.mode]
         self.alone_s = self.longest_s = 0.0
         self.notices: list[str] = []
@@ -151,7 +151,7 @@ def test_friction_beyond_all_levels_interrupts_no_more_than_five_times() -> None
     on = ArmInTheLoop(arm, robot, START)
     on.start()
     on.run(4.0)
-    assert on.arm() == []
+    assert on.permit() == []
     on.run(90.0)
     plant, factors = on.harness.plant, np.ones(7)
     usual = plant.coulomb.sum(axis=0) / on.tick.estimator.transmission.engaged_coulomb

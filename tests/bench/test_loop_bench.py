@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.loop import targets_of
 from bench.study.loop_run import FIGURES, Run, Turn, run_of
-from bench.study.loop_targets import targets_of
 from bench.study.wakeups import Distribution, histogram
 from daemon.modes.table import Mode
 
