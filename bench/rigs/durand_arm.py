@@ -16,6 +16,7 @@ import numpy as np
 from bench.rigs.durand_drive import DurandDrive
 from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED, Rig
+from bench.rigs.sync_clock import Lockstep
 from common.arrays import Vector
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
@@ -24,7 +25,6 @@ from daemon.drives import build_boot, build_drives
 from drivers.can.wire import Wire
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from simulator.arm import SimulatedArm
-from simulator.lockstep import Lockstep
 from simulator.sensors import Readings
 from simulator.state_machine import State, Trigger
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bench.rigs.lines import Line, OpenLine, virtual_line
+from bench.rigs.sync_clock import Lockstep
 from common.errors import DriveError
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
@@ -30,7 +31,6 @@ from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.events import Listener
 from simulator.hand_script import AnyAct
-from simulator.lockstep import Lockstep
 from simulator.truth import SimulationFile
 
 ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"

@@ -10,10 +10,10 @@ import can
 import numpy as np
 import pytest
 
+from bench.rigs.sync_clock import Lockstep
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.hand_script import Push
-from simulator.lockstep import Lockstep
 
 
 @contextmanager

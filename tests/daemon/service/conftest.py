@@ -1,11 +1,13 @@
 """An arm whose files a test may edit."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 
 
 @pytest.fixture
@@ -14,3 +16,10 @@ def arm(tmp_path: Path) -> Path:
     shutil.copytree(ROMEO, tmp_path / ROMEO.name)  # whose EDS the joint's drive refers to
     shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
     return tmp_path / "arm"
+
+
+@pytest.fixture
+def served(arm: Path) -> Iterator[ServedDaemon]:
+    """A daemon with that arm."""
+    with served_daemon(arm.parent, arm) as opened:
+        yield opened

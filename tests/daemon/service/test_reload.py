@@ -3,7 +3,7 @@ by two at once, and while somebody records."""
 
 import threading
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +23,6 @@ from programs.clients.log_reader import read_log
 from programs.clients.reload import reload
 
 Edit = Callable[[dict[str, Any]], None]
-
-
-@pytest.fixture
-def served(arm: Path) -> Iterator[ServedDaemon]:
-    with served_daemon(arm.parent, arm) as opened:
-        yield opened
 
 
 def edit(arm: Path, change: Edit) -> None:

@@ -34,12 +34,6 @@ OLD, NEW = "joint", "elbow"
 PATIENCE_S = 120.0
 
 
-@pytest.fixture
-def served(arm: Path) -> Iterator[ServedDaemon]:
-    with served_daemon(arm.parent, arm) as opened:
-        yield opened
-
-
 def rename(arm: Path) -> None:
     """Give the joint its new name in every file."""
     (arm / "identified.yaml").unlink()

@@ -10,6 +10,7 @@ import can
 import msgspec
 import pytest
 
+from bench.rigs.sync_clock import Lockstep
 from drivers.can.frame_ring import FrameRing
 from drivers.can.virtual import QueueWire
 from drivers.can.wire import Wire
@@ -22,7 +23,6 @@ from drivers.canopen.drives import CanopenDrives
 from drivers.canopen.settings import DriveProfile, JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
-from simulator.lockstep import Lockstep
 from tests.drivers.canopen.scripted_wire import CONFIG, ROBOT, ScriptedWire
 
 PERIOD_S = 0.010

@@ -7,6 +7,7 @@ import pytest
 
 from bench.rigs.generated_arms import generate
 from bench.rigs.lines import virtual_line
+from bench.rigs.sync_clock import Lockstep
 from common.errors import BusError, ConfigurationError
 from common.yaml_source import parse_yaml
 from daemon.config.load import load_robot
@@ -14,7 +15,6 @@ from drivers.canopen.boot.scan import FoundNode, scan
 from programs.contactd.scan import bus_of, data_sheets, fitting, table
 from programs.simulate.simulated_robot import true_arm
 from simulator.arm import SimulatedArm
-from simulator.lockstep import Lockstep
 
 
 class Bus:
