@@ -3,7 +3,7 @@
 cimport cython
 
 cdef long long _AGREES, _ENDED, _GRAZED, _FRICTION
-cdef double _HOLDS_S, _FADES_S, _LASTS_S, _RISES_S, _WIDTH, _CLEARS_S, _FLIPS_S
+cdef double _APART_S, _HOLDS_S, _FADES_S, _LASTS_S, _RISES_S, _WIDTH, _CLEARS_S, _FLIPS_S
 cdef double _CREEPS_S, _NEAR_S, _NEAR, _GRAZES, _MARGIN, _MOST_MARGIN, _MARGIN_S, _NEEDED_S, _NEEDED, _SOME
 
 cdef class Doubt:

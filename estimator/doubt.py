@@ -33,6 +33,8 @@ import numpy as np
 _HOLDS_S, _FADES_S = 0.5, 0.5
 # A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
 _LASTS_S, _RISES_S = 10.0, 1.0
+# A contact that comes again within so long is the same one: a hand that pulls with about a level.
+_APART_S = 1.0
 # A residual crept over the lowered level if it was beyond a share of it for so long, in the last so
 # many seconds, and grazed it if it was never so many levels.
 _CREEPS_S, _NEAR_S, _NEAR, _GRAZES = 0.2, 0.5, 0.7, 1.3
@@ -57,6 +59,7 @@ class Doubt:
     """Doubt d of each joint, `value` (n,), 0 to 1."""
 
     def __init__(self, n: int) -> None:
+        # How long a contact in doubt has lasted; negative: until one that is over counts [s].
         self.value, self.lasted_s = np.zeros((2, n))
         # Motion that agrees and is owed, by direction [s]; and the direction in which a contact
         # began, 0 at rest.
@@ -111,8 +114,14 @@ class Doubt:
             if self.beyond[i]:
                 self.beyond[i] = 0
                 return _AGREES
+            self.lasted_s[i] = -_APART_S
             self.raise_at(i, q)
             return _GRAZED if grazed else _ENDED
+        if self.lasted_s[i] < 0.0:
+            self.lasted_s[i] = min(self.lasted_s[i] + dt, 0.0)
+            if self.lasted_s[i] >= 0.0 and self.placed[i]:
+                self.met[i] += 1
+                self.interrupted[i] += 1
         if self.moving[i] and (self.value[i] > 0.0 or self.placed[i] or self.margin[i] > _SOME):
             return self._compare(i, q, velocity, residual, lowered, dt)
         return _AGREES
@@ -124,8 +133,8 @@ class Doubt:
         near = self.placed[i] and self.low[i] - 2.0 * _WIDTH <= q <= self.high[i] + 2.0 * _WIDTH
         self.low[i] = min(self.low[i], q) if near else q
         self.high[i] = max(self.high[i], q) if near else q
-        self.met[i] = self.met[i] + 1 if near else 1
-        self.interrupted[i] = self.interrupted[i] + 1 if near else 1
+        if not near:
+            self.met[i] = self.interrupted[i] = 0
         self.placed[i], self.cleared_s[i], self.away_s[i] = 1, 0.0, 0.0
 
     def raise_all(self, i: int) -> None:
@@ -153,7 +162,8 @@ class Doubt:
             self.downwards_owed_s[i] = _HOLDS_S
 
     def _last(self, i: int, velocity: float, believed: float, stated: float, dt: float) -> int:
-        if self.lasted_s[i] == 0.0:
+        if self.lasted_s[i] <= 0.0:
+            self.lasted_s[i] = 0.0
             self.way[i] = 0
             if self.moving[i]:
                 self.way[i] = 1 if velocity > 0.0 else -1

@@ -30,6 +30,9 @@ OTHER_WAY = (
     "the link goes the other way than the motor: link_sign or motor_sign is -1 in its `wiring` "
     "(motor_sign, where `identify zero` found the link's)"
 )
+# Samples by which ways are compared; share of its motor's way from which on a link moves; share of
+# the motor's way on which a link goes against it whose sign is wrong.
+_BLOCK, _MOVES, _AGAINST = 10, 0.3, 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +81,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         if other != joint and moved[other] > _PIECE:
             about += f"; {log.joints[other]} moved {1e3 * moved[other]:.3g}: are they swapped?"
         else:
-            about += (f": wrong link_position object or scale, or a half-gap of more than "
+            about += (f": wrong gear, link_position object or scale, or a half-gap of more than "
                       f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
         return WiringResult(joint=name, problems=(*problems, about))
     engaged = np.zeros(len(q), dtype=np.bool_)
@@ -111,7 +114,8 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     if off > allowed:
         problems.append(
             f"the current holds {in_Nm(held)}, gravity is {in_Nm(gravity)} by the URDF: "
-            "torque_constant, link_offset, masses, or another joint than this one moved"
+            "torque_constant, object or scale of the current, link_offset, masses, or another "
+            "joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
         look = " or find swapped drives: did this joint move?"
@@ -203,11 +207,16 @@ def in_Nm(torque: float) -> str:
     return f"{round(torque, 3) + 0.0:.3g} Nm"
 
 
-def goes_against(log: MotionLog, joint: int) -> bool:
-    """True where the link went the other way than the motor, in a log that ends when they are too
-    far apart."""
-    way = np.diff(log.link_position[:, joint])
-    return bool(way @ (log.motor_velocity[1:, joint] * np.diff(log.time_s)) < 0.0)
+def share_of_motor(log: MotionLog, joint: int) -> tuple[float, bool]:
+    """Motion of the link over that of its motor, in a log that ends when they are too far apart;
+    True where it went the other way, and did not only fall back through its gap."""
+    steps = np.diff(log.time_s, prepend=log.time_s[0])
+    theta = np.cumsum(log.motor_velocity[:, joint] * steps)[::_BLOCK]
+    turned, way = np.diff(theta), np.diff(log.link_position[::_BLOCK, joint])
+    whole = float(np.abs(turned).sum()) + 1e-12
+    against = way * np.sign(turned) < -_MOVES * np.abs(turned)
+    share = float(way @ np.sign(turned)) / whole
+    return share, bool(np.abs(turned[against]).sum() > _AGAINST * whole)
 
 
 def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:

@@ -13,6 +13,8 @@ from daemon.tick.decision import ControlInput
 
 # Largest distance from its first sample at which a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
+# Distance outside the limits at which a joint seldom can be, as its end stops are nearer [rad].
+FAR = 1.0
 # Distance inside the range of a path at which the way to it ends, as it is not exact [rad].
 INSIDE = 0.02
 
@@ -38,10 +40,18 @@ def not_energisable(
     outside = limits.outside(q)
     return reasons + [
         f"{name} stands at {q[i]:.3f} rad, more than {limits.tolerance:g} outside its limits "
-        f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: {WAY_BACK[ends[i]]}"
+        f"[{limits.lower[i]:g}, {limits.upper[i]:g}]: {_way_back(ends[i], limits, q, i)}"
         for i, name in enumerate(joints)
         if outside[i]
     ]
+
+
+def _way_back(end: str, limits: Limits, q: Vector, i: int) -> str:
+    """Advice for joint i, which stands outside; so far outside the position is doubted, too."""
+    if limits.lower[i] - FAR < q[i] < limits.upper[i] + FAR:
+        return WAY_BACK[end]
+    doubt = "scale and offset of its `link_position` first (`contactd identify zero`)"
+    return f"check {doubt}; if they are right, {WAY_BACK[end]}"
 
 
 def lacking(path: JointPath, *, blind: bool) -> list[str]:

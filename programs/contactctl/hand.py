@@ -11,7 +11,7 @@ import click
 
 from common.errors import ControlError, UnreachableError
 from daemon.protocol.socket_path import default_hand_path
-from programs.command_line.options import PATH, InOrder, Range
+from programs.command_line.options import PATH, InOrder, Range, Signed
 
 PATIENCE_S = 5.0
 
@@ -58,16 +58,45 @@ def ask_hand(door: Path, act: dict[str, Any]) -> str:
     return str(answer["text"])
 
 
-@click.group(cls=InOrder)
-@click.option("--hand-socket", "door", type=PATH, metavar="PATH",
-              help="The simulator's socket, instead of the default.")  # fmt: skip
+def _take_door(ctx: click.Context, _: click.Parameter, given: Path | None) -> None:
+    ctx.obj = given or ctx.obj
+
+
+def door_option() -> click.Option:
+    """Option --hand-socket, before or after a command."""
+    return click.Option(
+        ["--hand-socket", "door"],
+        type=PATH,
+        metavar="PATH",
+        help="The simulator's socket, instead of the default.",
+        callback=_take_door,
+        expose_value=False,
+    )
+
+
+class Touch(Signed):
+    """Command of the hand."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self.params.append(door_option())
+
+
+class Touches(InOrder):
+    """Commands of the hand."""
+
+    command_class = Touch
+
+
+@click.group(cls=Touches, params=[door_option()])
 @click.pass_context
-def hand(context: click.Context, door: Path | None) -> None:
+def hand(context: click.Context) -> None:
     """Touch a simulated arm, live: a hand at `contactd simulate`.
 
     The daemon is not informed of it and has to detect it.
     """
-    context.obj = door or default_hand_path()
+    if not isinstance(context.obj, Path):  # what the group above has for its own commands
+        context.obj = default_hand_path()
 
 
 _SIGNED = {"ignore_unknown_options": True}  # so that -3Nm is a torque

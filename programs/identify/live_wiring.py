@@ -6,14 +6,14 @@ from contextlib import suppress
 from common.arrays import Vector
 from common.errors import ContactdError, ControlError
 from daemon.faults.conditions import Condition
-from identification.wiring import OTHER_WAY, follows_both_ways, goes_against, scale_unsure
+from identification.wiring import OTHER_WAY, follows_both_ways, scale_unsure, share_of_motor
 from programs.identify.contact_warnings import wiring_spoiled
 from programs.identify.live_arm import LiveArm
 from programs.identify.measured import Measured
 from programs.identify.motions import WIDEST_GUESS, WIRING_TRAVEL, wiring_motion
 from programs.identify.session import InterruptedStepError
 
-_TOO_FAR = "its gap is larger than half_gap says, or a scale is wrong"
+_TOO_FAR = "its gear or a scale is wrong, or its gap is larger than half_gap says"
 
 
 class ApartError(InterruptedStepError):
@@ -54,9 +54,9 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
         elif both or half_gap >= WIDEST_GUESS:
             return measured
         else:  # Its gap is larger than the configuration says.
-            half_gap = min(half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
+            before, half_gap = half_gap, min(2.0 * half_gap + 0.5 * WIRING_TRAVEL, WIDEST_GUESS)
             seen = "did not move its link both ways"
-            more = f"once more, {1e3 * WIRING_TRAVEL:.0f} mrad further"
+            more = f"once more, {2e3 * (half_gap - before):.0f} mrad further"
         arm.show(f"{joint} {seen}: {more}")
 
 
@@ -70,7 +70,7 @@ def _may_float(arm: LiveArm, i: int, here: Vector) -> bool:
 def _why_apart(arm: LiveArm, error: ContactdError) -> dict[str, str]:
     """Most likely mistake of each joint whose link and motor are too far apart, from the
     recorded motion or, where they came apart at rest, for the person to look; else empty."""
-    if Condition.APART not in str(error):
+    if not any(condition in str(error) for condition in (Condition.APART, Condition.FROZEN)):
         return {}
     names = enumerate(arm.configuration.joint_names)
     return {joint: _apart(arm, i, joint) for i, joint in names if joint in str(error)}
@@ -79,5 +79,7 @@ def _why_apart(arm: LiveArm, error: ContactdError) -> dict[str, str]:
 def _apart(arm: LiveArm, i: int, joint: str) -> str:
     with suppress(ContactdError):
         log = arm.read(f"wiring-{joint}").log
-        return OTHER_WAY if goes_against(log, i) else _TOO_FAR
+        share, against = share_of_motor(log, i)
+        words = f"{_TOO_FAR} (the link moved {share:.2f} times as far as the motor reports)"
+        return OTHER_WAY if against else words
     return f"{OTHER_WAY}; else {_TOO_FAR}"

@@ -126,6 +126,20 @@ def test_a_place_that_interrupts_grows_and_is_counted() -> None:
     assert doubt.at(0, 0.0) == 0.0
 
 
+def test_a_contact_that_comes_again_at_once_is_one() -> None:
+    """A hand that pulls with about the level flickers across it."""
+    doubt = Doubt(1)
+    for _ in range(9):
+        contact(doubt, q=0.5)
+        run(doubt, 0.3, q=0.5, velocity=0.0, moving=False)
+    assert doubt.interrupted[0] == 0
+    run(doubt, 1.0, q=0.5, velocity=0.0, moving=False)
+    assert (doubt.met[0], doubt.interrupted[0]) == (1, 1)
+    contact(doubt, q=0.5)
+    run(doubt, 1.0, q=0.5, velocity=0.0, moving=False)
+    assert (doubt.met[0], doubt.interrupted[0]) == (2, 2)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_what_follows_the_sign_of_the_motion_is_friction(sign: float) -> None:
     doubt = Doubt(1)

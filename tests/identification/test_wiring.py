@@ -135,7 +135,7 @@ def test_gravity_is_compared_where_there_is_some(wired, check):
         (["motor_position"], 1.1, "motor_position changes 1."),
         (["current"], -1.0, "sign of the current"),
         (["motor_velocity"], 0.001, "the motor turned only"),
-        (["link_position"], 0.001, "wrong link_position object or scale"),
+        (["link_position"], 0.001, "wrong gear, link_position object or scale"),
     ],
 )
 def test_what_is_wired_wrong_is_named(wired, check, joint, fields, factor, says):

@@ -9,7 +9,9 @@ from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import ADVICE, TRANSITIONS, Event, Mode, refusal
+from daemon.motion.limits import Limits
 from daemon.tick.decision import ControlInput
+from daemon.tick.refusals import not_energisable
 from tests.ideal_arm import OFF, ON, IdealArm, T, holding_arm, ideal_arm
 
 COMMANDS = ("enable", "start", "pause", "stop", "disarm", "disable", "reset")
@@ -158,3 +160,12 @@ def test_enable_waits_for_drives_that_are_still_on_their_way_off(holding: IdealA
     assert holding.mode is Mode.OFF
     holding.step()
     assert holding.request(Event.ENABLE) == []
+
+
+def test_a_joint_that_seems_to_be_where_it_cannot_be_has_a_wrong_scale_or_offset() -> None:
+    q = np.array([6.5, 1.7])
+    limits = Limits(np.full(2, -1.6), np.full(2, 1.6), np.ones(2), np.ones(2), 0.01)
+    seen = ControlInput(q, np.zeros(2), np.zeros(2), np.zeros(2), "", "", (OFF, OFF), ())
+    far, near = not_energisable(("a", "b"), ("brake", "brake"), limits, seen)
+    assert "check scale and offset of its `link_position` first (`contactd identify zero`)" in far
+    assert near.endswith(": release its brake and move it back by hand")

@@ -14,21 +14,35 @@ from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import served_daemon
 from programs.simulate.simulated_robot import true_arm
 
+WRONG_GEAR = (
+    r"shoulder: its gear or a scale is wrong, or its gap is larger than half_gap says "
+    r"\(the link moved -?0\.\d+ times as far as the motor reports\)"
+)
 
-def test_a_wrong_sign_is_named_where_link_and_motor_come_too_far_apart(tmp_path: Path) -> None:
+
+@pytest.mark.parametrize(
+    ("field", "times", "says"),
+    [
+        ("motor_sign", -1, "shoulder: the link goes the other way than the motor: link_sign or m"),
+        ("gear", 0.1, WRONG_GEAR),
+    ],
+)
+def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
+    tmp_path: Path, field: str, times: float, says: str
+) -> None:
     folder = generate(3).write(tmp_path / "arm")
     path = folder / "config.yaml"
     written = yaml.safe_load(path.read_text())
     shoulder = written["joints"][1]["wiring"]
-    shoulder["motor_sign"] *= -1
+    shoulder[field] *= times
     path.write_text(in_yaml(written))
     with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
         served.rig.enable()
         result = served.contactd("identify", "wiring", "shoulder", "--yes")
     said = " ".join(result.output.split())
     assert result.exit_code == 1
-    assert "motor and link apart: shoulder" in said
-    assert "shoulder: the link goes the other way than the motor: link_sign or motor_sign" in said
+    assert re.search("(motor and link apart|encoder frozen): shoulder", said)
+    assert re.search(says, said)
     assert "nothing written" in said
 
 
@@ -37,7 +51,7 @@ def test_a_gap_that_is_guessed_too_small_is_no_wrong_sign(tmp_path: Path) -> Non
     assert not arm.identify("wiring")
     said = " ".join(arm.output.split())
     assert "motor and link apart: joint" in said
-    assert "joint: its gap is larger than half_gap says" in said
+    assert "joint: its gear or a scale is wrong, or its gap is larger than half_gap says" in said
 
 
 def test_torques_are_rounded_for_people(tmp_path: Path) -> None:
