@@ -29,7 +29,6 @@ _ALIKE = 0.35  # of the load at the other border; a motor takes a while to forge
 _HIDDEN = 3.0  # times the load of a hand on the motor, at most: its friction holds the rest
 _BACK = 0.2  # of the load one way, that the other has to be
 _PRESSED_S = 0.1
-_SAME_PLACE = 0.1  # of phi's range
 _NO_TORQUE = "the motor's torque is the same throughout: it does not show which ends are borders"
 _STEP = 0.4  # of an encoder: two rests are off by less against each other, nineteen times of twenty
 
@@ -55,11 +54,7 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
     place = (phi - low) / max(high - low, 1e-12)
     # A rest in the middle is a hand that paused; it shows no border.
     side = np.where(resting & (place > 0.6), 1, np.where(resting & (place < 0.4), -1, 0))
-    runs = [
-        r
-        for r in _runs(side)
-        if side[r.start] and (r.stop - r.start) * period >= 0.06 and _rests(place[r])
-    ]
+    runs = [r for r in _runs(side) if side[r.start] and (r.stop - r.start) * period >= 0.06]
     times: list[float] = []
     levels: list[Vector] = []
     uppers: list[bool] = []
@@ -74,12 +69,6 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
         uppers.append(upper)
     level = np.array([np.median(values) for values in levels])
     return Plateaus(np.array(times), level, np.array(uppers, dtype=np.bool_))
-
-
-def _rests(place: Vector) -> bool:
-    """True where most of a slow piece is one place: a link that nothing holds floats on through its
-    gap, more slowly than a hand leads it."""
-    return bool(np.mean(np.abs(place - np.median(place)) < _SAME_PLACE) > 0.5)
 
 
 def from_plateaus(

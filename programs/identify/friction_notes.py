@@ -73,17 +73,13 @@ def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
 
 def load_doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
     """Sentence about the joints on which friction that grows with load would not show, or none."""
-    about = [
-        f"{fit.joint} (up to {fit.load_bound:.2g} of it, as gravity changes by only "
-        f"{fit.gravity_change:.2g} Nm)"
-        for fit in _good(fits)
-        if fit.load is None and fit.load_bound > _LOAD
-    ]
+    about = [fit.joint for fit in _good(fits) if fit.load is None and fit.load_bound > _LOAD]
     if not about:
         return ()
     return (
-        f"friction that grows with the load would not show at {', '.join(about)}: where it "
-        "matters, `friction` again with a payload in the hand (`contactctl payload`)",
+        f"friction that grows with the load would not show at {', '.join(about)}, as what the gear "
+        "carries changes too little: where it matters, `friction` again with a payload in the "
+        "hand (`contactctl payload`)",
     )
 
 

@@ -94,20 +94,6 @@ def test_a_hand_that_is_hardly_felt_leaves_no_interval_beyond_what_a_soft_gear_b
     assert abs(gap.half_gap - alpha) < gap.confidence < 0.0025, gap
 
 
-def test_a_link_that_floats_on_after_the_hand_makes_no_strokes():
-    """About an upright axis nothing holds it: it goes to and fro in its gap, and loads nothing."""
-    phi = visits(0.006, 30)
-    turns = np.arange(11)
-    floats = np.interp(T * np.arange(20_000), 20.0 * turns, 0.006 * (-1.0) ** turns)
-    phi = np.concatenate([phi, floats])
-    torque = np.where(np.arange(len(phi)) < len(phi) - len(floats), -0.05 * np.sign(phi), 0.0)
-    torque *= np.abs(phi) > 0.0055
-    gap = from_plateaus("j", T * np.arange(len(phi)), phi, np.zeros_like(phi), 0.0, torque)
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert gap.half_gap == pytest.approx(0.006, rel=0.03)
-    assert gap.crossings <= 30
-
-
 def test_a_motor_that_answers_late_shows_no_stiff_gear():
     """Its friction holds at first what a hand presses by; its controller takes that over while the
     link rests, and the torque rises where nothing bends any more."""

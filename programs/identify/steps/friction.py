@@ -155,7 +155,7 @@ def _figures(fit: "FrictionFit") -> str:
         parts.append(f"stiction {fit.stiction:.2f} +- {NORMAL_95 * fit.stiction_error:.1g}")
     if fit.load:
         parts.append("load {:.3f} to {:.3f}".format(*fit.load))
-    elif math.isfinite(fit.load_bound):
+    elif fit.load_bound < 0.5:
         parts.append(f"load below {fit.load_bound:.2g}")
     parts += [f"R2 {fit.r2:.3f}", f"cond {fit.condition:.0f}"]
     if math.isfinite(fit.gravity_scale):
