@@ -26,8 +26,8 @@ from programs.clients.user_names import user_name
 SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
 
 
-def status_report(status: Status, socket: Path | None = None) -> RenderableType:
-    """Report of `contactctl status`, of the daemon at this control socket."""
+def status_head(status: Status) -> Table:
+    """First rows of the report: mode, cause, and what to do."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold", no_wrap=True, overflow="crop")
     table.add_column()
@@ -41,6 +41,12 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
     table.add_row("cause", Text(_cause(status)))  # Text: brackets in it are no rich markup
     if status.advice:
         table.add_row("to do", Text(status.advice, "yellow"))
+    return table
+
+
+def status_report(status: Status, socket: Path | None = None) -> RenderableType:
+    """Report of `contactctl status`, of the daemon at this control socket."""
+    table = status_head(status)
     table.add_row(*_arming(status))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
     if status.changed:

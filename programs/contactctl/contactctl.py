@@ -222,10 +222,14 @@ def status(options: Options) -> None:
     if options.json:
         print_json(found)
         return
-    from programs.clients.status_report import status_report
+    from programs.clients.status_report import status_head, status_report
     from programs.command_line.console import on_stdout
 
-    on_stdout().print(status_report(found, path))
+    console, report = on_stdout(), status_report(found, path)
+    console.print(report)
+    # What a small terminal has scrolled away stands at its end, too.
+    if console.is_terminal and len(console.render_lines(report)) >= console.height:
+        console.print(status_head(found))
 
 
 @main.command()

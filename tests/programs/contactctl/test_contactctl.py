@@ -1,5 +1,6 @@
 """`contactctl` against a daemon that answers, refuses, is slow, or is not there."""
 
+import io
 import json
 import re
 import subprocess
@@ -12,8 +13,10 @@ from typing import Any
 import click
 import pytest
 from click.testing import CliRunner, Result
+from rich.console import Console
 
 from daemon.protocol.requests import COMMANDS
+from programs.command_line import console
 from programs.contactctl import contactctl
 from programs.contactd import contactd
 
@@ -173,6 +176,18 @@ def test_status(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "\x1b" not in result.stdout
     assert all(line == line.rstrip() for line in result.stdout.splitlines())
     assert json.loads(run("--json", "status").stdout)["pid"] == 4711
+
+
+@pytest.mark.parametrize(("height", "heads"), [(20, 2), (200, 1)])
+def test_status_shows_the_mode_at_the_end_of_a_small_terminal(
+    run: Run, monkeypatch: pytest.MonkeyPatch, height: int, heads: int
+) -> None:
+    written = io.StringIO()
+    terminal = Console(width=80, height=height, file=written, force_terminal=True, no_color=True)
+    monkeypatch.setattr(console, "on_stdout", lambda: terminal)
+    assert run("status").exit_code == 0
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", written.getvalue())
+    assert len(re.findall(r"^mode +OFF", shown, re.MULTILINE)) == heads
 
 
 def test_refused_status(run: Run, fake_daemon: Any) -> None:
