@@ -19,6 +19,9 @@ _CONSTANT_OFF = 0.015
 _LOAD_OFF = 0.06
 """Least share by which friction per transmitted torque is believed to be off: gears differ for
 driving and being driven, and what the link alone rubs is not known apart."""
+_FALLS = 0.6
+"""Standard error per change of a coefficient beside friction that falls with speed: 95 % intervals
+hold truths whose friction is up to 1.3 times Coulomb's near rest, and falls within 0.1 rad/s."""
 _NEAR_REST = 0.002
 """Share of Coulomb friction that may seem to depend on speed, as it is lower near rest."""
 
@@ -34,7 +37,8 @@ def with_what_is_believed(
     """Fits whose errors include those that a log cannot show: the torque constant's own, which is
     the one that gravity shows, as masses may be right; the model's inertial torque, which comes out
     as rotor and friction, off by as much as gravity is, or by the least error of a URDF's masses,
-    or of those that were `weighed`; and Coulomb friction that is taken for viscous."""
+    or of those that were `weighed`; friction that falls with speed (Stribeck's), of which the model
+    knows nothing; and Coulomb friction that is taken for viscous."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
     least = _IDENTIFIED if weighed else _BY_URDF
@@ -49,7 +53,10 @@ def with_what_is_believed(
         constant_off = max(_CONSTANT_OFF, _shown_off(fit.gravity_scale))
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
-                parts = (errors[name], off * bias[k], constant_off * fit.values[name])
+                parts = (
+                    *(errors[name], _FALLS * one.falls[k]),
+                    *(off * bias[k], constant_off * fit.values[name]),
+                )
                 errors[name] = float(np.linalg.norm(parts))
         if "K_load" in errors:
             errors["K_load"] = float(np.hypot(errors["K_load"], _LOAD_OFF * fit.values["K_load"]))

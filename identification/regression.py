@@ -7,21 +7,8 @@ from scipy.optimize import lsq_linear
 
 from common.arrays import Matrix, Vector
 from estimator.link_velocity import SAMPLES
-from estimator.transmission import (
-    Transmission,
-    coulomb_viscous,
-    penetration,
-    resting,
-    smooth_sign,
-)
-from identification.log_intervals import (
-    Intervals,
-    Located,
-    Mask,
-    around,
-    low_pass,
-    memory,
-)
+from estimator.transmission import Transmission, coulomb_viscous, penetration, resting, smooth_sign
+from identification.log_intervals import Intervals, Located, Mask, around, low_pass, memory
 from identification.sticking import sticking_share
 from identification.touches import touches
 
@@ -48,6 +35,7 @@ _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), sli
 LOAD = slice(9, 10)
 LOAD_SURE = 0.03
 """Standard error of friction per transmitted torque above which it counts as unknown."""
+_SLOW = 0.1  # [rad/s] up to which friction may be more than Coulomb's, as Stribeck's is
 _OFFSET = 1  # of the nuisance
 _WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
 _LEAVES = 0.95  # of what is not explained there, which a share of load must better
@@ -59,11 +47,13 @@ _GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
 @dataclass(frozen=True, slots=True)
 class Regression:
     """Measurements and columns of the least squares, all filtered alike: r_nl (N, n) [Nm], columns
-    (N, n, 10) and nuisance columns (N, n, 3), and what drives were asked for (N, n) [rad/s2]."""
+    (N, n, 10) and nuisance columns (N, n, 3), friction of slow motion (N, n), and what drives were
+    asked for (N, n) [rad/s2]."""
 
     r_nl: Matrix
     columns: Matrix
     nuisance: Matrix
+    slow: Matrix
     asked: Matrix
 
 
@@ -85,6 +75,8 @@ class Solution:
     stiction: float
     """Share of the Coulomb friction that sticks, and its standard error"""
     stiction_error: float
+    falls: Vector
+    """Change of the coefficients beside friction that falls with speed"""
     load_bound: float
     """Upper end of the 95 % interval of friction per transmitted torque, used or not"""
     left: Vector
@@ -120,12 +112,14 @@ def regression(
         *(penetration(phi, t.half_gap) * together, phi_dot * together),
         -np.abs(transmitted) * sign(rows.theta_dot) * together,
     ]
+    slow = sign(rows.theta_dot) * np.exp(-np.square(rows.theta_dot / _SLOW))
     r_nl = rows.inertial - t.torque_constant * rows.current * together
     nuisance = np.stack([rows.gravity * together, -together, -held * together], axis=2)
     return Regression(
         low_pass(r_nl, rows, gain),
         low_pass(np.stack(columns, axis=2), rows, gain),
         low_pass(nuisance, rows, gain),
+        low_pass(slow * together, rows, gain),
         low_pass(rows.asked * together, rows, gain),
     )
 
@@ -183,6 +177,7 @@ def solve_joint(
     if not used[LOAD] or not errors[LOAD] < LOAD_SURE:
         used[LOAD] = False
         coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
+    falling, _ = _lsq(A, np.column_stack([N, found.slow[:, i]]), y, weight, used)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
     # Once more with the rows near rest, which all others had to do without.
@@ -197,6 +192,7 @@ def solve_joint(
         coefficients=coefficients, errors=errors, r2=r2, condition=condition,
         gravity=1.0 - float(beside[0]), offset=float(beside[_OFFSET]), touched=touched,
         stiction=stiction, stiction_error=stiction_error, load_bound=load_bound,
+        falls=np.abs(falling - coefficients),
         left=left, weight=weight,
     )  # fmt: skip
 

@@ -45,8 +45,8 @@ def _longer(fits: list[FrictionFit]) -> str:
     if never:
         after = ", ".join(f"{f.joint} {_half(f.unsure_after(LONGEST_S))}" for f in never)
         parts.append(
-            f"`--seconds {LONGEST_S}` leaves {after}: what masses and torque constants may be off "
-            "does not go with a longer motion"
+            f"`--seconds {LONGEST_S}` leaves {after}: a longer motion takes off no error of "
+            "masses, of torque constants, or of friction that falls with speed"
         )
     return "; ".join(parts)
 

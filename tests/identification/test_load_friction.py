@@ -13,7 +13,7 @@ from identification.friction_verdict import Verdict
 from identification.motion_log import MotionLog
 from simulator.description import Mismatch, SimulationSettings
 from simulator.gear_settings import GearSettings
-from simulator.mismatch import true_parameters
+from simulator.mismatch import PlantParameters, true_parameters
 
 SECONDS, TICK_S = 16.0, 0.01
 
@@ -26,12 +26,19 @@ def course(arm) -> Course:
     return Course(path, np.gradient(path, TICK_S, axis=0))
 
 
-def identified(arm, course: Course, gears: GearSettings) -> tuple[list[FrictionFit], np.ndarray]:
-    """Fits, and the true Coulomb friction of both sides together."""
-    off = Mismatch(
-        mass=3, center_of_mass=0, friction=20, torque_constant=1, half_gap=0, rotor_inertia=5
-    )
-    settings = SimulationSettings(seed=3, mismatch=off, gears=gears)
+OFF = Mismatch(
+    mass=3, center_of_mass=0, friction=20, torque_constant=1, half_gap=0, rotor_inertia=5
+)
+
+
+def geared(gears: GearSettings) -> SimulationSettings:
+    return SimulationSettings(seed=3, mismatch=OFF, gears=gears)
+
+
+def identified(
+    arm, course: Course, settings: SimulationSettings
+) -> tuple[list[FrictionFit], PlantParameters]:
+    """Fits, and the true arm."""
     recording = record(
         Subject(robot=arm.robot, settings=settings), Scenario(seconds=SECONDS, motion=course)
     )
@@ -40,12 +47,14 @@ def identified(arm, course: Course, gears: GearSettings) -> tuple[list[FrictionF
     true = true_parameters(arm.description, settings)
     known = replace(arm.transmission, half_gap=true.half_gap)
     fits, _ = identify_friction(log, arm.model, known, arm.configuration.estimator, arm.max_current)
-    return fits, true.coulomb.reshape(2, -1).sum(axis=0)
+    return fits, true
 
 
 @pytest.mark.parametrize(("driving", "driven"), [(0.1, 0.1), (0.2, 0.25)])
 def test_friction_per_load_is_found_beside_that_without(arm, course, driving, driven) -> None:
-    fits, coulomb = identified(arm, course, GearSettings(load_driving=driving, load_driven=driven))
+    gears = GearSettings(load_driving=driving, load_driven=driven)
+    fits, arms = identified(arm, course, geared(gears))
+    coulomb = arms.coulomb.reshape(2, -1).sum(axis=0)
     assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
     for fit, true in zip(fits, coulomb, strict=True):
         assert fit.load is not None, fit
@@ -59,16 +68,29 @@ def test_friction_per_load_is_found_beside_that_without(arm, course, driving, dr
 
 @pytest.mark.parametrize(("driving", "driven"), [(0.005, 0.005), (0.01, 0.02)])
 def test_a_share_that_does_not_show_is_within_its_bound(arm, course, driving, driven) -> None:
-    fits, _ = identified(arm, course, GearSettings(load_driving=driving, load_driven=driven))
+    gears = GearSettings(load_driving=driving, load_driven=driven)
+    fits, _ = identified(arm, course, geared(gears))
     hidden = [fit for fit in fits if fit.load is None]
     assert hidden
     assert all(0.5 * (driving + driven) <= 1.05 * fit.load_bound for fit in hidden), hidden
 
 
 def test_friction_that_no_load_changes_has_no_share_of_it(arm, course) -> None:
-    fits, _ = identified(arm, course, GearSettings())
+    fits, _ = identified(arm, course, geared(GearSettings()))
     assert [fit.load for fit in fits] == [None] * 7
     assert all(0.0 <= fit.load_bound < 0.05 for fit in fits)
     adopted = adopt(replace(arm.transmission, load_friction=0.1, load_friction_error=0.1), fits)
     assert not adopted.load_friction.any(), "its mean is in the Coulomb friction"
     assert not adopted.load_friction_error.any()
+
+
+@pytest.mark.parametrize("rise", [1.15, 1.3])
+def test_friction_that_falls_with_speed_is_within_the_interval(arm, course, rise) -> None:
+    settings = SimulationSettings(
+        friction="dahl", presliding=0.001, stribeck=rise, seed=3, mismatch=OFF
+    )
+    fits, true = identified(arm, course, settings)
+    viscous = true.viscous.reshape(2, -1).sum(axis=0)
+    off = np.abs([fit.values["K_theta_v"] for fit in fits] - viscous)
+    assert (off / viscous).max() > 0.1
+    assert (off < [fit.half_interval("K_theta_v") for fit in fits]).all()

@@ -75,6 +75,8 @@ def test_friction_is_as_published_and_the_coupled_wrist_is_refused(log):
         assert fit.verdict is Verdict.GOOD, fit
         assert fit.values["K_theta_s"] == pytest.approx(coulomb, rel=0.15), fit
         assert fit.values["K_theta_v"] == pytest.approx(viscous, rel=0.15), fit
+        for name, published in (("K_theta_s", coulomb), ("K_theta_v", viscous)):
+            assert abs(fit.values[name] - published) < fit.half_interval(name), fit
     for fit, other in ((fits[4], "joint_6"), (fits[5], "joint_5")):
         assert fit.verdict is Verdict.COUPLED, fit
         assert f"follows the motion of {other}" in fit.reason

@@ -42,8 +42,9 @@ def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GO
             [fit("a", 0.5, math.inf), fit("b", 0.2, 131.0), fit("c", 0.25, 601.0)],
             True,
             ("friction is known of a to +-25 %, b to +-10 %, c to +-12 %: `--seconds 140` "
-             "narrows that of b to +-7.5 %; `--seconds 600` leaves a +-20 %, c +-10 %: what masses "
-             "and torque constants may be off does not go with a longer motion",),
+             "narrows that of b to +-7.5 %; `--seconds 600` leaves a +-20 %, c +-10 %: a longer "
+             "motion takes off no error of masses, of torque constants, or of friction that "
+             "falls with speed",),
         ),
     ],
 )  # fmt: skip
