@@ -32,6 +32,8 @@ class Measure:
     now: int
     limit: int
     goal: int
+    where: tuple[str, ...] = ()
+    """Files to look at where it is beyond."""
 
 
 def sources(folders: Iterable[str], root: Path = ROOT) -> Iterator[Path]:
@@ -59,18 +61,28 @@ def words_of_docs(root: Path = ROOT) -> int:
     return sum(len(page.read_text().split()) for page in pages)
 
 
+def long_files(root: Path = ROOT) -> tuple[str, ...]:
+    """Files of the product over LONG_FILE lines, without those that `make reference` makes."""
+    texts = ((path, path.read_text()) for path in sources(PRODUCT, root) if path.suffix == ".py")
+    return tuple(
+        f"{path.relative_to(root)}: {len(text.splitlines())} lines"
+        for path, text in texts
+        if len(text.splitlines()) > LONG_FILE and "by `make reference`" not in text[:400]
+    )
+
+
 def measures(root: Path = ROOT) -> list[Measure]:
     """All measures of the house."""
     product = [path.read_text() for path in sources(PRODUCT, root)]
     python = [path.read_text() for path in sources(PRODUCT, root) if path.suffix == ".py"]
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
-    long = sum(len(text.splitlines()) > LONG_FILE for text in python)
+    long = long_files(root)
     return [
         Measure("lines of the product", lines(PRODUCT, root), 56_300, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 13_500, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_320, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 59_100, 45_000),
-        Measure(f"files of the product over {LONG_FILE} lines", long, 2, 0),
+        Measure(f"files of the product over {LONG_FILE} lines", len(long), 2, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 50_000, 50_000),
         Measure("decision records", decisions, 28, 28),
         Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
@@ -86,8 +98,8 @@ def main() -> int:
     width = max(len(measure.name) for measure in house)
     print(f"{'':{width}}      now    limit     goal")
     for m in house:
-        beyond = "  BEYOND" if m.now > m.limit else ""
-        print(f"{m.name:{width}} {m.now:8,} {m.limit:8,} {m.goal:8,}{beyond}")
+        beyond = ["  BEYOND", *m.where] if m.now > m.limit else [""]
+        print(f"{m.name:{width}} {m.now:8,} {m.limit:8,} {m.goal:8,}" + "\n  ".join(beyond))
     return int(any(measure.now > measure.limit for measure in house))
 
 

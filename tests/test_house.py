@@ -31,3 +31,13 @@ def test_beyond_its_limit_it_fails(
     monkeypatch.setitem(main.__globals__, "measures", lambda: [measure])
     assert main() == status
     assert ("BEYOND" in capsys.readouterr().out) == bool(status)
+
+
+def test_long_files_are_named_and_made_ones_are_not_counted(tmp_path: Path) -> None:
+    (tmp_path / "daemon").mkdir()
+    lines = "x = 1\n" * 301
+    (tmp_path / "daemon" / "long.py").write_text(lines)
+    (tmp_path / "daemon" / "made.py").write_text(
+        '"""Made from the code by `make reference`."""\n' + lines
+    )
+    assert HOUSE["long_files"](tmp_path) == ("daemon/long.py: 301 lines",)

@@ -61,7 +61,7 @@ def test_where_it_stands_without_a_hand_no_loop_pulls_it_back() -> None:
 def test_from_a_hand_that_raised_the_level_first() -> None:
     on = working(3059, Change("load", PITCH, 0.0, 0.0), "load").on
     on.run(15.0)
-    assert on.arm() == []
+    assert on.permit() == []
     level = on.robot.configuration.joints[PITCH].thresholds.contact
     moved(on, PITCH, -3.0 * level, 1.5)
     assert moved(on, PITCH, -6.0 * level, 1.0) > AWAY_RAD
@@ -70,7 +70,7 @@ def test_from_a_hand_that_raised_the_level_first() -> None:
 def test_from_a_hand_that_comes_again_and_goes_on_when_it_has_left() -> None:
     on = working(466231, Change("load", WRIST, 0.0, 0.0)).on
     on.run(15.0)
-    assert on.arm() == []
+    assert on.permit() == []
     push = -6.0 * on.robot.configuration.joints[WRIST].thresholds.contact
     moved(on, WRIST, push, 0.5)
     on.run(1.0)
