@@ -7,7 +7,7 @@ What a residual shows while nothing touches is in good part friction that is off
     r = w1 c + w2 v + w3 l + b + noise
 
 c, v: Coulomb and viscous friction of the model; l: torque that the gear transmits, by the sign of
-its motion; each filtered as r is by (13).
+its motion; each filtered as r is by (13). w3 here is minus that of docs/estimator.md.
 
 A Kalman filter follows the shares w, which drift in minutes, and b, which drifts in seconds. w1 c +
 w2 v + w3 l is taken off the residual; b, the torque of a hand that leans on the arm as well as of
@@ -17,7 +17,7 @@ at rest and inside a gap, nothing, and in hours of rest what is known fades. Nea
 friction may be anything, what shows is believed less. No share goes beyond its bound.
 
 What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
-would make there, less by what the joint has shown since. What is known sinks them: `level(i)` is
+would make there, reduced as the joint shows its friction. What is known sinks them: `level(i)` is
 the share of the configured level that the corrected residual has needed in the last minutes of
 motion; never more than all of it.
 

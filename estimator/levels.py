@@ -1,15 +1,15 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Levels in force: what a residual may show of each joint with nobody there.
+"""Levels in force: what a residual may show of each joint without a contact.
 
     level = k (level configured + per_speed |theta_dot| + unlearned) + friction + raise
 
-k is the share of the configured level that is needed, 1 before anything was learned; unlearned is
-what friction may make until it was learned, and comes from `learning`, as k does. Friction is
-the torque that may be off near rest, and at a turn: what stiction may hold, and `stiction_share` of
-it all. It passes the filter (13) of the residual, so that it covers what r still shows of it, and
-no more. Raised is for what lasts a moment: a gap that is crossed, a side that is not known, samples
-that were missing; it fades with half the gain of r.
+k is the learned factor on the configured level, 0.2 to 1, and 1 before anything was learned;
+unlearned is what friction may make until it was learned, and comes from `learning`, as k does.
+Friction is the torque that may be off near rest, and at a turn: what stiction may hold, and
+`stiction_share` of it all. It passes the filter (13) of the residual, so that it covers what r
+still shows of it, and no more. `raise` is for what lasts a moment: a gap that is crossed, a side
+that is not known, samples that were missing; it fades with half the gain of r.
 
 Ordinary Python, which runs as it is; `levels.pxd` names the types for the compiler.
 """

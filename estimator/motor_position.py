@@ -35,11 +35,11 @@ class Side(IntEnum):
     UNKNOWN = 2
 
 
-# Standard uncertainties between phi and a border that it is clear of. Where phi rests, a border is
-# near that is not where it is believed: inside the gap the link would fall.
+# Standard uncertainties between phi and a border that it is clear of. Where phi rests, it is near a
+# border whose position is wrong: inside the gap the link would fall. So more is needed there.
 _CLEAR, _CLEAR_AT_REST = 1.3, 2.5
 _RESTS_S, _RESTS_WITHIN = 0.3, 0.0005  # [rad]
-_SKEW_S = 0.001  # that link and motor may be sampled apart, known to nobody
+_SKEW_S = 0.001  # unknown skew between the samples of link and motor
 _PULL = 0.2  # share of a border's error that is corrected in one tick
 _LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
 

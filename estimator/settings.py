@@ -55,7 +55,8 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     gain: Annotated[float, Meta(gt=0, le=1000)] = 25.0  # K [1/s]
     link_velocity: Method = "midpoint"
     motor_position: Literal["integrated", "measured"] = "integrated"
-    sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02  # [rad/s], goes to the Transmission
+    # [rad/s] over which Coulomb friction changes its sign
+    sign_width: Annotated[float, Meta(gt=0, le=1)] = 0.02
     debounce: Annotated[int, Meta(ge=1, le=100)] = 1  # ticks
     # Of the joint's Coulomb friction: raises thresholds at rest.
     stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.9
@@ -70,6 +71,6 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     presliding: tuple[Presliding, Presliding] = (0.0001, 0.002)
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0
-    motor_velocity_delay_ms: Delay = 0.0  # of a filter in the drive, for one
+    motor_velocity_delay_ms: Delay = 0.0  # for example of a filter in the drive
     motor_position_delay_ms: Delay = 0.0
     gap: GapSettings = GapSettings()

@@ -1,7 +1,8 @@
 """The transmission of each joint: gear with a gap, rotor behind it, friction on both sides.
 
 phi = q - theta; the link is free while |phi| < alpha. All equations are those of the paper with
-its misprints corrected, and with the rotor's inertia, which the paper leaves out.
+its misprints corrected, and with the rotor's inertia, which the paper leaves out. The functions on
+arrays here serve the identification; a tick computes friction in `kernel.py` and `stiction.py`.
 """
 
 from dataclasses import dataclass, field, fields

@@ -1,4 +1,5 @@
-"""Law of friction in the simulated joints, of motor and link alike."""
+"""Settings of the friction law in the simulated joints, of motor and link alike; the law is in
+`two_masses.py`."""
 
 from dataclasses import dataclass
 from typing import Literal

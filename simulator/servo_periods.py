@@ -3,7 +3,7 @@
 """Servo periods of the whole arm: servo, sensors and plant in their order, many in one call.
 
 Ordinary Python, which runs as it is; `servo_periods.pxd` names the types for the compiler, decision
-0038.
+0037.
 """
 
 from collections.abc import Callable

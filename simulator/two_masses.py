@@ -1,9 +1,9 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""One step of two masses per joint, link and motor, with gap, end stop and friction between.
+"""One step of two masses per joint, link and motor: gap, end stop, and the law of friction.
 
 Ordinary Python, which runs as it is; `two_masses.pxd` names the types for the compiler, decision
-0038. `Plant` is what others use.
+0037. `Plant` is what others use.
 """
 
 from collections.abc import Callable

@@ -14,6 +14,7 @@ from daemon.config.identified import Identified, used_entries
 from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
+from daemon.config.trajectory_checks import trajectory
 from daemon.config.worst_loads import Carrying
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from estimator.body_inertia import refuse_impossible
@@ -39,7 +40,7 @@ def cross_checks(
         *_estimator(c),
         *profiles(c, folder),
         *counts(meant),
-        *_trajectory(meant),
+        *trajectory(meant),
         *_poses(meant),
         *_urdf(meant, urdf, model),
     ]
@@ -161,6 +162,20 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
             f"{gain:g} /s makes the residual oscillate at a period of {c.period_ms} ms: T K must "
             f"be less than 2, so less than {limit:g} /s",
         )
+    variants = (c.estimator.residual, *c.estimator.beside)
+    twice = [name for name, n in Counter(v.name for v in variants).items() if n > 1]
+    if twice:
+        yield Problem(
+            ["estimator", "beside"],
+            "estimator.beside",
+            f"{', '.join(twice)} is there twice, with estimator.residual: each may be there once",
+        )
+    if any(one.kind == "two_mass" and not one.rotor_inertia for one in variants):
+        yield Problem(
+            ["estimator"],
+            "estimator",
+            "a two_mass residual with rotor_inertia: false has only one mass: choose classical",
+        )
     least, most = c.estimator.presliding
     if least > most:
         yield Problem(
@@ -179,43 +194,6 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
                     "estimator.motor_position: measured needs: list it under `tpdo`, or choose "
                     "integrated",
                 )
-
-
-def _trajectory(c: Configuration) -> Iterator[Problem]:
-    joints = {joint.name: joint for joint in c.joints}
-    if c.trajectory.file is not None and c.trajectory.sinusoids:
-        yield Problem(
-            ["trajectory", "file"],
-            "trajectory.file",
-            f"`{c.trajectory.file}` beside trajectory.sinusoids: give either a file or sinusoids",
-        )
-    for name, wave in c.trajectory.sinusoids.items():
-        keys: list[str | int] = ["trajectory", "sinusoids", name]
-        where = f"trajectory.sinusoids.{name}"
-        if name not in joints:
-            yield Problem(keys, where, f"no such joint; there are: {', '.join(joints)}")
-            continue
-        limits, omega = joints[name].limits, 2 * math.pi * wave.frequency_Hz
-        if (peak := wave.amplitude * omega) > limits.velocity:
-            yield Problem(
-                keys, where, f"its speed of {peak:.3g} rad/s is above the limit {limits.velocity:g}"
-            )
-        # A w^2 |sin| with A w |cos| / ramp of a soft start, which may fall on any phase.
-        peak = wave.amplitude * omega * math.hypot(omega, 1.0 / c.trajectory.ramp_s)
-        if peak > limits.acceleration:
-            yield Problem(
-                keys,
-                where,
-                f"its acceleration of {peak:.3g} rad/s2 (a soft start included) is above the limit "
-                f"{limits.acceleration:g}",
-            )
-        if 2 * wave.amplitude > limits.upper - limits.lower:
-            yield Problem(
-                keys,
-                where,
-                f"its swing of {2 * wave.amplitude:g} rad does not fit between the limits "
-                f"{limits.lower:g} and {limits.upper:g}",
-            )
 
 
 def _poses(c: Configuration) -> Iterator[Problem]:

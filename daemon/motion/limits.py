@@ -60,7 +60,7 @@ class Limits:
         v^2 / (2 a) is the braking distance, and v tau the travel before the setpoint takes effect.
         Near the limit the funnel is a loop, v = distance / tau, around the delay reaction_s: it
         comes to rest without overshoot from tau = e reaction_s up if that is a dead time, from
-        4 reaction_s up if it is a first-order lag. It is some of each.
+        4 reaction_s up if it is a first-order lag. It is some of each, so tau = 4 reaction_s.
 
         Zero at and beyond the limit, and where the distance is not a number: a joint whose
         position is not known does not move.

@@ -220,6 +220,20 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "estimator.gain",
         ("T K must be less than 2", "less than 200 /s"),
     ),
+    "a residual twice": (
+        "gain: 25.0",
+        "gain: 25.0\n  residual: {kind: two_mass}\n  beside: [{kind: two_mass}]",
+        "beside: [",
+        "estimator.beside",
+        ("two_mass is there twice",),
+    ),
+    "a residual of two masses without the second": (
+        "residual: {kind: backlash}",
+        "residual: {kind: two_mass, rotor_inertia: false}",
+        "estimator:",
+        "estimator",
+        ("has only one mass: choose classical",),
+    ),
     "a range of pre-sliding from its end": (
         "gain: 25.0",
         "gain: 25.0\n  presliding: [0.002, 0.0001]",
