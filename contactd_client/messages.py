@@ -140,7 +140,7 @@ class Status(TypedDict):
     disarmed: NotRequired[str]  # cause of the last end of arming; empty before one
     disarmed_s: NotRequired[float]  # when that was, as `uptime_s` counts
     cause: str
-    since_s: NotRequired[float | None]  # when that led to this mode, as `uptime_s` counts
+    since_s: NotRequired[float | None]  # when `cause` led to this mode, as `uptime_s` counts
     advice: NotRequired[str]  # what to do about the cause, if that is a fault
     trajectory: Trajectory
     stream: NotRequired[StreamState | None]  # while the trajectory is one
@@ -234,7 +234,8 @@ class Contact(TypedDict):
 
 
 class Notice(TypedDict):
-    """Event of one tick: a change of mode or permission, a contact, or a fault."""
+    """Event of one tick: a contact, a fault, or (`mode`) a change of mode or permission, or other
+    news, as `what: cause`; ` -> ` in it is a change of mode, or of a gain."""
 
     kind: Literal["contact", "fault", "mode"]
     text: str
@@ -250,7 +251,7 @@ class Timing(TypedDict):
     lateness_us: float  # wake-up after the deadline
     work_us: float  # from the wake-up to the last frame sent, in the tick before this one
     missed: int  # deadlines missed since the start
-    doors_us: NotRequired[float]  # spent on clients and the log, after the tick before this one
+    doors_us: NotRequired[float]  # spent on clients and the log, after the previous tick
 
 
 class State(TypedDict):

@@ -41,8 +41,8 @@ class Request(TypedDict):
     # `go`: positions for which it was planned; refused if the arm is elsewhere by now [rad]
     planned_from: NotRequired[list[float] | None]
     q: NotRequired[list[float]]  # `follow`, `target`: of all joints [rad]
-    sent_s: NotRequired[float]  # `follow`, `target`: as of `follow` [s]
-    number: NotRequired[int]  # `follow`, `target`: as of `follow`
+    sent_s: NotRequired[float]  # `follow`, `target`: as in `follow` [s]
+    number: NotRequired[int]  # `follow`, `target`: as in `follow`
     # `target`: of all joints [rad/s]; measured from the targets unless given
     velocity: NotRequired[list[float] | None]
     lease_s: NotRequired[float | None]  # `arm`, `renew`: from now; 0.5 s unless given

@@ -121,7 +121,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     disarmed: str = ""  # cause of the last end of arming; empty before one
     disarmed_s: float = 0.0  # when that was, as `uptime_s` counts
     cause: str
-    since_s: float | None = None  # when that led to this mode, as `uptime_s` counts
+    since_s: float | None = None  # when `cause` led to this mode, as `uptime_s` counts
     advice: str = ""  # what to do about the cause, if that is a fault
     trajectory: Trajectory
     stream: StreamState | None = None  # while the trajectory is one

@@ -40,7 +40,7 @@ class _Bare(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True,
     tag_field="command",
 ):  # fmt: skip
-    """Request without arguments of its own, and what every request has."""
+    """Base of all requests: fields that each of them has."""
 
     # Person or program on whose behalf the client asks, as stated by the client: for the log only,
     # not verified.
@@ -101,8 +101,8 @@ class Target(_Bare, frozen=True, tag="target"):
     """Next target of the stream that this connection began."""
 
     q: Pose  # of all joints [rad]
-    sent_s: Plausible  # as of `follow` [s]
-    number: Count  # as of `follow`
+    sent_s: Plausible  # as in `follow` [s]
+    number: Count  # as in `follow`
     velocity: Pose | None = None  # of all joints [rad/s]; measured from the targets unless given
 
 
@@ -185,8 +185,7 @@ KINDS: Final[dict[Command, type[Any]]] = dict(zip(COMMANDS, get_args(Request), s
 
 # Commands that let the arm move: dropped if the client closed the connection before the answer.
 AWAITED: Final[frozenset[Command]] = frozenset({"enable", "start", "go", "follow", "target", "arm"})
-# Commands that are served before all others, and those that must not be carried out any more if
-# they came before them, or with them, and still wait for their turn.
+# Commands that are served before all others, with the waiting commands that each cancels.
 OUTDATED_BY: Final[dict[Command, frozenset[Command]]] = {
     "stop": AWAITED,
     "disarm": frozenset({"arm"}),

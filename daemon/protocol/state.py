@@ -58,7 +58,8 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Event of one tick: a change of mode or permission, a contact, or a fault."""
+    """Event of one tick: a contact, a fault, or (`mode`) a change of mode or permission, or other
+    news, as `what: cause`; ` -> ` in it is a change of mode, or of a gain."""
 
     kind: Literal["mode", "contact", "fault"]
     text: str
@@ -74,7 +75,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     lateness_us: float  # wake-up after the deadline
     work_us: float  # from the wake-up to the last frame sent, in the tick before this one
     missed: int  # deadlines missed since the start
-    doors_us: float = 0.0  # spent on clients and the log, after the tick before this one
+    doors_us: float = 0.0  # spent on clients and the log, after the previous tick
 
 
 class State(msgspec.Struct, frozen=True, kw_only=True):
