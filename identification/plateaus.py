@@ -195,8 +195,19 @@ def _pressed(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> di
     free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
     if not free.any():
         return {}
-    beyond = torque - torque[free].mean()
-    loads = np.array([beyond[np.abs(time_s - t) < 0.1].mean() for t in found.time_s])
+    # A motor takes over late, and its friction drifts: each rest is compared with the ways before
+    # and after it.
+    ways = np.searchsorted(found.time_s, time_s[free])
+    inside = np.array([
+        torque[free][ways == k].mean() if (ways == k).any() else np.nan
+        for k in range(len(found.time_s) + 1)
+    ])  # fmt: skip
+    before, after = inside[:-1], inside[1:]
+    usual = np.where(
+        np.isnan(before), after, np.where(np.isnan(after), before, 0.5 * (before + after))
+    )
+    rests = np.array([torque[np.abs(time_s - t) < 0.1].mean() for t in found.time_s])
+    loads = np.where(np.isfinite(usual), rests - usual, 0.0)
     loads = np.where(found.upper, -loads, loads)
     return {"upper": loads[found.upper], "lower": loads[~found.upper]}
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from bench.rigs.arm_batch import SoftHand, record_fleet
 from identification.gap import identify_gap
@@ -106,6 +107,17 @@ def test_a_motor_that_answers_late_shows_no_stiff_gear():
     assert gap.verdict is GapVerdict.CLEAR, gap
     assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
     assert np.isnan(gap.compliance)
+
+
+def test_a_motor_whose_friction_drifts_hides_no_border():
+    """It takes a press over late, and what it holds beside sinks from ten times that in 10 s."""
+    phi = visits(0.006, 40)
+    t = T * np.arange(len(phi))
+    press = -0.05 * np.sign(phi) * (np.abs(phi) > 0.0055)
+    late = lfilter([0.1], [1.0, -0.9], press) + 0.5 * np.exp(-t / 10.0)
+    gap = from_plateaus("j", t, phi, np.zeros_like(phi), 0.0, late)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert "did the link touch" not in gap.reason
 
 
 @pytest.mark.parametrize("gives", [0.002, 0.006])
