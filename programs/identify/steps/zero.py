@@ -133,9 +133,12 @@ def zero_outcome(
     rest, went = departure(seen, c.period_s)
     if went == 0.0:
         ways = 1e3 * (seen - rest)
-        reason = (f"it went from {ways.min():+.1f} to {ways.max():+.1f} mrad, to {ways[-1]:+.1f} "
-                  f"at last: push its link one way, by {1e3 * MOVED:.0f} mrad or more, and hold it "
-                  "there until you have answered")  # fmt: skip
+        least, most, last = ways.min(), ways.max(), ways[-1]
+        by = f"it went from {least:+.1f} to {most:+.1f} mrad, to {last:+.1f} at last"
+        reason = (
+            f"{by if most - least > 0.5 else 'it did not move'}: push its link one way, by "
+            f"{1e3 * MOVED:.0f} mrad or more, and hold it there until you have answered"
+        )
         return Outcome(lines=[Line(joint, "not seen", good=False, reason=reason)])
     sign = wiring.link_sign if (went > 0.0) == upward else -wiring.link_sign
     offset = round(stood - sign * wiring.link_sign * (rest - wiring.link_offset), 5)
