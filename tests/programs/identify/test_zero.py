@@ -72,7 +72,7 @@ def test_a_link_that_is_not_held_to_one_side_says_nothing(pushed: list[float]) -
 
 @pytest.mark.parametrize(
     ("pushed", "says"),
-    [
+    [([0.0], "it did not move: push its link one way"), ([0.02] * 5, "it went from +0.0 to +20.0")],
         ([0.0], "it did not move: push its link one way"),
         ([0.02] * 5, "it went from +0.0 to +20.0 "),
     ],
