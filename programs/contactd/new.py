@@ -52,7 +52,7 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[s
         for path in (urdf, *named.values()):
             shutil.copyfile(path, folder / path.name)
         at_motor = {name for name, (_, drive) in drives.items() if not drive.link_encoder}
-        write_truth(load_robot(folder), at_motor)
+        write_truth(robot := load_robot(folder), at_motor)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, OSError):
@@ -63,7 +63,11 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[s
             raise ConfigurationError(f"{why}:\n{error}") from error
         raise
     of_urdf = [f"{urdf.name}, {place}: {what}" for place, what in urdf_mistakes(text)]
-    of_drives = [f"{name}: {drive.verdict}" for name, (_, drive) in drives.items()]
+    of_drives = []
+    for name, (_, drive) in drives.items():
+        its = [j.name for j in robot.configuration.joints if j.wiring.profile == name]
+        at = f" (at {', '.join(its)}, CHECK)" if len(drives) > 1 else ""
+        of_drives.append(f"{name}{at}: {drive.verdict}")
     _report(folder, written, [*of_urdf, *of_drives])
 
 

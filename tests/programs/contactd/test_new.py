@@ -131,6 +131,8 @@ def test_drives_of_several_makes_are_all_there_and_the_choice_is_marked(tmp_path
     written = yaml.safe_load(text)
     assert [j["wiring"]["profile"] for j in written["joints"]] == ["alder"] + 6 * ["small"]
     assert text.count("# CHECK: which of the drives") == 7
+    assert "alder (at LShoulderPitch, CHECK): " in result.output
+    assert "small (at LShoulderYaw, LElbowRoll, " in result.output
     assert told(tmp_path / "mine").lines == []
 
 
