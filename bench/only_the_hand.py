@@ -44,8 +44,8 @@ class Day:
 
     pushes: int = 0
     yielded_to: int = 0  # pushes that made it yield
-    yields: list[float] = field(default_factory=list)  # times [s], nobody being there
-    contacts: list[str] = field(default_factory=list)  # that nobody made
+    yields: list[float] = field(default_factory=list)  # times [s], without a hand
+    contacts: list[str] = field(default_factory=list)  # without a hand
     faults: int = 0
     tracked_s: float = 0.0
 

@@ -34,7 +34,8 @@ _HOLDS_S, _FADES_S = 0.5, 0.5
 # A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
 _LASTS_S, _RISES_S = 10.0, 1.0
 # A contact that comes again within so long is the same one: a hand that pulls with about a level.
-_APART_S = 1.0
+# No longer than the shortest quiet time, after which an arm goes on and is interrupted anew.
+_APART_S = 0.1
 # A residual crept over the lowered level if it was beyond a share of it for so long, in the last so
 # many seconds, and grazed it if it was never so many levels.
 _CREEPS_S, _NEAR_S, _NEAR, _GRAZES = 0.2, 0.5, 0.7, 1.3

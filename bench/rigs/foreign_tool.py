@@ -9,7 +9,7 @@ from drivers.canopen.ids import SYNC
 
 #: Command specifiers of an expedited download of so many bytes (CiA 301).
 _SPECIFIERS: Final = {1: 0x2F, 2: 0x2B, 4: 0x23}
-OTHER_SYNC: Final = 0x81  # An identifier that nobody sends with
+OTHER_SYNC: Final = 0x81  # An unused identifier
 
 
 def download(index: int, value: int, size: int, subindex: int = 0) -> bytes:

@@ -58,7 +58,7 @@ class Line:
     full: Exception
     unplug: Callable[[], None] | None = None  # Takes the adapter away; None where there is none.
     hand_over: Callable[[], None] = lambda: None  # To be called when the tick takes over from SDO.
-    channel: str = ""  # Of a virtual bus, for whoever wants to listen.
+    channel: str = ""  # Of a virtual bus, for listeners.
 
 
 OpenLine = Callable[[], AbstractContextManager[Line]]

@@ -182,7 +182,7 @@ def explained(reply: Reply) -> bool:
     return reply.ok or bool(reply.reasons) or not reply.message.endswith("refused")
 
 
-HEARD_TICKS = 2  # Ticks until the daemon has seen that an owner is gone, whoever else waits
+HEARD_TICKS = 2  # Ticks until the daemon has seen that an owner is gone, however many wait
 LAPSES_TICKS = 1  # The lease is looked at after each tick
 
 

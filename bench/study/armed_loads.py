@@ -48,7 +48,7 @@ class ArmedResult:
     found_s: float | None  # from the load until it was recognised, likewise
     mass: float  # that was believed [kg]; NaN
     told_before: bool  # a load was recognised before there was one
-    rearmed: int  # how often somebody had to arm it again
+    rearmed: int  # times that it was armed again
     modes: dict[str, float]  # seconds from the load on, by mode
 
 

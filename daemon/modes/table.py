@@ -23,8 +23,8 @@ class Mode(StrEnum):
     TRACKING = "tracking"
     # The arm moves the way it is pushed, eq. (15) of the paper, within bounds.
     ADMITTANCE = "admittance"
-    # Backs away from a contact, by `reactions.retract_distance` the way it was pushed, and waits
-    # there until it is quiet.
+    # Backs away from a hand, by `reactions.retract_distance` the way it was pushed, and
+    # waits there until it is quiet.
     RETRACTING = "retracting"
     # Returns slowly, in a straight line through joint space, to where a contact took it from its
     # trajectory, or only as far as the trajectory needs to stay within the joint limits.

@@ -9,10 +9,10 @@ therefore moved
   while a hand is witnessed on the joint, and for ALONE_S after it.
 
 A hand is witnessed where the residual exceeds the stated level, and exceeds the configured one by
-the whole identified friction: the motor is then driven instead of driving, whatever friction is. A
-joint that moves in the direction of its residual without that moves because of an error, or of a
-hand too light to be distinguished from one: after ALONE_S it stands, until a hand is witnessed or
-the residual has been below its level.
+the whole identified friction: the motor is then driven instead of driving, whatever friction is.
+Only from such a hand does an arm back away. A joint that moves in the direction of its residual
+without that moves because of an error, or of a hand too light to be distinguished from one: after
+ALONE_S it stands, until a hand is witnessed or the residual has been below its level.
 
 Pure; time is an argument; arrays of shape (n,).
 """
