@@ -50,11 +50,11 @@ TESTS: Final[dict[str, tuple[str, ...]]] = {
     ),
     "estimator/thresholds.py": ("tests/estimator/test_thresholds.py",),
     "drivers/canopen/heartbeat_watch.py": ("tests/drivers/canopen/test_heartbeat_watch.py",),
-    "drivers/canopen/stop_stages.py": (
-        "tests/drivers/canopen/test_stop_stages.py",
-        "tests/drivers/canopen/test_stop_proof.py",
+    "drivers/stopping/stop_watch.py": (
+        "tests/drivers/stopping/test_stop_stages.py",
+        "tests/drivers/stopping/test_stop_proof.py",
     ),
-    "drivers/canopen/stop_travel.py": ("tests/drivers/canopen/test_stop_stages.py",),
+    "drivers/stopping/travel.py": ("tests/drivers/stopping/test_stop_stages.py",),
 }
 
 

@@ -4,15 +4,15 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 from daemon.config.load import Robot
-from daemon.config.schema import Configuration
+from daemon.config.schema import Configuration, frames_of
 from drivers.can.bus import open_bus
 from drivers.can.frame_ring import FrameRing, RecordedWire
+from drivers.can.load import bus_load
 from drivers.can.wire import Wire
 from drivers.canopen.arm import CanopenArm
 from drivers.canopen.boot.boot_up import DriveBoot
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.required_objects import DriveSetup
-from drivers.canopen.bus_load import bus_load, frame_rate_hz
 
 Setups = Sequence[DriveSetup]
 
@@ -26,12 +26,12 @@ def open_wire(robot: Robot, opened: ExitStack) -> Wire:
 
 def load_of(c: Configuration) -> float:
     """Share of the bus that the arm takes."""
-    return bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
+    return bus_load(frames_of(c), c.bus.bitrate)
 
 
 def frames_per_second(c: Configuration) -> float:
     """Number of the arm's frames."""
-    return frame_rate_hz(c.joint_drives, c.period_s)
+    return sum(frame.rate_hz for frame in frames_of(c))
 
 
 def build_setups(robot: Robot) -> Setups:

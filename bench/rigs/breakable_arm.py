@@ -22,8 +22,8 @@ from daemon.tick.telemetry import ON_TIME, Wakeup
 from drivers.can.wire import Wire
 from drivers.canopen.cia402 import QUICK_STOP
 from drivers.canopen.codec import receive_pdos
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import EMERGENCY, SYNC
+from drivers.canopen.settings import CanopenDrive
 from simulator.drive import Drive as SimulatedDrive
 from simulator.sensors import Readings
 from simulator.state_machine import State
@@ -117,12 +117,12 @@ class BreakableArm:
         return self.make.joint
 
     @property
-    def drives(self) -> tuple[Drive, ...]:
+    def drives(self) -> tuple[CanopenDrive, ...]:
         """Drives of the arm, as the daemon knows them."""
         return self.rig.robot.configuration.joint_drives
 
     @property
-    def drive(self) -> Drive:
+    def drive(self) -> CanopenDrive:
         """That of the disturbed joint."""
         return self.drives[self.joint]
 

@@ -8,18 +8,19 @@ import can
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever, once, throughout
 from bench.rigs.drive_faults import emergency
+from daemon.config.schema import frames_of
 from drivers.api import Kind
-from drivers.canopen.bus_load import bus_load
+from drivers.can.load import bus_load
 from drivers.canopen.codec import receive_pdos, transmit_pdos
-from drivers.canopen.drive import Drive
 from drivers.canopen.emergency_codes import MASTER_SILENT
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
 from drivers.canopen.inbox import FRAMES_PER_PASS
+from drivers.canopen.settings import CanopenDrive
 
 SHORTEST_FRAME = 111  # bits: eight bytes, no stuff bit, and the gap to the next frame
 
 
-def _answers(drive: Drive) -> list[int]:
+def _answers(drive: CanopenDrive) -> list[int]:
     return [pdo.cob_id for pdo in transmit_pdos(drive)]
 
 
@@ -79,7 +80,7 @@ two_drives = throughout(lambda on: on.doubling(*_answers(on.drive)))
 def flood(on: BreakableArm) -> None:
     """Frames of a foreign broken device, so many that the arm's own have just room left."""
     c = on.rig.robot.configuration
-    free = 0.95 - bus_load(on.drives, on.period_s, c.bus.bitrate)
+    free = 0.95 - bus_load(frames_of(c), c.bus.bitrate)
     for _ in range(round(free * c.bus.bitrate * on.period_s / SHORTEST_FRAME)):
         on.say(0x123, bytes(8))
 

@@ -4,8 +4,8 @@ import struct
 from typing import Final
 
 from drivers.canopen.codec import receive_pdos
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import SYNC
+from drivers.canopen.settings import CanopenDrive
 
 #: Command specifiers of an expedited download of so many bytes (CiA 301).
 _SPECIFIERS: Final = {1: 0x2F, 2: 0x2B, 4: 0x23}
@@ -32,7 +32,7 @@ def mode_changed(mode: int) -> bytes:
     return download(0x6060, mode, 1)
 
 
-def rpdo_off(drive: Drive) -> bytes:
+def rpdo_off(drive: CanopenDrive) -> bytes:
     """The RPDO that brings the target velocity is turned off."""
     (pdo,) = [
         pdo

@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.rigs.breakable_arm import BreakableArm, for_ever, throughout
 from daemon.motion.path import Follower, Reference
-from drivers.canopen.witness import STANDS
+from drivers.stopping.witness import STANDS
 from simulator.sensors import Readings
 
 

@@ -11,7 +11,6 @@ from random import Random
 from bench.rigs import foreign_tool
 from bench.rigs.drive_faults import OTHER_MODE, OVER_TEMPERATURE
 from bench.rigs.processes import Pair
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import (
     EMERGENCY,
     ENTER_PRE_OPERATIONAL,
@@ -22,8 +21,9 @@ from drivers.canopen.ids import (
     STOP_NODE,
     SYNC,
 )
+from drivers.canopen.settings import CanopenDrive
 
-Fault = Callable[[Pair, Random, Sequence[Drive]], None]
+Fault = Callable[[Pair, Random, Sequence[CanopenDrive]], None]
 """Makes the fault, and returns when its cause is gone, or lasts until `reset` mends it."""
 
 
@@ -47,7 +47,7 @@ def _hold_up(pid: int, seconds: float) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
-def emergency(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def emergency(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A drive is too hot for a second."""
     node = rng.choice(drives).node
     code = OVER_TEMPERATURE.to_bytes(2, "little")
@@ -56,33 +56,33 @@ def emergency(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
     say(both.port, (EMERGENCY + node, bytes(8)))
 
 
-def drive_restarts(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def drive_restarts(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A drive is restarted, and has lost its set-up."""
     say(both.port, (NMT, bytes([RESET_NODE, rng.choice(drives).node])))
 
 
-def drive_stopped(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def drive_stopped(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A drive is commanded to be silent."""
     command = rng.choice((STOP_NODE, ENTER_PRE_OPERATIONAL))
     say(both.port, (NMT, bytes([command, rng.choice(drives).node])))
 
 
-def foreign_sync(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def foreign_sync(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """Another node sends the SYNC, too."""
     say(both.port, (SYNC, b""))
 
 
-def foreign_setpoint(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def foreign_setpoint(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """Another node takes a drive's voltage away."""
     say(both.port, (RPDO + rng.choice(drives).node, bytes(6)))
 
 
-def sync_moved(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def sync_moved(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A tool gives SYNC another identifier in one drive."""
     say(both.port, (SDO_REQUEST + rng.choice(drives).node, foreign_tool.sync_moved()))
 
 
-def sync_lost(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def sync_lost(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """No drive knows our SYNC for a while."""
     nodes = [SDO_REQUEST + drive.node for drive in drives]
     say(both.port, *((node, foreign_tool.sync_moved()) for node in nodes))
@@ -90,24 +90,24 @@ def sync_lost(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
     say(both.port, *((node, foreign_tool.sync_back()) for node in nodes))
 
 
-def mode_changed(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def mode_changed(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A tool chooses another mode of operation in one drive."""
     node = rng.choice(drives).node
     say(both.port, (SDO_REQUEST + node, foreign_tool.mode_changed(OTHER_MODE["romeo"])))
 
 
-def rpdo_off(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def rpdo_off(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A tool turns the RPDO off that brings one drive its target velocity."""
     drive = rng.choice(drives)
     say(both.port, (SDO_REQUEST + drive.node, foreign_tool.rpdo_off(drive)))
 
 
-def drives_held_up(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def drives_held_up(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """No drive is heard for a while: a tick, stale samples, or no heartbeats."""
     _hold_up(both.simulator.pid, rng.choice((0.015, 0.05, 0.3)))
 
 
-def daemon_held_up(both: Pair, rng: Random, drives: Sequence[Drive]) -> None:
+def daemon_held_up(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A late tick, an overrun, or the drives miss the master."""
     _hold_up(both.daemon.pid, rng.choice((0.015, 0.06, 0.15, 0.3, 1.0, 3.0)))
 

@@ -30,7 +30,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.state import State
-from drivers.canopen.drive import Drive
+from drivers.canopen.settings import CanopenDrive
 from programs.clients.client import Client
 
 MEAN_PAUSE_S = 25.0  # between two faults, two rude clients, two recordings
@@ -155,7 +155,7 @@ def _live(shared: Shared, person: Person) -> None:
         client.close()
 
 
-def _make_trouble(shared: Shared, rng: Random, drives: Sequence[Drive]) -> None:
+def _make_trouble(shared: Shared, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     while shared.pause(1.0 + rng.expovariate(1 / MEAN_PAUSE_S)):
         fault = rng.choice(FAULTS)
         shared.part.counts[f"fault: {fault.__name__.replace('_', ' ')}"] += 1

@@ -16,8 +16,8 @@ from typing import Final
 from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.faults import PLACES, SHOWN, Case
 from daemon.modes.table import Event, Mode
-from drivers.canopen.stop_stages import VOID_READINGS
-from drivers.canopen.witness import MOVES, STANDS
+from drivers.stopping.stop_watch import VOID_READINGS
+from drivers.stopping.witness import MOVES, STANDS
 from simulator.axis import Axis
 
 #: All pairs are tried at one place: two encoders, current, and seven joints.

@@ -186,8 +186,7 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
     if c.estimator.motor_position == "measured":
         for i, joint in enumerate(c.joints):
             profile = c.drives.get(joint.wiring.profile)
-            sent = profile and any("motor_position" in p for p in profile.tpdo.values())
-            if profile and not sent:
+            if profile and not profile.sends_motor_position:
                 yield Problem(
                     *at(i, joint, "wiring", "profile"),
                     f"`{joint.wiring.profile}` sends no motor_position, which "

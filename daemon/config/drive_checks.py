@@ -7,21 +7,21 @@ from pathlib import Path
 from common.errors import ConfigurationError
 from daemon.config.counts import unrepresentable
 from daemon.config.problem import Keys, Problem, at
-from daemon.config.schema import Configuration, Joint, drive_of
-from drivers.canopen.boot.data_sheet import load_data_sheet
-from drivers.canopen.boot.required_objects import DriveSetup, ProfileKeys, problems
-from drivers.canopen.bus_load import refuse_overload
-from drivers.canopen.codec import LayoutError
-from drivers.canopen.settings import PdoEntry
+from daemon.config.schema import Configuration, Joint, drive_of, frames_of
+from drivers.can.load import refuse_overload
+from drivers.makes import make_of
 
 
 def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
-    """Problems of each drive with its EDS; paths are relative to `folder`."""
+    """Problems of each profile with its drives and files, which are relative to `folder`."""
     used = {joint.wiring.profile for joint in c.joints}
     for name, profile in c.drives.items():
         if name not in used:
             yield Problem(["drives", name], f"drives.{name}", "no joint uses this profile")
-        yield from _data_sheet(c, name, folder)
+        drives = [drive_of(joint, profile) for joint in c.joints if joint.wiring.profile == name]
+        make, master = make_of(profile), c.bus.master_node
+        for place, what in make.problems(profile, drives, folder, c.period_ms, master):
+            yield _in_profile(name, place, what)
         # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
         if profile.master_timeout_ms < 3 * c.period_ms:
             yield Problem(
@@ -32,24 +32,7 @@ def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
             )
 
 
-def _data_sheet(c: Configuration, name: str, folder: Path) -> list[Problem]:
-    """Contradictions between an EDS and a profile with the joints that use it, each once, at the
-    field of the profile that asks for what is not there."""
-    profile = c.drives[name]
-    try:
-        sheet = load_data_sheet(folder / profile.eds)
-    except ConfigurationError as error:
-        return [_in_profile(name, ("eds",), str(error))]
-    drives = [drive_of(joint, profile) for joint in c.joints if joint.wiring.profile == name]
-    setups = [DriveSetup(drive, sheet) for drive in drives]
-    try:
-        found = [p for s in setups for p in problems(s, c.period_ms, c.bus.master_node)]
-    except LayoutError as error:
-        return [_in_profile(name, error.at, str(error))]
-    return [_in_profile(name, p.at, f"{profile.eds}: {p.what}") for p in dict.fromkeys(found)]
-
-
-def _in_profile(name: str, place: ProfileKeys, what: str) -> Problem:
+def _in_profile(name: str, place: tuple[str | int, ...], what: str) -> Problem:
     keys: Keys = ["drives", name, *place]
     where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
     return Problem(keys, where.removeprefix("."), what)
@@ -61,22 +44,22 @@ def counts(c: Configuration) -> Iterator[Problem]:
     margin = c.supervisor.speed_margin
     for name, profile in c.drives.items():
         users = [(i, joint) for i, joint in enumerate(c.joints) if joint.wiring.profile == name]
-        found: dict[PdoEntry, list[tuple[int, Joint, str]]] = {}
+        found: dict[tuple[str, ...], list[tuple[int, Joint, str]]] = {}
         for i, joint in users:
-            for entry, what in unrepresentable(joint, profile, margin):
-                found.setdefault(entry, []).append((i, joint, what))
-        for entry, places in found.items():
+            for its, what in unrepresentable(joint, profile, margin):
+                found.setdefault(its.at, []).append((i, joint, what))
+        for place, places in found.items():
             if len(places) == len(users):
                 _, joint, what = places[0]
-                yield _in_profile(name, (entry, "scale"), f"joint {joint.name}: {what}")
+                yield _in_profile(name, place, f"joint {joint.name}: {what}")
                 continue
             for i, joint, what in places:
-                yield Problem(*at(i, joint, "wiring", "gear"), f"{name}.{entry}: {what}")
+                yield Problem(*at(i, joint, "wiring", "gear"), f"{name}.{place[0]}: {what}")
 
 
 def bus_load(c: Configuration) -> Iterator[Problem]:
     """Problem of a bus that cannot carry the frames of a period."""
     try:
-        refuse_overload(c.joint_drives, c.period_s, c.bus.bitrate)
+        refuse_overload(frames_of(c), c.period_s, c.bus.bitrate)
     except ConfigurationError as error:
         yield Problem(["bus", "bitrate"], "bus.bitrate", str(error))

@@ -8,7 +8,7 @@ from daemon.config.problem import Keys, Problem, agree, figure
 from daemon.config.schema import Configuration
 from drivers.canopen.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object
 from drivers.canopen.codec import quantity
-from drivers.canopen.settings import DriveProfile, Quantity
+from drivers.canopen.settings import CanopenProfile, Quantity
 
 TURN = 2.0 * math.pi
 DEGREE = TURN / 360.0
@@ -93,7 +93,7 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
 
 
 def _positions(
-    name: str, profile: DriveProfile, sheet: DataSheet, gears: list[float]
+    name: str, profile: CanopenProfile, sheet: DataSheet, gears: list[float]
 ) -> Iterator[Problem]:
     """Scales of encoders: whole counts per turn."""
     for entry in ("link_position", "motor_position"):
@@ -144,7 +144,7 @@ def _is_power(base: float, x: float) -> bool:
     return 0 <= power <= _MOST_TWOS and abs(x / base**power - 1.0) <= _ROUNDED
 
 
-def _velocities(name: str, profile: DriveProfile) -> Iterator[Problem]:
+def _velocities(name: str, profile: CanopenProfile) -> Iterator[Problem]:
     """Units of the measured and the target velocity, which CiA 402 requires to be equal."""
     measured, target = profile.motor_velocity, profile.target_velocity
     if (

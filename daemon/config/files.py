@@ -40,7 +40,7 @@ class Files:
             c.urdf: _digest(robot.urdf.encode()),
             c.identified: _digest(robot.identified_text.encode()) if robot.identified else None,
         }
-        others = [profile.eds for profile in c.drives.values()]
+        others = [name for profile in c.drives.values() for name in profile.files]
         if c.trajectory.file is not None:
             others.append(c.trajectory.file)
         folder = robot.folder

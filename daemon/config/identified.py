@@ -18,8 +18,8 @@ from common.errors import ConfigurationError
 from daemon.config.marks import Dependence
 from daemon.config.problem import Keys
 from daemon.config.schema import Configuration, Friction, GapSpring, Joint, Levels, PayloadEntry
-from drivers.canopen.settings import Harmonic, JointWiring
 from drivers.settings import Name, Settings, Sign
+from drivers.wiring import Harmonic, JointWiring
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Coordinate, Mass
 

@@ -61,7 +61,8 @@ def _wiring(joint: Joint) -> object:
 def _drives(c: Configuration) -> object:
     drives = msgspec.to_builtins(c.drives)
     for profile in drives.values():
-        del profile["any_product"]
+        profile.pop("any_product", None)
+        del profile["make"]  # each has fields of its own
     return drives
 
 

@@ -16,7 +16,7 @@ from daemon.config.problem import Problem, agree, at, figure
 from daemon.config.schema import Configuration, Joint
 from drivers.canopen.boot.data_sheet import DataSheet
 from drivers.canopen.codec import quantity
-from drivers.canopen.settings import DriveProfile
+from drivers.canopen.settings import CanopenProfile
 from estimator.urdf import JointRange, MovedLink, joint_ranges, moved_links
 
 FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: highest speed of small motors with gears
@@ -59,7 +59,7 @@ def urdf_mistakes(urdf: str) -> list[tuple[str, str]]:
 # --- joints ---------------------------------------------------------------------------------------
 
 
-def _joint(i: int, joint: Joint, profile: DriveProfile, span: JointRange) -> Iterator[Problem]:
+def _joint(i: int, joint: Joint, profile: CanopenProfile, span: JointRange) -> Iterator[Problem]:
     yield from _gear(i, joint)
     yield from _torque(i, joint)
     yield from _limits(i, joint, span)

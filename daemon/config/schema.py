@@ -1,6 +1,6 @@
 """Schema of `config.yaml`: types and bounds of each field; rules over several are in `checks`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -8,10 +8,12 @@ from msgspec import Meta
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.target_stream import AfterContact
 from daemon.protocol.bounds import MAX_GAIN
+from drivers.can.load import FrameLoad
 from drivers.can.settings import BusSettings
-from drivers.canopen.drive import Drive
-from drivers.canopen.settings import DriveProfile, JointWiring
+from drivers.drive import Drive
+from drivers.makes import DriveProfile, Make, make_of
 from drivers.settings import Name, Settings
+from drivers.wiring import JointWiring
 from estimator.body_inertia import BodyInertia
 from estimator.payload import Coordinate, Mass
 from estimator.settings import EstimatorSettings
@@ -193,6 +195,7 @@ class FaultSettings(Settings, frozen=True):
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
 
+ProfileT = TypeVar("ProfileT", bound=DriveProfile)
 NO_PAYLOAD = "none"
 """Not the name of a payload: `contactctl payload none` takes it off."""
 
@@ -257,12 +260,22 @@ class Configuration(Settings, frozen=True):
         return {joint.name: joint.body for joint in self.joints if joint.body is not None}
 
     @property
-    def joint_drives(self) -> tuple[Drive, ...]:
+    def make(self) -> Make:
+        """Make of its drives."""
+        return make_of(next(iter(self.drives.values())))
+
+    @property
+    def joint_drives(self) -> tuple[Drive[DriveProfile], ...]:
         """The drive of each joint, in the same order."""
         return tuple(drive_of(joint, self.drives[joint.wiring.profile]) for joint in self.joints)
 
 
-def drive_of(joint: Joint, profile: DriveProfile) -> Drive:
+def drive_of(joint: Joint, profile: ProfileT) -> Drive[ProfileT]:
     """Drive of a joint, of this kind."""
     limits, play = joint.limits, 2.0 * joint.half_gap
     return Drive(joint.name, joint.wiring, profile, limits.velocity, limits.quick_stop, play)
+
+
+def frames_of(c: Configuration) -> tuple[FrameLoad, ...]:
+    """Every periodic frame of the arm."""
+    return c.make.frames(c.joint_drives, c.period_s, c.bus.master_node)

@@ -5,9 +5,8 @@ from typing import Final
 
 from daemon.config.schema import Configuration
 from daemon.faults.following import LATENCY_TICKS, TICKS
-from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED
-from drivers.canopen.stop_travel import Travel, worst_travel
-from drivers.canopen.witness import FROZEN_READINGS
+from drivers.stopping.travel import Travel, worst_travel
+from drivers.stopping.witness import FROZEN_READINGS
 
 #: Of what is counted in samples, the first is the one with which the fault begins; the next SYNC
 #: brings it.
@@ -17,12 +16,12 @@ SAMPLED_TICKS: Final = 2
 def noticing_ticks(c: Configuration) -> int:
     """Ticks until a drive that does not follow its setpoints is detected, by the slowest of the
     rules that may be the only one to apply."""
-    heartbeats = max(profile.heartbeat_ms for profile in c.drives.values())
+    silence_s = max(profile.silence_s for profile in c.drives.values())
     lag_ticks = math.ceil(3.0 * c.control.drive_lag_ms / c.period_ms)
     return max(
         c.supervisor.stale_ticks,
         FROZEN_READINGS + SAMPLED_TICKS,  # everything repeats
-        HEARTBEATS_MISSED * math.ceil(heartbeats / c.period_ms) + 1,
+        math.ceil(round(silence_s / c.period_s, 6)) + 1,
         TICKS + LATENCY_TICKS + lag_ticks + SAMPLED_TICKS,  # it does not follow
     )
 

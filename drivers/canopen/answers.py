@@ -2,24 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from common.arrays import Vector
 from drivers.api import DriveStatus, Event, Kind, Samples
+from drivers.awaited import Awaited, Freshness
 from drivers.canopen.cia402 import DriveState, drive_state, drive_status
 from drivers.canopen.codec import SampleDecoder
-from drivers.canopen.drive import Drive
 from drivers.canopen.events import Fact
 from drivers.canopen.ids import NODE
-from drivers.canopen.punctuality import Punctuality
-
-#: A drive may take so many ticks from NMT start to its first answer.
-START_TICKS = 30
-
-T = TypeVar("T", bound=np.generic)
+from drivers.canopen.settings import CanopenDrive
 
 
 @dataclass(slots=True)
@@ -36,19 +26,17 @@ class Counters:
 
 
 class Answers:
-    """TPDOs in, samples out. Which are still awaited is one integer, a bit for each of them."""
+    """TPDOs in, samples out."""
 
     def __init__(
         self,
-        drives: Sequence[Drive],
+        drives: Sequence[CanopenDrive],
         counters: Counters,
         report: Callable[[Fact], None],
         period_s: float,
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._counters, self._report = counters, report
-        self.punctuality = Punctuality(period_s)
-        self._period_s = period_s
         self._nodes = tuple(drive.node for drive in drives)
         self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
@@ -57,55 +45,20 @@ class Answers:
             cob_id: (1 << bit, start, stop, layout)
             for bit, (cob_id, (_, start, stop, layout)) in enumerate(slots.items())
         }
-        self._joint_bits = [0] * len(drives)
+        joint_bits = [0] * len(drives)
         for bit, (joint, *_) in enumerate(slots.values()):
-            self._joint_bits[joint] |= 1 << bit
-        self._all = (1 << len(self._tpdos)) - 1
-        self.missing = 0
-        """Not zero while one is awaited."""
-        self._asked = False  # by a SYNC in this tick
-        n = len(drives)
-        self._every = _frozen(np.ones(n, dtype=np.bool_))
-        self._none = self._starting = _frozen(np.zeros(n, dtype=np.bool_))
-        self._start_ticks = 0  # left, in which a drive may still be on its way to operational
-        self._no_ticks = self._age_ticks = np.zeros(n, dtype=np.int64)
-        self._no_age: Vector = _frozen(np.zeros(n))
-        self._age_s = self._no_age
+            joint_bits[joint] |= 1 << bit
+        self.awaited = Awaited(joint_bits, period_s)
+        self.punctuality = self.awaited.punctuality
         self._statuswords: tuple[int, ...] = ()
         self.states: tuple[DriveState, ...] = ()
         """States that the last statuswords encode."""
         self._drives: tuple[DriveStatus, ...] = ()  # the same, in the words of the daemon
-        self.samples = self._samples(self._none, ())
+        self.samples = self._samples(self.awaited.freshness, ())
         """Samples of the last tick; before the first, NaN and unknown states."""
 
-    def start_anew(self) -> None:
-        """Start over after a time without SYNC: count the age of samples from the next tick on, and
-        take no earlier frame for an answer."""
-        self._age_ticks, self._age_s = self._no_ticks, self._no_age
-        self.missing, self._asked = 0, False
-        self.punctuality.start_anew()
-        self._start_ticks, self._starting = START_TICKS, self._every
-
-    def expect_none(self) -> None:
-        """Count every frame until the next SYNC as late."""
-        self.missing = 0
-
-    def expect_all(self, now: float) -> None:
-        """Await an answer of every drive: SYNC is about to go out."""
-        self.punctuality.asked(now)
-        self.missing, self._asked = self._all, True
-
-    def miss_all(self) -> None:
-        """Count the answers of this tick as missing: they belong to no SYNC, or not surely to this
-        one."""
-        self.missing = self._all
-
-    def joints_of(self, tpdos: int) -> list[int]:
-        """Joints whose drives send one of these."""
-        return [i for i, bits in enumerate(self._joint_bits) if bits & tpdos]
-
     def _nodes_of(self, tpdos: int) -> tuple[int, ...]:
-        return tuple(self._nodes[i] for i in self.joints_of(tpdos))
+        return tuple(self._nodes[i] for i in self.awaited.joints_of(tpdos))
 
     def judge(self) -> None:
         """Report drives that answer twice, or a period late, by the numbers of their answers."""
@@ -127,9 +80,7 @@ class Answers:
             self._counters.short_frames += 1
             return True
         self._raw[start:stop] = layout.unpack_from(data)
-        if self.missing & bit:
-            self.missing ^= bit
-        else:
+        if not self.awaited.take(bit):
             self._counters.late_frames += 1
             if self.punctuality.unawaited(bit):
                 text = "answers later than a whole period"
@@ -138,28 +89,12 @@ class Answers:
 
     def finish(self, events: tuple[Event, ...]) -> Samples:
         """Make the samples of this tick from the frames received so far, with `events`."""
-        missing, fresh = self.missing, self._every
-        if self._asked:
-            self.punctuality.ended(missing)
-            self._asked = False
+        self._counters.missing_frames += self.awaited.missing.bit_count()
         self._decoder.decode()
-        if missing:
-            self._counters.missing_frames += missing.bit_count()
-            fresh = _frozen(np.array([not missing & bits for bits in self._joint_bits]))
-            self._age_ticks = np.where(fresh, 0, self._age_ticks + 1)
-            self._age_s = _frozen(np.multiply(self._age_ticks, self._period_s, dtype=float))
-            if self._start_ticks:
-                self._start_ticks -= 1
-                self._starting = _frozen(self._starting & ~fresh)
-            else:
-                self._starting = self._none
-        else:
-            self._age_ticks, self._age_s = self._no_ticks, self._no_age
-            self._starting, self._start_ticks = self._none, 0
-        self.samples = self._samples(fresh, events)
+        self.samples = self._samples(self.awaited.finish(), events)
         return self.samples
 
-    def _samples(self, fresh: NDArray[np.bool_], events: tuple[Event, ...]) -> Samples:
+    def _samples(self, found: Freshness, events: tuple[Event, ...]) -> Samples:
         decoder = self._decoder
         if decoder.statuswords != self._statuswords:
             self._statuswords = decoder.statuswords
@@ -170,14 +105,9 @@ class Answers:
             link_position=decoder.link_position,
             motor_velocity=decoder.motor_velocity,
             motor_position=decoder.motor_position,
-            fresh=fresh,
-            age_s=self._age_s,
-            starting=self._starting,
+            fresh=found.fresh,
+            age_s=found.age_s,
+            starting=found.starting,
             drives=self._drives,
             events=events,
         )
-
-
-def _frozen(array: NDArray[T]) -> NDArray[T]:
-    array.setflags(write=False)
-    return array

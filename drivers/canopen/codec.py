@@ -20,9 +20,8 @@ import numpy as np
 
 from common.arrays import Vector, check_shapes
 from common.errors import ConfigurationError
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import NEXT_PDO, RPDO, TPDO
-from drivers.canopen.settings import DriveProfile, PdoEntry, PdoLayout, Quantity
+from drivers.canopen.settings import CanopenDrive, CanopenProfile, PdoEntry, PdoLayout, Quantity
 from drivers.counts import Table, correct, decode, encode
 
 STRUCT_CODES: Final = {
@@ -81,7 +80,7 @@ class Pdo:
     layout: struct.Struct
 
 
-def quantity(profile: DriveProfile, entry: PdoEntry) -> Quantity:
+def quantity(profile: CanopenProfile, entry: PdoEntry) -> Quantity:
     """Object of the profile that holds `entry`. Raises ConfigurationError if it defines none."""
     found = getattr(profile, entry)
     if not isinstance(found, Quantity):
@@ -89,7 +88,7 @@ def quantity(profile: DriveProfile, entry: PdoEntry) -> Quantity:
     return found
 
 
-def _field(profile: DriveProfile, entry: PdoEntry, *at: str) -> PdoField:
+def _field(profile: CanopenProfile, entry: PdoEntry, *at: str) -> PdoField:
     if entry in WORDS:
         return PdoField(entry, WORDS[entry], 0, "UNSIGNED16")
     if getattr(profile, entry) is None:
@@ -99,7 +98,7 @@ def _field(profile: DriveProfile, entry: PdoEntry, *at: str) -> PdoField:
     return PdoField(entry, where.object, where.subindex, where.type)
 
 
-def _pdos(drive: Drive, kind: str, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
+def _pdos(drive: CanopenDrive, kind: str, layouts: PdoLayout, base: int) -> tuple[Pdo, ...]:
     pdos = []
     for number, entries in sorted(layouts.items()):
         fields = tuple(_field(drive.profile, entry, kind, number) for entry in entries)
@@ -131,7 +130,7 @@ def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed:
         raise LayoutError(f"{kind}: {', '.join(missing)} missing", kind)
 
 
-def transmit_pdos(drive: Drive) -> tuple[Pdo, ...]:
+def transmit_pdos(drive: CanopenDrive) -> tuple[Pdo, ...]:
     """PDOs that a drive sends; LayoutError if a quantity is missing, double or too long."""
     pdos = _pdos(drive, "tpdo", drive.profile.tpdo, TPDO)
     required = {"statusword", drive.profile.effort, "link_position", "motor_velocity"}
@@ -139,7 +138,7 @@ def transmit_pdos(drive: Drive) -> tuple[Pdo, ...]:
     return pdos
 
 
-def receive_pdos(drive: Drive) -> tuple[Pdo, ...]:
+def receive_pdos(drive: CanopenDrive) -> tuple[Pdo, ...]:
     """PDOs that a drive takes; LayoutError as for `transmit_pdos`."""
     pdos = _pdos(drive, "rpdo", drive.profile.rpdo, RPDO)
     entries = {"controlword", "target_velocity"}
@@ -147,7 +146,7 @@ def receive_pdos(drive: Drive) -> tuple[Pdo, ...]:
     return pdos
 
 
-def link_side(drive: Drive, entry: PdoEntry) -> tuple[float, float]:
+def link_side(drive: CanopenDrive, entry: PdoEntry) -> tuple[float, float]:
     """(gain, bias) such that the SI value at the link is gain * counts + bias.
 
     A drive's torque over its rated torque is its current over its rated current.
@@ -163,7 +162,7 @@ def link_side(drive: Drive, entry: PdoEntry) -> tuple[float, float]:
     return factor * where.scale, factor * where.offset + bias
 
 
-def harmonics(drives: Sequence[Drive]) -> Table:
+def harmonics(drives: Sequence[CanopenDrive]) -> Table:
     """Errors of the link encoders (n, k, 3), k the most that one joint has; zeros fill it up."""
     given = [[(h.order, h.cosine, h.sine) for h in d.wiring.link_correction] for d in drives]
     table = np.zeros((len(drives), max(map(len, given), default=0), 3))
@@ -179,7 +178,7 @@ class SampleDecoder:
     unless every drive sends one.
     """
 
-    def __init__(self, drives: Sequence[Drive]) -> None:
+    def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         n = len(drives)
         self.statuswords = (-1,) * n
         # Raw counts of every frame, one after the other, as `struct` leaves them.
@@ -232,7 +231,7 @@ class SampleDecoder:
 class SetpointEncoder:
     """Target velocities of the whole arm [rad/s at the link] -> counts."""
 
-    def __init__(self, drives: Sequence[Drive]) -> None:
+    def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         affine = np.array([link_side(drive, "target_velocity") for drive in drives])
         self._gain, self._bias = affine[:, 0].copy(), affine[:, 1].copy()
         limits = [type_limits(drive.profile.target_velocity.type) for drive in drives]

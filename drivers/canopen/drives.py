@@ -13,7 +13,6 @@ from common.arrays import Vector
 from drivers.api import Kind, Objection, PowerTarget, Samples
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.answers import Counters
-from drivers.canopen.drive import Drive
 from drivers.canopen.emergencies import Emergencies
 from drivers.canopen.event_queue import EventQueue
 from drivers.canopen.events import Fact, crossing
@@ -21,10 +20,11 @@ from drivers.canopen.ids import EMERGENCY, HEARTBEAT
 from drivers.canopen.inbox import FRAMES_PER_PASS, Inbox
 from drivers.canopen.objections import objections_of
 from drivers.canopen.outbox import SYNC_FRAME, Outbox
-from drivers.canopen.presence import Presence
 from drivers.canopen.sdo_watch import SdoWatch
-from drivers.canopen.stop_travel import least_patience_s
+from drivers.canopen.settings import CanopenDrive
 from drivers.canopen.stops import Stops
+from drivers.presence import Presence
+from drivers.stopping.travel import least_patience_s
 
 _OFF, _ON, _STOP = PowerTarget
 
@@ -35,7 +35,7 @@ class CanopenDrives:
     def __init__(
         self,
         wire: Wire,
-        drives: Sequence[Drive],
+        drives: Sequence[CanopenDrive],
         period_s: float,
         clock: Callable[[], float],
         master_node: int = 127,
@@ -89,7 +89,7 @@ class CanopenDrives:
             before, self._stops = self._stops, self._new_stops()
             if renewed is not None:
                 self._stops.take_over(before)
-        self._answers.start_anew()
+        self._answers.awaited.start_anew()
         self._inbox.traffic.begin(now, self.counters.late_frames)
         self._sdo_watch.forget()
         if renewed is None:
@@ -132,7 +132,7 @@ class CanopenDrives:
         # Before the drives' own reports of it: it is the cause.
         self._notice_absence(now)
         # A TPDO that is here before its SYNC is a late answer to the one before.
-        self._answers.expect_none()
+        self._answers.awaited.expect_none()
         self._backlog = not self._inbox.read_queued(now)
         self._report(*self._nodes.check(now))
         if self._stops.silent:
@@ -150,7 +150,7 @@ class CanopenDrives:
         if presence.absent or looks:
             self._backlog = True
         else:
-            self._answers.expect_all(now)
+            self._answers.awaited.expect_all(now)
             frames.append(SYNC_FRAME)
         if self._outbox.send(frames) and beats:
             presence.beaten(now)
@@ -179,11 +179,11 @@ class CanopenDrives:
         """
         answers, inbox, frames_left = self._answers, self._inbox, FRAMES_PER_PASS
         if self._backlog:
-            answers.expect_none()
+            answers.awaited.expect_none()
             inbox.read_queued(self._now)
-            answers.miss_all()
+            answers.awaited.miss_all()
             frames_left = 0
-        while answers.missing and frames_left:
+        while answers.awaited.missing and frames_left:
             frame = inbox.receive(max(deadline - self._clock(), 0.0))
             if frame is None:
                 break
@@ -216,9 +216,7 @@ class CanopenDrives:
             targets = [_STOP if target is _ON else target for target in targets]
         self._report(*self._stops.follow(self._now, self.samples, targets, velocity))
         if self._stops.busy or targets != self._all_on:
-            frames, events = self._stops.step(
-                self._now, targets, self.samples, self._answers.states, self._nodes.set_up
-            )
+            frames, events = self._stops.step(self._now, targets, self.samples, self._nodes.set_up)
             if frames:
                 self._outbox.send(frames)
             self._report(*events)
@@ -281,7 +279,7 @@ class CanopenDrives:
         doubted = self._answers.punctuality.doubted(self._now)
         found = objections_of(
             no_sdo=self._named(self._sdo_watch.silent),
-            doubted=self._named(self._answers.joints_of(doubted)),
+            doubted=self._named(self._answers.awaited.joints_of(doubted)),
             silent=self.silent(),
             emergencies=self._emergencies.objections(),
             unset=self.restarted(),

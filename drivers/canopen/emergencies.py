@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from drivers.api import DriveStatus, Kind, Objection
-from drivers.canopen.events import BusEvent, Emergency, described
+from drivers.canopen.events import BusEvent, Emergency, Fact, described
 
 
 class Emergencies:
@@ -20,7 +20,9 @@ class Emergencies:
         for event in events:
             if isinstance(event, Emergency) and not event.over:
                 self._open[event.node] = event
-            elif isinstance(event, Emergency) or event.kind is Kind.RESTARTED:
+            elif isinstance(event, Emergency) or (
+                isinstance(event, Fact) and event.kind is Kind.RESTARTED
+            ):
                 for node in event.nodes:
                     self._over(node)
         # A drive that leaves its fault has no emergency any more, whether it reports this or not.

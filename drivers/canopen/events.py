@@ -68,17 +68,19 @@ class BusLoaded:
         return f"at least {self.load:.0%} of the bus is taken{unknown}{most}".replace("%", " %")
 
 
-BusEvent = Fact | Emergency | BusLoaded
+BusEvent = Fact | Emergency | BusLoaded | Event
 
 
 def crossing(event: BusEvent, joints: Mapping[int, str]) -> Event | None:
     """Event for the daemon; None for an emergency that is over. joints: names by node."""
     if isinstance(event, Emergency) and event.over:
         return None
+    if isinstance(event, Event):
+        return event
     return Event(event.kind, described(event, joints))
 
 
-def described(event: BusEvent, joints: Mapping[int, str]) -> str:
+def described(event: Fact | Emergency | BusLoaded, joints: Mapping[int, str]) -> str:
     """Text of an event, with the joint of each drive."""
     drives = ", ".join(
         f"node {node} ({joints[node]})" if node in joints else f"node {node}"

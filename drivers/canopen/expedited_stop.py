@@ -14,13 +14,12 @@ import numpy as np
 
 from drivers.api import PowerTarget
 from drivers.can.wire import Frame
-from drivers.canopen.cia402 import DISABLE_VOLTAGE, QUICK_STOP, drive_state
+from drivers.canopen.cia402 import CONDITION_OF, DISABLE_VOLTAGE, QUICK_STOP, drive_state
 from drivers.canopen.codec import STRUCT_CODES, WORDS, harmonics, link_side, quantity
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import SDO_REQUEST
-from drivers.canopen.settings import PdoEntry
-from drivers.canopen.stop_stages import OBEYING, Seen
+from drivers.canopen.settings import CanopenDrive, PdoEntry
 from drivers.counts import correct
+from drivers.stopping.stop_watch import OBEYING, Seen
 
 #: Without an answer for so many ticks the question is sent again; a late answer still counts.
 ANSWER_TICKS: Final = 5
@@ -48,7 +47,7 @@ _COMMAND, _STATUSWORD, _VELOCITY = range(3)
 class Reading:
     """Quantity of one drive that is read by SDO, SI at the link."""
 
-    def __init__(self, drive: Drive, entry: PdoEntry) -> None:
+    def __init__(self, drive: CanopenDrive, entry: PdoEntry) -> None:
         where = quantity(drive.profile, entry)
         self.place = where.object, where.subindex
         self.value = math.nan
@@ -71,7 +70,7 @@ class Reading:
 class ExpeditedStop:
     """Client that commands one drive to stop, and reads whether it does."""
 
-    def __init__(self, drive: Drive) -> None:
+    def __init__(self, drive: CanopenDrive) -> None:
         self._velocity = Reading(drive, "motor_velocity")
         self._link = Reading(drive, "link_position")
         self._motor = Reading(drive, "motor_position") if drive.profile.motor_position else None
@@ -135,15 +134,15 @@ class ExpeditedStop:
 
     def _see(self) -> None:
         """Keep the reading, and choose the next step."""
-        state = drive_state(self._statusword)
+        condition = CONDITION_OF[drive_state(self._statusword)]
         self._seen = Seen(
-            state,
+            condition,
             self._velocity.value,
             position=self._link.value,
             motor=self._motor.value if self._motor else math.nan,
             asked=True,
         )
-        self._step = _VELOCITY + 1 + self._next if state in OBEYING else _COMMAND
+        self._step = _VELOCITY + 1 + self._next if condition in OBEYING else _COMMAND
 
     @property
     def _place(self) -> tuple[int, int]:
@@ -155,6 +154,6 @@ class ExpeditedStop:
         return seen
 
 
-def expedited_quick_stops(drives: Sequence[Drive]) -> list[Frame]:
+def expedited_quick_stops(drives: Sequence[CanopenDrive]) -> list[Frame]:
     """Quick stop of each drive by SDO, for when no answer will be read."""
     return [(SDO_REQUEST + drive.node, _COMMAND_FRAMES[PowerTarget.QUICK_STOP]) for drive in drives]

@@ -4,14 +4,10 @@ Time is an argument.
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 from drivers.api import Kind
 from drivers.canopen.events import Fact
 from drivers.canopen.ids import BOOT_UP, OPERATIONAL
-
-#: Heartbeats that may go missing.
-HEARTBEATS_MISSED: Final = 3
 
 
 @dataclass(slots=True)

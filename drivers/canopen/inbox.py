@@ -8,15 +8,15 @@ from typing import Final
 
 from drivers.api import Kind
 from drivers.can.bus import BUS_FAILURES
+from drivers.can.failures import bus_failure, error_frame
 from drivers.can.wire import ERROR, Frame, Wire
 from drivers.canopen.answers import Answers, Counters
-from drivers.canopen.bus_failures import bus_failure, error_frame
-from drivers.canopen.drive import Drive
 from drivers.canopen.emergency_codes import OF_COMMUNICATION
 from drivers.canopen.event_queue import Report
 from drivers.canopen.events import Emergency, Fact
 from drivers.canopen.ids import HEARTBEAT, NODE, SDO_ANSWER
 from drivers.canopen.node_watches import NodeWatches
+from drivers.canopen.settings import CanopenDrive
 from drivers.canopen.traffic import Traffic
 
 #: Bound of one pass: a flooded bus must not hold the loop.
@@ -29,7 +29,7 @@ class Inbox:
     def __init__(
         self,
         wire: Wire,
-        drives: Sequence[Drive],
+        drives: Sequence[CanopenDrive],
         period_s: float,
         bitrate: int,
         masters_own: set[int],

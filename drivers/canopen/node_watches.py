@@ -9,11 +9,11 @@ from typing import Final
 
 from drivers.canopen.answers import Counters
 from drivers.canopen.cia402 import DriveState
-from drivers.canopen.drive import Drive
 from drivers.canopen.emergency_codes import OF_COMMUNICATION, PROTOCOL_ERROR, UNKNOWN_CODE
 from drivers.canopen.events import BusEvent, Emergency
-from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
+from drivers.canopen.heartbeat_watch import HeartbeatWatch
 from drivers.canopen.ids import EMERGENCY, HEARTBEAT, NODE
+from drivers.canopen.settings import HEARTBEATS_MISSED, CanopenDrive
 
 #: A drive sends its emergencies in its own time (inhibit time 0x1015): one of protocol (0x82xx)
 #: that comes so soon after its set-up is about earlier frames. The set-up was read back.
@@ -30,12 +30,12 @@ class _Node:
 class NodeWatches:
     """One watch for each drive, in the order of the joints."""
 
-    def __init__(self, drives: Sequence[Drive], counters: Counters) -> None:
+    def __init__(self, drives: Sequence[CanopenDrive], counters: Counters) -> None:
         self._drives, self._counters = tuple(drives), counters
         self.joint_of = {drive.node: joint for joint, drive in enumerate(drives)}
         self._nodes = [self._watched(drive, 0.0) for drive in drives]
 
-    def _watched(self, drive: Drive, now: float) -> _Node:
+    def _watched(self, drive: CanopenDrive, now: float) -> _Node:
         timeout_s = HEARTBEATS_MISSED * (drive.profile.heartbeat_ms / 1e3)
         return _Node(HeartbeatWatch(drive.node, timeout_s, now), now)
 

@@ -6,14 +6,14 @@ No failure of the bus is an exception.
 from collections.abc import Iterable, Sequence
 
 from drivers.can.bus import BUS_FAILURES
+from drivers.can.failures import bus_failure
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.answers import Counters
-from drivers.canopen.bus_failures import bus_failure
-from drivers.canopen.drive import Drive
 from drivers.canopen.event_queue import Report
 from drivers.canopen.expedited_stop import expedited_quick_stops
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, HEARTBEAT, NMT, OPERATIONAL, START_NODE, SYNC
 from drivers.canopen.setpoints import Setpoints
+from drivers.canopen.settings import CanopenDrive
 
 SYNC_FRAME: Frame = (SYNC, b"")
 
@@ -24,7 +24,7 @@ class Outbox:
     def __init__(
         self,
         wire: Wire,
-        drives: Sequence[Drive],
+        drives: Sequence[CanopenDrive],
         master_node: int,
         counters: Counters,
         report: Report,

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from drivers.can.wire import Frame
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import SDO_REQUEST
+from drivers.canopen.settings import CanopenDrive
 
 #: From one look at all drives to the next [s].
 ROUND_EVERY_S: Final = 5.0
@@ -28,7 +28,7 @@ _QUESTION: Final = struct.pack("<B3s4x", 0x40, _PLACE)
 class SdoWatch:
     """Watch of one arm: `ask` in every tick in which drives may be asked, `hear` their answers."""
 
-    def __init__(self, drives: Sequence[Drive]) -> None:
+    def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         self._nodes = [drive.node for drive in drives]
         self._patience_s = [SHARE * drive.profile.sdo_timeout_ms / 1000.0 for drive in drives]
         self._missed = [0] * len(drives)

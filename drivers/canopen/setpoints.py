@@ -10,7 +10,7 @@ from drivers.api import PowerTarget
 from drivers.can.wire import Frame
 from drivers.canopen.cia402 import QUICK_STOP, DriveState, controlword
 from drivers.canopen.codec import SetpointEncoder, receive_pdos
-from drivers.canopen.drive import Drive
+from drivers.canopen.settings import CanopenDrive
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ def _picker(picks: tuple[int, ...]) -> Callable[[tuple[int, int]], tuple[int, ..
 class Setpoints:
     """Setpoints of all drives as RPDOs; `frames` always holds the last `write`."""
 
-    def __init__(self, drives: Sequence[Drive]) -> None:
+    def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._encoder = SetpointEncoder(drives)
         self._controlwords = [0] * len(drives)

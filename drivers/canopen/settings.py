@@ -1,21 +1,24 @@
 """Settings of the drives, with bounds where they are read."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
-from drivers.settings import Name, NodeId, Settings, Sign
+from drivers.drive import Drive
+from drivers.settings import Name, Settings, Sign
 
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
 IntegerType = Literal["INTEGER8", "INTEGER16", "INTEGER32", "UNSIGNED8", "UNSIGNED16", "UNSIGNED32"]
+#: Heartbeats of a drive that may go missing.
+HEARTBEATS_MISSED: Final = 3
 Milliseconds = Annotated[int, Meta(ge=1, le=60_000)]
 
 
 class Quantity(Settings, frozen=True):
     """One measured or commanded quantity: its object in the drive and its scale.
 
-    value = sign * (offset + scale * counts), in the unit that the field of `DriveProfile` names.
+    value = sign * (offset + scale * counts), in the unit that the field of `CanopenProfile` names.
     """
 
     object: Index
@@ -48,8 +51,8 @@ PdoNumber = Literal["1", "2", "3", "4"]
 PdoLayout = dict[PdoNumber, Annotated[list[PdoEntry], Meta(min_length=1, max_length=8)]]
 
 
-class DriveProfile(Settings, frozen=True):
-    """Kind of drive: its EDS, the place of each quantity, and the layout of its PDOs.
+class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
+    """Kind of CANopen drive: its EDS, the place of each quantity, and the layout of its PDOs.
 
     The motor's effort comes as current or as torque, whichever the drive reports better: as both
     are fractions of the rated value, they count the same.
@@ -80,35 +83,29 @@ class DriveProfile(Settings, frozen=True):
             raise ValueError("a drive profile needs either `current` or `torque`")
 
     @property
+    def patience_s(self) -> float:
+        """Time without our heartbeat after which the drive stops by itself [s]."""
+        return self.master_timeout_ms / 1000.0
+
+    @property
+    def silence_s(self) -> float:
+        """Time after which missing heartbeats are noticed [s]."""
+        return HEARTBEATS_MISSED * self.heartbeat_ms / 1000.0
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Its EDS."""
+        return (self.eds,)
+
+    @property
+    def sends_motor_position(self) -> bool:
+        """True where a TPDO carries it."""
+        return any("motor_position" in entries for entries in self.tpdo.values())
+
+    @property
     def effort(self) -> Literal["current", "torque"]:
         """The one of the two that the drive reports."""
         return "torque" if self.current is None else "current"
 
 
-class Harmonic(Settings, frozen=True):
-    """Part of an encoder's error that repeats with its turn: it reads too far by
-    cosine cos(order a) + sine sin(order a), a being the link position without `link_offset`."""
-
-    order: Annotated[int, Meta(ge=1, le=16)]  # times per turn
-    cosine: Annotated[float, Meta(ge=-0.05, le=0.05)] = 0.0  # [rad]
-    sine: Annotated[float, Meta(ge=-0.05, le=0.05)] = 0.0  # [rad]
-
-
-class JointWiring(Settings, frozen=True):
-    """Wiring of one joint: its drive on the bus, gear, currents and signs."""
-
-    node: NodeId
-    profile: Name
-    gear: Annotated[float, Meta(gt=0, le=10_000)]  # turns of the motor per turn of the joint
-    # Of the motor; must be what the drive has in 0x6075.
-    rated_current_A: Annotated[float, Meta(gt=0, le=1000)]
-    max_current_A: Annotated[float, Meta(gt=0, le=1000)]
-    motor_sign: Sign = 1  # -1 where the motor counts against the joint
-    link_sign: Sign = 1  # -1 where the link encoder counts against the joint
-    link_offset: float = 0.0  # of the link encoder [rad]
-    # Error of the link encoder that repeats with each turn, subtracted from its samples. Found by
-    # `contactd identify encoders`, and only then worth writing.
-    link_correction: Annotated[list[Harmonic], Meta(max_length=4)] = field(default_factory=list)
-    # Of the motor shaft; given, the drive's own figure (0x6076) must agree with it.
-    rated_torque_Nm: Annotated[float, Meta(gt=0, le=10_000)] | None = None
-    serial: Annotated[int, Meta(ge=0, le=0xFFFFFFFF)] | None = None
+CanopenDrive = Drive[CanopenProfile]

@@ -12,15 +12,13 @@ from typing import Final
 from common.arrays import Vector
 from drivers.api import Kind, PowerTarget, Samples
 from drivers.can.wire import Frame
-from drivers.canopen.cia402 import DriveState
-from drivers.canopen.drive import Drive
 from drivers.canopen.events import Fact
 from drivers.canopen.expedited_stop import ExpeditedStop
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, STOP_NODE
-from drivers.canopen.stop_stages import OBEYING, RAMP_SHARE, Seen, Stage, StopBounds, StopWatch
-from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
+from drivers.canopen.settings import CanopenDrive
+from drivers.stopping.stop_watch import OBEYING, RAMP_SHARE, Seen, Stage
+from drivers.stopping.watches import REPEATS, Watches, seen_in
 
-REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"
 MOVES_ON: Final = "it reports that it stops, but moves on"
 BEYOND: Final = "beyond its travel: power cut"
 
@@ -28,9 +26,7 @@ BEYOND: Final = "beyond its travel: power cut"
 class Stops:
     """Stops of one arm; `step` once per tick, before the setpoints of the tick go out."""
 
-    def __init__(self, drives: Sequence[Drive], period_s: float) -> None:
-        patience_s = least_patience_s(drives)
-        ticks = stage_ticks(patience_s, period_s)
+    def __init__(self, drives: Sequence[CanopenDrive], period_s: float) -> None:
         self.silent = False
         """The last stage is reached: only SDO goes out, to drives that are not heard to stand."""
         self._alone_s = math.inf  # when all have stopped by themselves after that
@@ -39,24 +35,8 @@ class Stops:
         self._fastest = [drive.velocity for drive in drives]
         self._expedited = [ExpeditedStop(drive) for drive in drives]
         self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
-        # From the first command on: noticing is over by then.
-        travels = worst_travel(drives, period_s, noticing_s=0.0)
-        self._watches = [
-            StopWatch(
-                StopBounds(
-                    deceleration=drive.quick_stop,
-                    current=drive.wiring.max_current_A,
-                    travel=travel.total,
-                    play=drive.play,
-                    patience_s=drive.profile.master_timeout_ms / 1000.0,
-                    ticks=ticks,
-                    period_s=period_s,
-                )
-            )
-            for drive, travel in zip(drives, travels, strict=True)
-        ]
-        self._no_motors = [math.nan] * len(drives)
-        self._repeat = [False] * len(drives)  # drives whose samples do, all of them
+        self._all = Watches(drives, period_s)
+        self._watches = self._all.each
         self._heard = [True] * len(drives)  # by samples of this tick that are measured
         self._asleep: set[int] = set()  # joints whose drives were NMT stopped in the last tick
         self.busy = False
@@ -65,15 +45,11 @@ class Stops:
     @property
     def unproved(self) -> list[int]:
         """Joints commanded to stop and not confirmed at standstill, or moving since."""
-        if not self.busy:
-            return []
-        return [i for i, watch in enumerate(self._watches) if watch.unproved or watch.moves]
+        return self._all.unproved if self.busy else []
 
     def may_be_off(self, joint: int) -> bool:
-        """True where a drive stands, or its quick stop was seen not to stop it: a moving one gets a
-        ramp before its power is taken."""
-        watch = self._watches[joint]
-        return watch.proved or watch.cut
+        """True where the power of a drive may be taken, as `Watches.may_be_off`."""
+        return self._all.may_be_off(joint)
 
     def stopped_in_vain(self, joint: int) -> bool:
         """True where a drive reports that it stops, but was seen to go beyond its travel."""
@@ -92,41 +68,15 @@ class Stops:
     def follow(
         self, now: float, samples: Samples, targets: Sequence[PowerTarget], velocity: Vector
     ) -> tuple[Fact, ...]:
-        """Record the motion and the commanded `velocity` (n,) [rad/s] of each drive, in every tick,
-        whether it is to stop or not. Returns an event for drives whose samples begin to repeat.
-        """
-        motors = samples.motor_position
-        columns = zip(
-            self._watches,
-            samples.fresh.tolist(),
-            samples.motor_velocity.tolist(),
-            samples.current.tolist(),
-            samples.link_position.tolist(),
-            self._no_motors if motors is None else motors.tolist(),
-            targets,
-            velocity.tolist(),
-            strict=True,
-        )
-        repeat = []
-        for watch, fresh, speed, current, link, motor, target, wanted in columns:
-            witness = watch.witness
-            if fresh:
-                witness.take(now, speed, current, link, motor)
-            repeat.append(witness.repeats)
-            if target is PowerTarget.ON:
-                witness.command(now, wanted)
-        if repeat == self._repeat:
-            return ()
-        before, self._repeat = self._repeat, repeat
-        begun = [i for i, is_so in enumerate(repeat) if is_so and not before[i]]
+        """Record motion and commands, as `Watches.follow`. Returns an event for drives whose
+        samples begin to repeat."""
+        begun = self._all.follow(now, samples, targets, velocity)
         nodes = tuple(self._nodes[i] for i in begun)
         return (Fact(Kind.REPEATED_SAMPLES, nodes, REPEATS),) if begun else ()
 
     def take_over(self, before: "Stops") -> None:
         """Take over the motion history of the drives until now."""
-        self._repeat = before._repeat
-        for watch, old in zip(self._watches, before._watches, strict=True):
-            watch.witness = old.witness
+        self._all.take_over(before._all)
 
     def hear(self, node: int, data: bytes | bytearray) -> None:
         """Take a frame of a drive's SDO server."""
@@ -137,7 +87,7 @@ class Stops:
         """Command every drive to stop, whatever its setpoint was, and without a SYNC."""
         self.busy = True
         for i in range(len(self._watches)):
-            self._begin(now, i, Stage.SDO, samples)
+            self._begin(now, i, Stage.DIRECT, samples)
         return self._requests([PowerTarget.QUICK_STOP] * len(self._watches))
 
     def step(
@@ -145,10 +95,9 @@ class Stops:
         now: float,
         targets: Sequence[PowerTarget],
         samples: Samples,
-        states: Sequence[DriveState],
         reached: Sequence[bool],
     ) -> tuple[list[Frame], Sequence[Fact]]:
-        """Judge every drive commanded to stop, by its samples and the state in their statusword;
+        """Judge every drive commanded to stop, by its samples and what it reports with them;
         `reached`: whether setpoints are sent to it."""
         frames = self._wake()
         doubted, lost, running, beyond = [], [], [], []
@@ -156,15 +105,15 @@ class Stops:
             if target is PowerTarget.ON:
                 watch.allow()
                 continue
-            seen = self._seen(i, samples, states[i])
+            seen = self._seen(i, samples)
             if watch.stage is Stage.NONE:
-                first = Stage.SETPOINT if seen and reached[i] else Stage.SDO
+                first = Stage.SETPOINT if seen and reached[i] else Stage.DIRECT
                 self._begin(now, i, first, samples)
             if self.silent:
                 watch.stage = Stage.SILENCE  # from any stage: no drive gets another command
-            if self._repeat[i] and watch.stage is Stage.SETPOINT:
+            if self._all.repeat[i] and watch.stage is Stage.SETPOINT:
                 # Its samples prove nothing: its state is read by SDO.
-                watch.stage = Stage.SDO
+                watch.stage = Stage.DIRECT
                 self._expedited[i].begin()
             ran_on, cut = watch.runs_on, watch.cut
             proved = watch.proved
@@ -175,12 +124,12 @@ class Stops:
                 running.append(self._nodes[i])
             if watch.cut and not cut:
                 beyond.append(self._nodes[i])
-                watch.stage = max(watch.stage, Stage.SDO)
+                watch.stage = max(watch.stage, Stage.DIRECT)
                 self._expedited[i].begin()
             match begun:
-                case Stage.SDO:
+                case Stage.DIRECT:
                     self._expedited[i].begin()
-                case Stage.NMT:
+                case Stage.LAST:
                     frames.append((NMT, bytes([STOP_NODE, self._nodes[i]])))
                     doubted.append(self._nodes[i])
                     self._asleep.add(i)
@@ -211,22 +160,17 @@ class Stops:
         self._watches[joint].begin(now, stage, speed)
         self._expedited[joint].begin()
 
-    def _seen(self, joint: int, samples: Samples, state: DriveState) -> Seen | None:
+    def _seen(self, joint: int, samples: Samples) -> Seen | None:
         """Newest fresh reading of a drive; a sample holds more than a reading by SDO."""
-        asked, motors = self._expedited[joint].take(), samples.motor_position
-        self._heard[joint] = bool(samples.fresh[joint]) and not self._repeat[joint]
+        asked = self._expedited[joint].take()
+        condition = samples.drives[joint].condition
+        self._heard[joint] = bool(samples.fresh[joint]) and not self._all.repeat[joint]
         if not samples.fresh[joint]:
             return asked
-        if self._repeat[joint]:
+        if self._all.repeat[joint]:
             # Of its samples at most the statusword is still information.
-            return asked or (Seen(state, math.nan) if state in OBEYING else None)
-        return Seen(
-            state,
-            float(samples.motor_velocity[joint]),
-            float(samples.current[joint]),
-            float(samples.link_position[joint]),
-            math.nan if motors is None else float(motors[joint]),
-        )
+            return asked or (Seen(condition, math.nan) if condition in OBEYING else None)
+        return seen_in(samples, joint)
 
     def _fall_silent(self, now: float) -> None:
         """Begin the last stage. It is over when every drive has missed our heartbeat and stopped,
@@ -236,7 +180,7 @@ class Stops:
             return
         self.silent = True
         self._alone_s = now + max(
-            drive.profile.master_timeout_ms / 1000.0
+            drive.profile.patience_s
             + max(drive.velocity, watch.speed) / (RAMP_SHARE * drive.quick_stop)
             for drive, watch in zip(self._drives, self._watches, strict=True)
         )

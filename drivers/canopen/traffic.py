@@ -7,10 +7,11 @@ an argument.
 from collections.abc import Sequence
 from typing import Final
 
+from drivers.can.load import HIGHEST_LOAD
 from drivers.can.wire import EXTENDED, IDENTIFIER
-from drivers.canopen.bus_load import HIGHEST_LOAD, frame_table
-from drivers.canopen.drive import Drive
 from drivers.canopen.events import BusLoaded
+from drivers.canopen.make import frames
+from drivers.canopen.settings import CanopenDrive
 
 #: Long enough for a rate, shorter than any drive waits for our heartbeat.
 WINDOW_S: Final = 0.05
@@ -25,13 +26,13 @@ _FRAME_BITS, _EXTENDED_BITS = 47, 67
 class Traffic:
     """Counter of frames; `loaded` is the result of the last window."""
 
-    def __init__(self, drives: Sequence[Drive], period_s: float, bitrate: int) -> None:
+    def __init__(self, drives: Sequence[CanopenDrive], period_s: float, bitrate: int) -> None:
         self._bitrate = bitrate
         self._window_s = WINDOW_S - 0.5 * period_s
         # Per second. Heartbeats are counted as they come.
         self._own_bits = sum(
             (_FRAME_BITS + 8 * frame.size) * frame.rate_hz
-            for frame in frame_table(drives, period_s)
+            for frame in frames(drives, period_s)
             if frame.every_tick
         )
         # A TPDO that is not awaited, as a mean.

@@ -14,15 +14,14 @@ from daemon.config.evidence import unarmable
 from daemon.config.explanations import explain
 from daemon.config.identified import Identified
 from daemon.config.load import load_robot
-from daemon.config.schema import Configuration
+from daemon.config.schema import Configuration, frames_of
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
 from daemon.drives import build_setups
+from drivers.can.load import HIGHEST_LOAD, FrameLoad, bus_load
 from drivers.canopen.boot.required_objects import lacks
-from drivers.canopen.bus_load import HIGHEST_LOAD, FrameLoad, bus_load, frame_table
 from drivers.canopen.codec import receive_pdos, transmit_pdos
-from drivers.canopen.drive import Drive
-from drivers.canopen.settings import DriveProfile, Quantity
+from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
@@ -87,9 +86,9 @@ def print_check(config: Path) -> None:
     console.print()
     for line in sensitivity_over_poses(c, robot.model):
         say(line)
-    frames = frame_table(c.joint_drives, c.period_s, c.bus.master_node)
+    frames = frames_of(c)
     console.print(_frames(frames))
-    load = bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
+    load = bus_load(frames, c.bus.bitrate)
     exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
     say(
         f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
@@ -139,7 +138,7 @@ def _table(title: str, *columns: str, gap: int = 2) -> Table:
     return table
 
 
-def _quantities(name: str, profile: DriveProfile) -> Table:
+def _quantities(name: str, profile: CanopenProfile) -> Table:
     table = _table(
         f"\ndrive profile {name} ({profile.eds})",
         *("quantity", "object", "type", "scale", "sign", "offset", "unit"),
@@ -160,7 +159,7 @@ def _quantities(name: str, profile: DriveProfile) -> Table:
     return table
 
 
-def _pdos(drive: Drive) -> Table:
+def _pdos(drive: CanopenDrive) -> Table:
     table = _table("", "PDO", "COB-ID", "bytes", FOLDED)
     for kind, pdos in (("TPDO", transmit_pdos(drive)), ("RPDO", receive_pdos(drive))):
         for pdo in pdos:

@@ -132,7 +132,7 @@ def _states(
                 if state is not None:
                     yield state
             sync_s = float(frame.timestamp)
-            answers.expect_all(sync_s)
+            answers.awaited.expect_all(sync_s)
         elif frame.is_rx:
             answers.take(frame.arbitration_id, bytes(frame.data))
         else:

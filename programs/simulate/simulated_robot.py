@@ -17,7 +17,7 @@ from daemon.config.convert import convert
 from daemon.config.load import Robot
 from daemon.config.schema import Joint
 from drivers.canopen.codec import quantity
-from drivers.canopen.settings import DriveProfile, Quantity
+from drivers.canopen.settings import CanopenProfile, Quantity
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
 from simulator.supplied import in_words
@@ -187,7 +187,7 @@ def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _true_drive(robot: Robot, name: str, profile: DriveProfile) -> dict[str, Any]:
+def _true_drive(robot: Robot, name: str, profile: CanopenProfile) -> dict[str, Any]:
     for entry, index in FIXED.items():
         where: Quantity = getattr(profile, entry)
         if where.object != index or where.sign != 1 or where.offset != 0.0:

@@ -11,7 +11,7 @@ from daemon.faults import following, plausibility
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.detector import STARVED_FACTOR
 from daemon.faults.table import TABLE
-from drivers.canopen import witness
+from drivers.stopping import witness
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
 WORDS = {

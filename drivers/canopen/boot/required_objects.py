@@ -11,9 +11,8 @@ from common.errors import ConfigurationError
 from drivers.canopen.boot.data_sheet import find_object, makers_numbers, type_name, value_range
 from drivers.canopen.boot.mandatory_objects import FOLLOWS, MUST_BE_READ
 from drivers.canopen.codec import WORDS, Pdo, receive_pdos, transmit_pdos
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import EMERGENCY, SYNC
-from drivers.canopen.settings import DriveProfile, ObjectValue, Quantity
+from drivers.canopen.settings import CanopenDrive, CanopenProfile, ObjectValue, Quantity
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
 #: Some drives show a mode only when they are in operation: 0 until then.
@@ -41,7 +40,7 @@ Group = Literal["communication", "stopping", "mode", "limits", "own objects", "P
 class DriveSetup:
     """One drive with its EDS."""
 
-    drive: Drive
+    drive: CanopenDrive
     data_sheet: canopen.ObjectDictionary
 
     def __str__(self) -> str:
@@ -161,7 +160,7 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     return found
 
 
-def rated_object(profile: DriveProfile) -> int:
+def rated_object(profile: CanopenProfile) -> int:
     """Object that the reported current or torque is a fraction of: 0x6075 [mA] or 0x6076 [mNm]."""
     return 0x6075 if profile.effort == "current" else 0x6076
 
@@ -232,7 +231,7 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
         yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
 
 
-def _meddling(own: ObjectValue, profile: DriveProfile, rows: Sequence[Wanted]) -> Iterator[str]:
+def _meddling(own: ObjectValue, profile: CanopenProfile, rows: Sequence[Wanted]) -> Iterator[str]:
     """Objects that the configuration may not write, as that would disable the drive's own stops."""
     where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
     for row in rows:

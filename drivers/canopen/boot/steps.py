@@ -21,7 +21,7 @@ from drivers.canopen.cia402 import QUICK_STOP, DriveState, drive_state, in_words
 from drivers.canopen.codec import link_side, quantity
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
 from drivers.canopen.settings import PdoEntry
-from drivers.canopen.witness import PAUSE_S, STILL_RAD
+from drivers.stopping.witness import PAUSE_S, STILL_RAD
 
 _LOOK_S: Final = 0.01
 #: A drive may go on showing the mode it had until its own cycle has taken the new one over.

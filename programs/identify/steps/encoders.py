@@ -11,7 +11,7 @@ from programs.identify.step import JOINTS, Line, Outcome, now, step
 
 if TYPE_CHECKING:
     from daemon.config.load import Robot
-    from drivers.canopen.settings import Harmonic
+    from drivers.wiring import Harmonic
     from programs.identify.identification import Identification
     from programs.identify.measured import Measured
 
@@ -71,7 +71,7 @@ def _together(
     old: "list[Harmonic]", found: tuple[tuple[int, float, float], ...]
 ) -> "list[Harmonic]":
     """Harmonics that correct what the old ones do and the rest that was found."""
-    from drivers.canopen.settings import Harmonic
+    from drivers.wiring import Harmonic
 
     table = {h.order: (h.cosine, h.sine) for h in old}
     for order, cosine, sine in found:

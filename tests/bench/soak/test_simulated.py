@@ -15,7 +15,7 @@ from bench.soak.simulated import FAULTS, UNFIT, run_lockstep
 from daemon.config.schema import Configuration
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.protocol.requests import bare
-from drivers.canopen.stop_stages import Seen, StopWatch
+from drivers.stopping.stop_watch import Seen, StopWatch
 from simulator.hand_script import Push
 
 
@@ -115,14 +115,14 @@ def test_a_sound_program_breaks_none(monkeypatch: pytest.MonkeyPatch, case: str)
         # Nothing but the setpoint, which a drive without SYNC never takes.
         (
             "SYNC moved by a tool (0x1005)",
-            {"drivers.canopen.stop_stages.StopWatch.step": lambda self, now, seen: None},
+            {"drivers.stopping.stop_watch.StopWatch.step": lambda self, now, seen: None},
             {"a stop is proved or the arm silent"},
         ),
         # What was told to stop is taken for standing a tick later.
         (
             "SYNC moved by a tool (0x1005)",
             {
-                "drivers.canopen.stop_stages.StopWatch.step": believes,
+                "drivers.stopping.stop_watch.StopWatch.step": believes,
                 "drivers.canopen.expedited_stop.ExpeditedStop.request": lambda self, target: None,
             },
             {"no motion after a proved stop"},

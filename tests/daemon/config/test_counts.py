@@ -7,7 +7,7 @@ from bench.rigs.lockstep import ROMEO
 from daemon.config.counts import COARSEST, unrepresentable
 from daemon.config.load import load_robot
 from daemon.config.schema import Joint
-from drivers.canopen.settings import DriveProfile
+from drivers.canopen.settings import CanopenProfile
 
 ROBOT = load_robot(ROMEO).configuration
 PROFILE = ROBOT.drives["two_encoder_drive"]
@@ -20,13 +20,13 @@ def joint(lower: float = -1.0, upper: float = 1.0, velocity: float = 1.0, sign: 
     return msgspec.structs.replace(JOINT, limits=limits, wiring=wiring)
 
 
-def profile(entry: str, **changes: object) -> DriveProfile:
+def profile(entry: str, **changes: object) -> CanopenProfile:
     found = msgspec.structs.replace(getattr(PROFILE, entry), **changes)
     return msgspec.structs.replace(PROFILE, **{entry: found})
 
 
-def entries(joint: Joint, profile: DriveProfile, margin: float = 1.0) -> list[str]:
-    return [entry for entry, _ in unrepresentable(joint, profile, margin)]
+def entries(joint: Joint, profile: CanopenProfile, margin: float = 1.0) -> list[str]:
+    return [its.at[0] for its, _ in unrepresentable(joint, profile, margin)]
 
 
 def test_what_is_shipped_fits() -> None:
@@ -65,7 +65,7 @@ def test_velocities_are_those_of_the_motor(
 def test_too_fast_must_be_seen(entry: str, velocity: float, fits: bool) -> None:
     eight_bits = profile(entry, type="INTEGER8", scale=0.1)
     found = list(unrepresentable(joint(velocity=velocity), eight_bits, 2.0))
-    assert [name for name, _ in found] == ([] if fits else [entry])
+    assert [its.at[0] for its, _ in found] == ([] if fits else [entry])
     for _, reason in found:
         assert reason == (
             "INTEGER8 counts reach from -1.28 to 1.27 rad/s at the link; 2 "

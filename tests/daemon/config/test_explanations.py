@@ -7,7 +7,8 @@ from common.errors import ConfigurationError
 from daemon.config.explanations import EXPLANATIONS, explain
 from daemon.config.schema import Configuration, Joint, JointLimits, Levels
 from drivers.can.settings import BusSettings
-from drivers.canopen.settings import DriveProfile, JointWiring, Quantity
+from drivers.canopen.settings import CanopenProfile, Quantity
+from drivers.wiring import JointWiring
 
 
 def fields(kind: type[msgspec.Struct], prefix: str, *, but: tuple[str, ...] = ()) -> set[str]:
@@ -18,7 +19,7 @@ def test_every_field_of_arms_and_drives_is_explained() -> None:
     wanted = {
         *("version", "name", "urdf", "period_ms", "estimator.learning"),
         *fields(BusSettings, "bus."),
-        *fields(DriveProfile, "drives."),
+        *fields(CanopenProfile, "drives."),
         *fields(Quantity, "drives."),
         *fields(Joint, "joints.", but=("wiring", "thresholds", "limits")),
         *fields(JointWiring, "joints.wiring."),

@@ -17,8 +17,8 @@ from daemon.protocol.requests import GetStatus, bare
 from daemon.protocol.socket_path import Peer
 from drivers.can.wire import Wire
 from drivers.canopen.codec import transmit_pdos
-from drivers.canopen.drive import Drive
 from drivers.canopen.ids import SDO_ANSWER
+from drivers.drive import Drive
 from programs.contactctl import replies
 
 PEER = Peer(0, 1, 1)

@@ -10,13 +10,14 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from contactd_client.paths import view_socket_path
+from daemon.config.schema import frames_of
 from daemon.protocol.doors import DOORS, Door, refusal
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import COMMANDS, Arm, Request, Stop
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.state import Snapshot, State
 from daemon.service.socket import ControlSocket
-from drivers.canopen.bus_load import bus_load
+from drivers.can.load import bus_load
 from programs.clients.client import Client
 
 Dial = Callable[[], socket.socket]
@@ -183,4 +184,4 @@ def test_who_looks_is_told_what_was_learned_and_how_full_the_bus_is(served: Serv
     for values, expected in zip(found, [-0.03, 0.12, 0.07], strict=True):
         assert values == pytest.approx([expected] * len(shares), abs=1e-3)
     c = served.rig.robot.configuration
-    assert snapshot.bus_load == bus_load(c.joint_drives, c.period_s, c.bus.bitrate)
+    assert snapshot.bus_load == bus_load(frames_of(c), c.bus.bitrate)

@@ -18,7 +18,7 @@ from daemon.tick.telemetry import state_of
 from drivers.can.wire import Frame
 from drivers.canopen.cia402 import ENABLE_OPERATION
 from drivers.canopen.codec import link_side, receive_pdos, transmit_pdos
-from drivers.canopen.drive import Drive
+from drivers.drive import Drive
 from tests.examples import scaled
 
 TICKS = 90

@@ -9,7 +9,7 @@ from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from drivers.canopen.codec import transmit_pdos
 from drivers.canopen.ids import SYNC
-from drivers.canopen.punctuality import DOUBT_TICKS
+from drivers.punctuality import DOUBT_TICKS
 
 OLD = Condition.OLD.value
 

@@ -18,9 +18,10 @@ from drivers.canopen.boot.boot_up import DriveBoot
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.identity import DriveIdentity
 from drivers.canopen.boot.required_objects import DriveSetup
-from drivers.canopen.drive import Drive
 from drivers.canopen.drives import CanopenDrives
-from drivers.canopen.settings import DriveProfile, JointWiring
+from drivers.canopen.settings import CanopenProfile
+from drivers.drive import Drive
+from drivers.wiring import JointWiring
 from simulator.arm import SimulatedArm
 from simulator.description import ArmDescription, JointDescription, SimulationSettings
 from tests.drivers.canopen.scripted_wire import CONFIG, ROBOT, ScriptedWire
@@ -30,12 +31,12 @@ _channels = count()
 
 
 @pytest.fixture(scope="session")
-def profile() -> DriveProfile:
-    return msgspec.convert(CONFIG["drives"]["two_encoder_drive"], DriveProfile)
+def profile() -> CanopenProfile:
+    return msgspec.convert(CONFIG["drives"]["two_encoder_drive"], CanopenProfile)
 
 
 @pytest.fixture(scope="session")
-def joint_drives(profile: DriveProfile) -> list[Drive]:
+def joint_drives(profile: CanopenProfile) -> list[Drive]:
     return [
         Drive(
             j["name"],

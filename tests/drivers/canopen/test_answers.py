@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.api import DriveCondition, Kind
-from drivers.canopen.answers import START_TICKS
+from drivers.awaited import START_TICKS
 from drivers.canopen.drives import CanopenDrives
 from drivers.canopen.emergency_codes import UNKNOWN_CODE
 from drivers.canopen.events import Emergency, Fact

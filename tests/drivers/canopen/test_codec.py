@@ -17,8 +17,9 @@ from drivers.canopen.codec import (
     transmit_pdos,
     type_limits,
 )
-from drivers.canopen.drive import Drive
-from drivers.canopen.settings import DriveProfile, Harmonic, JointWiring, Quantity
+from drivers.canopen.settings import CanopenProfile, Quantity
+from drivers.drive import Drive
+from drivers.wiring import Harmonic, JointWiring
 
 INT16 = st.integers(-(2**15), 2**15 - 1)
 INT32 = st.integers(-(2**31), 2**31 - 1)
@@ -34,11 +35,11 @@ def quantity(index, kind="INTEGER32", scale=0.01, **changes) -> Quantity:
     return Quantity(object=index, type=kind, scale=scale, **changes)
 
 
-def drive(profile: DriveProfile, name="elbow", **changes) -> Drive:
+def drive(profile: CanopenProfile, name="elbow", **changes) -> Drive:
     return Drive(name, wiring(**changes), profile, velocity=1.0, quick_stop=10.0)
 
 
-def plain_profile(**changes) -> DriveProfile:
+def plain_profile(**changes) -> CanopenProfile:
     values = {
         "eds": "drive.eds",
         "current": quantity(0x6078, "INTEGER16", 0.001),
@@ -49,7 +50,7 @@ def plain_profile(**changes) -> DriveProfile:
         "tpdo": {"1": ["statusword", "current", "motor_velocity"], "2": ["link_position"]},
         "rpdo": {"1": ["controlword", "target_velocity"]},
     }
-    return DriveProfile(**values | changes)
+    return CanopenProfile(**values | changes)
 
 
 def test_romeo_uses_the_predefined_connection_set(joint_drives):
@@ -252,7 +253,7 @@ def test_settings_refuse_a_ninth_entry_and_a_fifth_pdo():
     raw = msgspec.to_builtins(plain_profile())
     for layout in ({"5": ["statusword"]}, {"1": []}, {"1": ["speed"]}):
         with pytest.raises(msgspec.ValidationError):
-            msgspec.convert(raw | {"tpdo": layout}, DriveProfile)
+            msgspec.convert(raw | {"tpdo": layout}, CanopenProfile)
 
 
 def test_a_profile_reports_current_or_torque():
@@ -260,7 +261,7 @@ def test_a_profile_reports_current_or_torque():
     torque = raw["current"] | {"object": 0x6077}
     for both in ({"torque": torque}, {"current": None}):
         with pytest.raises(msgspec.ValidationError, match="either `current` or `torque`"):
-            msgspec.convert(raw | both, DriveProfile)
+            msgspec.convert(raw | both, CanopenProfile)
     layout = {"1": ["statusword", "torque", "motor_velocity"], "2": ["link_position"]}
     by_torque = plain_profile(current=None, torque=quantity(0x6077, "INTEGER16", 0.001, sign=-1),
                               tpdo=layout)  # fmt: skip

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.api import PowerTarget
-from drivers.canopen.cia402 import DriveState
+from drivers.api import DriveCondition, PowerTarget
 from drivers.canopen.codec import link_side
 from drivers.canopen.expedited_stop import ANSWER_TICKS, ExpeditedStop, expedited_quick_stops
-from drivers.canopen.settings import Harmonic
-from drivers.canopen.stop_stages import Seen
+from drivers.stopping.stop_watch import Seen
+from drivers.wiring import Harmonic
 from tests.examples import scaled
 
 STOP, OFF = PowerTarget.QUICK_STOP, PowerTarget.OFF
@@ -54,7 +53,7 @@ def test_it_tells_and_then_asks_for_statusword_and_velocity(stop, joint_drives) 
     gain, bias = link_side(joint_drives[2], "motor_velocity")
     seen = stop.take()
     assert seen is not None
-    assert (seen.state, seen.velocity) == (DriveState.QUICK_STOP_ACTIVE, -500 * gain + bias)
+    assert (seen.condition, seen.velocity) == (DriveCondition.STOPPED, -500 * gain + bias)
     assert math.isnan(seen.current)
     assert math.isnan(seen.position)
     assert stop.take() is None, "once"
@@ -96,7 +95,7 @@ def test_a_drive_that_runs_on_is_told_again(stop) -> None:
     for answer in (TOLD, statusword(0x0227), velocity(300)):
         stop.request(STOP)
         stop.hear(answer)
-    assert stop.take().state is DriveState.OPERATION_ENABLED
+    assert stop.take().condition is DriveCondition.OPERATING
     assert stop.request(OFF) == (0x603, TELL_OFF)
 
 

@@ -4,7 +4,8 @@ import pytest
 
 from drivers.api import Kind
 from drivers.canopen.events import Fact
-from drivers.canopen.heartbeat_watch import HEARTBEATS_MISSED, HeartbeatWatch
+from drivers.canopen.heartbeat_watch import HeartbeatWatch
+from drivers.canopen.settings import HEARTBEATS_MISSED
 from tests.drivers.canopen.scripted_wire import dropped, restarted
 
 PRE_OPERATIONAL, OPERATIONAL, STOPPED, BOOT_UP = 127, 5, 4, 0

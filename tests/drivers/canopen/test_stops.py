@@ -11,7 +11,7 @@ from daemon.modes.table import Event, Mode
 from drivers.api import Kind, PowerTarget
 from drivers.canopen.drives import CanopenDrives
 from drivers.canopen.events import Fact
-from drivers.canopen.stops import REPEATS
+from drivers.stopping.watches import REPEATS
 from tests.drivers.canopen.scripted_wire import (
     PERIOD_S,
     N,

@@ -2,8 +2,9 @@
 
 import pytest
 
+from drivers.can.load import bus_load
 from drivers.can.wire import EXTENDED
-from drivers.canopen.bus_load import bus_load
+from drivers.canopen.make import frames
 from drivers.canopen.traffic import WINDOW_S, Traffic
 
 PERIOD_S = 0.01
@@ -47,7 +48,7 @@ def test_the_load_is_that_of_all_frames(traffic: Traffic, joint_drives) -> None:
     """Without stuff bits, so that it is less than what is computed at worst."""
     flooded(traffic, [0x123] * 52)
     assert traffic.loaded is not None
-    worst = bus_load(joint_drives, PERIOD_S, BITRATE) + 52 * 135 * 100 / BITRATE
+    worst = bus_load(frames(joint_drives, PERIOD_S), BITRATE) + 52 * 135 * 100 / BITRATE
     nominal = 52 * 111 * 100 / BITRATE
     assert nominal + 0.1 < traffic.loaded.load < worst
 

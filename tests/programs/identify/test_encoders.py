@@ -11,7 +11,7 @@ from bench.rigs.lockstep import lockstep_rig
 from daemon.config.identified import samples_alike
 from daemon.config.load import load_robot
 from daemon.config.marks import marks
-from drivers.canopen.settings import Harmonic
+from drivers.wiring import Harmonic
 from programs.simulate.simulated_robot import true_arm
 
 SAID = [Harmonic(order=2, cosine=0.0004, sine=-0.0003)]

@@ -9,7 +9,7 @@ import pytest
 
 from common.errors import ConfigurationError
 from drivers.canopen.boot.required_objects import check_drive, lacks, wanted
-from drivers.canopen.settings import DriveProfile
+from drivers.canopen.settings import CanopenProfile
 
 
 def changed(setup, **fields):
@@ -17,7 +17,7 @@ def changed(setup, **fields):
     raw = msgspec.to_builtins(setup.drive.profile)
     for name, value in fields.items():
         raw[name] = raw[name] | value if isinstance(value, dict) else value
-    profile = msgspec.convert(raw, DriveProfile)
+    profile = msgspec.convert(raw, CanopenProfile)
     return replace(setup, drive=replace(setup.drive, profile=profile))
 
 

@@ -1,17 +1,15 @@
 """Stages of a stop: when the next begins, and how far a joint may have gone by then."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.canopen.cia402 import DriveState
-from drivers.canopen.drive import Drive
-from drivers.canopen.stop_stages import Seen, Stage, StopWatch
-from drivers.canopen.stop_travel import least_patience_s, stage_ticks, worst_travel
-from tests.drivers.canopen.one_watch import ON, RUNS, STOPS, T, commanded, readings
+from drivers.api import DriveCondition
+from drivers.stopping.stop_watch import Seen, Stage, StopWatch
+from drivers.stopping.travel import stage_ticks
+from tests.drivers.stopping.one_watch import ON, RUNS, STOPS, T, commanded, readings
 from tests.examples import scaled
 
 
@@ -21,11 +19,11 @@ def stages(watch: StopWatch, seen: Seen | None, ticks: int) -> dict[int, Stage]:
     return {k: stage for k, stage in found.items() if stage is not None}
 
 
-@pytest.mark.parametrize("seen", [None, RUNS, Seen(DriveState.UNKNOWN, 0.0)])
+@pytest.mark.parametrize("seen", [None, RUNS, Seen(DriveCondition.UNKNOWN, 0.0)])
 def test_without_a_proof_it_is_told_more_strongly_each_time(seen: Seen | None) -> None:
     # Slow enough for its travel to last: three ticks, then six, then nine.
-    slow = seen and Seen(seen.state, 0.1, 0.0, 0.0)
-    assert stages(commanded(0.1), slow, 30) == {3: Stage.SDO, 9: Stage.NMT, 18: Stage.SILENCE}
+    slow = seen and Seen(seen.condition, 0.1, 0.0, 0.0)
+    assert stages(commanded(0.1), slow, 30) == {3: Stage.DIRECT, 9: Stage.LAST, 18: Stage.SILENCE}
 
 
 @pytest.mark.parametrize("start", [None, 0.0, 0.7, -0.7])
@@ -37,40 +35,40 @@ def test_at_full_speed_silence_comes_while_the_travel_still_suffices(start: floa
         here = None if start is None else Seen(ON, 1.0, 0.0, position=start + k * T)
         if stage := watch.step(k * T, here):
             found[k] = stage
-    assert found == {3: Stage.SDO, 6: Stage.NMT, 9: Stage.SILENCE}
+    assert found == {3: Stage.DIRECT, 6: Stage.LAST, 9: Stage.SILENCE}
 
 
 def test_the_first_stage_has_its_ticks_however_fast_it_is() -> None:
     begun = stages(commanded(3.0), None, 10)
-    assert begun == {3: Stage.SDO, 4: Stage.NMT, 5: Stage.SILENCE}
+    assert begun == {3: Stage.DIRECT, 4: Stage.LAST, 5: Stage.SILENCE}
 
 
 @pytest.mark.parametrize(
     ("was", "seen", "begun"),
     [
-        (1.0, Seen(ON, 0.1), {6: Stage.NMT, 15: Stage.SILENCE}),  # it has slowed down since
-        (0.1, Seen(ON, 1.0), {6: Stage.NMT, 9: Stage.SILENCE}),
-        (1.0, Seen(ON, math.nan), {6: Stage.NMT, 9: Stage.SILENCE}),  # as fast as it was
-        (math.nan, None, {6: Stage.NMT, 15: Stage.SILENCE}),  # never read: nothing to go by
+        (1.0, Seen(ON, 0.1), {6: Stage.LAST, 15: Stage.SILENCE}),  # it has slowed down since
+        (0.1, Seen(ON, 1.0), {6: Stage.LAST, 9: Stage.SILENCE}),
+        (1.0, Seen(ON, math.nan), {6: Stage.LAST, 9: Stage.SILENCE}),  # as fast as it was
+        (math.nan, None, {6: Stage.LAST, 15: Stage.SILENCE}),  # never read: nothing to go by
     ],
 )
 def test_how_fast_it_is_counts_as_last_seen(
     was: float, seen: Seen | None, begun: dict[int, Stage]
 ) -> None:
-    assert stages(commanded(was, Stage.SDO), seen, 30) == begun
+    assert stages(commanded(was, Stage.DIRECT), seen, 30) == begun
 
 
 @pytest.mark.parametrize(
     ("speed", "begun"),
     [
-        (0.5, {17: Stage.NMT, 26: Stage.SILENCE}),  # it stands by then
-        (1.2, {14: Stage.NMT, 17: Stage.SILENCE}),  # 0.7 rad/s, and 0.13 rad gone
+        (0.5, {17: Stage.LAST, 26: Stage.SILENCE}),  # it stands by then
+        (1.2, {14: Stage.LAST, 17: Stage.SILENCE}),  # 0.7 rad/s, and 0.13 rad gone
     ],
 )
 def test_unheard_it_brakes_with_half_its_ramp_for_as_long_as_it_was_seen_to(
     speed: float, begun: dict[int, Stage]
 ) -> None:
-    watch = commanded(speed, Stage.SDO)
+    watch = commanded(speed, Stage.DIRECT)
     watch.step(T, Seen(STOPS, speed))
     found = {k: watch.step(k * T, None) for k in range(2, 30)}
     assert {k: stage for k, stage in found.items() if stage} == begun
@@ -112,7 +110,7 @@ def test_one_good_tick_takes_one_bad_tick_away_and_no_more(
 def test_a_late_tick_is_no_more_than_two_bad_ones() -> None:
     watch = commanded()
     assert watch.step(0.5, None) is None
-    assert watch.step(0.51, None) is Stage.SDO
+    assert watch.step(0.51, None) is Stage.DIRECT
 
 
 @settings(max_examples=scaled(100))
@@ -121,21 +119,6 @@ def test_a_drive_that_never_obeys_ends_in_silence_in_time(speed: float, seen: Se
     watch = commanded(speed)
     begun = stages(watch, seen, 18)
     assert watch.stage is Stage.SILENCE, begun
-
-
-@pytest.mark.parametrize(
-    ("velocity", "braking"),
-    [(1.0, 0.05), (2.0, 0.2)],  # 1 / (2 * 10), 4 / (2 * 10)
-)
-def test_the_travel_of_a_joint(joint_drives: list[Drive], velocity: float, braking: float) -> None:
-    drives = [replace(drive, velocity=velocity, quick_stop=10.0) for drive in joint_drives]
-    travel = worst_travel(drives, T, noticing_s=3 * T)[0]
-    assert travel.noticing == pytest.approx(0.03 * velocity)  # three ticks of 10 ms
-    assert travel.stages == pytest.approx(0.09 * velocity)  # three ticks each
-    assert travel.patience == 0.1 * velocity  # 100 ms
-    assert travel.braking == braking
-    assert travel.total == pytest.approx(0.22 * velocity + braking)
-    assert least_patience_s(drives) == 0.1
 
 
 @pytest.mark.parametrize(

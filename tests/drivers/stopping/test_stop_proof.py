@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.canopen.cia402 import UNPOWERED, DriveState
-from drivers.canopen.stop_stages import OBEYING, Seen, Stage, StopWatch
-from tests.drivers.canopen.one_watch import (
+from drivers.api import DriveCondition
+from drivers.stopping.stop_watch import OBEYING, Seen, Stage, StopWatch
+from tests.drivers.stopping.one_watch import (
     BOUNDS,
     LIMP,
     ON,
@@ -32,8 +32,8 @@ def hardly_brakes(t: float) -> float:
     return 1.0 - 0.02 * t
 
 
-@pytest.mark.parametrize("state", sorted(UNPOWERED))
-def test_without_power_it_stands_when_it_is_seen_to(state: DriveState) -> None:
+@pytest.mark.parametrize("state", [one for one in DriveCondition if not one.powered])
+def test_without_power_it_stands_when_it_is_seen_to(state: DriveCondition) -> None:
     watch = commanded()
     for k in (1, 2):
         assert watch.unproved
@@ -54,8 +54,8 @@ def test_without_power_it_stands_when_it_is_seen_to(state: DriveState) -> None:
         (Seen(LIMP, 1.2, 0.0, 0.0), False),
         (Seen(LIMP, math.nan, 0.0, 0.0), False),
         (Seen(ON, 0.0, 0.0, 0.0), False),
-        (Seen(DriveState.UNKNOWN, 0.0, 0.0, 0.0), False),
-        (Seen(DriveState.FAULT_REACTION_ACTIVE, 0.0, 0.0, 0.0), True),
+        (Seen(DriveCondition.UNKNOWN, 0.0, 0.0, 0.0), False),
+        (Seen(DriveCondition.FAILING, 0.0, 0.0, 0.0), True),
         (None, False),
     ],
 )
@@ -164,7 +164,7 @@ def test_without_power_it_is_proved_like_any_other_and_free_when_it_may_run() ->
 
 
 def test_a_hand_may_lead_a_drive_without_power_as_far_as_it_likes() -> None:
-    found = Course(lambda t: 0.5, state=LIMP)
+    found = Course(lambda t: 0.5, condition=LIMP)
     assert (found.runs_on, found.cut, found.begun) == ([], [], [])
 
 
@@ -175,7 +175,7 @@ def test_a_hand_that_works_at_a_joint_that_stops_leads_to_nothing(hertz: float) 
     assert not found.watch.proved
 
 
-@pytest.mark.parametrize("stage", [Stage.SETPOINT, Stage.SDO, Stage.NMT])
+@pytest.mark.parametrize("stage", [Stage.SETPOINT, Stage.DIRECT, Stage.LAST])
 def test_who_is_stronger_than_a_drive_that_obeys_leads_to_no_stronger_stage(stage: Stage) -> None:
     found = Course(lambda t: 1.0, current=-1.1, stage=stage)
     assert (found.begun, found.cut) == ([], []), "1 rad, of 0.24"
@@ -326,13 +326,13 @@ def test_what_was_proved_begins_with_nothing_against_it() -> None:
 
 
 def test_it_is_free_again_when_it_may_run() -> None:
-    watch = commanded(stage=Stage.NMT)
+    watch = commanded(stage=Stage.LAST)
     watch.allow()
     assert (watch.stage, watch.unproved, watch.proved) == (Stage.NONE, False, False)
 
 
 @settings(max_examples=scaled(200))
-@given(ticks=st.lists(st.tuples(readings(DriveState), st.floats(0.001, 3.0)), max_size=40))
+@given(ticks=st.lists(st.tuples(readings(DriveCondition), st.floats(0.001, 3.0)), max_size=40))
 def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
     ticks: list[tuple[Seen | None, float]],
 ) -> None:
@@ -342,7 +342,7 @@ def test_it_is_proved_by_nothing_but_a_reading_and_never_gets_weaker(
         watch.step(now, seen)
         if watch.proved and not proved:
             assert seen is not None
-            assert seen.state in OBEYING
+            assert seen.condition in OBEYING
         if proved and not watch.proved:
             assert seen is not None
         elif not (proved or watch.proved):

@@ -6,7 +6,7 @@ All at the link, SI; NaN is no reading.
 import math
 from typing import Final
 
-from drivers.canopen.witness import MOVES
+from drivers.stopping.witness import MOVES
 
 #: Time in which the path by its own power is forgotten, were it all of its travel [s].
 FORGETS_S: Final = 60.0

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen.presence import Presence
+from drivers.presence import Presence
 
 PATIENCE_S, T = 0.1, 0.01
 

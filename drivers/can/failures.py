@@ -3,21 +3,20 @@
 import errno
 from typing import Final
 
-from drivers.api import Kind
-from drivers.canopen.events import Fact
+from drivers.api import Event, Kind
 
 # A socket that raised one of these does not come back, whatever becomes of the adapter. ENETDOWN is
 # not among them: an interface that is set up again serves the sockets it had.
 _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, errno.ESHUTDOWN})
 
 
-def bus_failure(doing: str, error: Exception) -> Fact:
+def bus_failure(doing: str, error: Exception) -> Event:
     """Event for a failure of the bus; `doing` is "sending" or "receiving"."""
     number = getattr(error, "errno", None) or getattr(error, "error_code", None)
     # select() raises ValueError for a socket that was closed.
     gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
     kind = Kind.ADAPTER_GONE if gone else Kind.DISTURBED
-    return Fact(kind, text=f"{doing} failed: {error}")
+    return Event(kind, f"{doing} failed: {error}")
 
 
 # Classes of Linux' error frames (linux/can/error.h), and the bits that detail class 4.
@@ -37,13 +36,13 @@ _ERROR_CLASSES: Final = (
 )
 
 
-def error_frame(error_class: int, data: bytes | bytearray) -> Fact:
+def error_frame(error_class: int, data: bytes | bytearray) -> Event:
     """Event for an error frame; `error_class` is its identifier. An adapter that reports trouble of
     the controller without detail (socketcand) is taken to mean error-passive."""
     if error_class & _BUS_OFF:
-        return Fact(Kind.OFF_BUS)
+        return Event(Kind.OFF_BUS, "")
     if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):
-        return Fact(Kind.PASSIVE, text="cable, termination, bitrate?")
+        return Event(Kind.PASSIVE, "cable, termination, bitrate?")
     found = [text for bit, text in _ERROR_CLASSES if error_class & bit]
     words = ", ".join(found) or f"class 0x{error_class:X}"
-    return Fact(Kind.DISTURBED, text=f"error frame: {words}")
+    return Event(Kind.DISTURBED, f"error frame: {words}")

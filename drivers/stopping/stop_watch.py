@@ -1,15 +1,8 @@
 """Stop of one drive in stages, each with a deadline; only an observed standstill ends it. Pure.
 
-A drive that was commanded to stop stands when fresh readings confirm it: a statusword that has left
-operation, and every sensor that it has (`witness`). Until then it counts as running. The
-stages get stronger, and none relies on what the one before needs:
-
-    SETPOINT  quick stop in its RPDO, which acts at a SYNC
-    SDO       quick stop written to 0x6040, which acts at once, also in pre-operational
-    NMT       NMT stop, a loss of the connection at which a drive stops by itself (0x6007)
-    SILENCE   no heartbeat, SYNC or setpoint any more, so that the drive's own watch acts (0x1016)
-
-Time is an argument.
+A drive that was commanded to stop stands when fresh readings confirm it: a report that it obeys,
+and every sensor that it has (`witness`). Until then it counts as running. The stages get stronger,
+and none relies on what the one before needs; what each sends is the make's. Time is an argument.
 """
 
 import math
@@ -17,9 +10,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
-from drivers.canopen.cia402 import UNPOWERED, DriveState
-from drivers.canopen.stop_distance import Distance
-from drivers.canopen.witness import MOVES, STANDS, Witness
+from drivers.api import DriveCondition
+from drivers.stopping.distance import Distance
+from drivers.stopping.witness import MOVES, STANDS, Witness
 
 #: Readings, less so many for each other one, so that noise proves nothing.
 STILL_READINGS: Final = 2
@@ -56,30 +49,35 @@ LEFT_RAD: Final = 0.02
 LEEWAY: Final = 1.5
 #: No ramp and no friction stops a motor with more than so many times the deceleration of its ramp.
 SUDDEN_SHARE: Final = 3.0
-#: States of a drive that obeys a stop: without power, or stopping and holding by itself.
-OBEYING: Final = UNPOWERED | {DriveState.QUICK_STOP_ACTIVE, DriveState.FAULT_REACTION_ACTIVE}
+#: Conditions of a drive that obeys a stop: without power, or stopping and holding by itself.
+OBEYING: Final = frozenset(
+    {
+        *(condition for condition in DriveCondition if not condition.powered),
+        *(DriveCondition.STOPPED, DriveCondition.FAILING),
+    }
+)
 
 
 class Stage(IntEnum):
     """Stages of a stop, in rising order of strength."""
 
     NONE = 0  # the drive may run
-    SETPOINT = 1
-    SDO = 2
-    NMT = 3
-    SILENCE = 4
+    SETPOINT = 1  # stop among the setpoints
+    DIRECT = 2  # stop by a command of its own
+    LAST = 3  # strongest command that there is
+    SILENCE = 4  # nothing is sent any more, so that the drive's own watch on us acts
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
     """Fresh reading of a drive that is to stop. SI at the link; NaN where it was not read."""
 
-    state: DriveState
+    condition: DriveCondition
     velocity: float  # of the motor
     current: float = math.nan
     position: float = math.nan  # of the link
     motor: float = math.nan  # position of the motor, where it has a sensor of its own
-    asked: bool = False  # read by SDO, which needs neither SYNC nor PDO
+    asked: bool = False  # read on its own, not as a sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +88,7 @@ class StopBounds:
     current: float  # its limit [A]
     travel: float  # of its joint, from the first command on [rad]
     play: float  # of its link about its motor [rad]
-    patience_s: float  # until it stops by itself when it misses our heartbeat
+    patience_s: float  # until it stops by itself when it misses us
     ticks: int  # of each stage
     period_s: float
 
@@ -99,8 +97,8 @@ class StopWatch:
     """Watch on one drive: checks that it obeys a command to stop.
 
     Stronger stages are for a drive that is in operation, or unheard. One that reports that it stops
-    gets none for being moved: NMT stop and silence ask of it what it does already, and would cost
-    the others their master. Once it runs on beyond its travel its power is to be `cut`, as where a
+    gets none for being moved: they ask of it what it does already, and would cost the others their
+    master. Once it runs on beyond its travel its power is to be `cut`, as where a
     monitored ramp is not kept (SS1-r of IEC 61800-5-2). It stands only when it is seen to.
     """
 
@@ -126,7 +124,7 @@ class StopWatch:
     _needed: int  # of them for a proof
     _moving: float  # readings that show it running on, less those that do not
     _beyond: float  # likewise, of those that were taken beyond its travel
-    _asked: Witness  # of the readings by SDO since the command to stop
+    _asked: Witness  # of the readings on its own since the command to stop
 
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
@@ -162,7 +160,7 @@ class StopWatch:
         self._stood = self._stood_s = math.nan
         self._still, self._moving, self._beyond = 0, 0.0, 0.0
         self._needed = STILL_READINGS
-        # The history of readings by SDO goes on from that of the samples.
+        # The history of readings on their own goes on from that of the samples.
         self._asked = self.witness.copy()
 
     def allow(self) -> None:
@@ -178,10 +176,10 @@ class StopWatch:
             seen = self._measured(now, seen)
             self._judge(now, seen)
         elif self.proved and self._powered and now - self._read_s > PROOF_S:
-            self.begin(now, max(self.stage, Stage.SDO), self.speed)
+            self.begin(now, max(self.stage, Stage.DIRECT), self.speed)
         if self.proved or self.stage is Stage.SILENCE:
             return None
-        if seen is not None and seen.state in OBEYING:
+        if seen is not None and seen.condition in OBEYING:
             self._wrong, self._obeyed_s = max(self._wrong - 1.0, 0.0), now
         elif seen is not None or not self._lately_obeyed(now):
             # However late a tick is, it is one chance that the drive was not given.
@@ -204,7 +202,7 @@ class StopWatch:
         """Take the readings of its sensors, and return those that were measured."""
         witness = self._witness(seen)
         witness.take(now, seen.velocity, seen.current, seen.position, seen.motor)
-        return Seen(seen.state, math.nan, asked=seen.asked) if witness.repeats else seen
+        return Seen(seen.condition, math.nan, asked=seen.asked) if witness.repeats else seen
 
     def _witness(self, seen: Seen) -> Witness:
         return self._asked if seen.asked else self.witness
@@ -216,9 +214,9 @@ class StopWatch:
 
     def _judge(self, now: float, seen: Seen) -> None:
         """Keep whether it is proved to stand."""
-        self._powered = seen.state not in UNPOWERED
+        self._powered = seen.condition.powered
         self.moves = abs(seen.velocity) >= MOVES and self._powered
-        if seen.state not in OBEYING:
+        if seen.condition not in OBEYING:
             if self.proved:
                 self.begin(now, Stage.SETPOINT, seen.velocity)
             self._left_s, self._still, self._moving = math.nan, 0, 0
@@ -228,7 +226,7 @@ class StopWatch:
         still = self._complete(seen) and self._witness(seen).stands(now, seen.velocity)
         self._still = self._still + 1 if still else max(self._still - STILL_LOST, 0)
         # Without power it moves as the load or a hand will.
-        calm = still or seen.state in UNPOWERED or self._stops(now, seen)
+        calm = still or not seen.condition.powered or self._stops(now, seen)
         self._resisting = not calm and self._resists(seen)
         if not self._resisting:
             self._moving = _counted(self._moving, against=not calm)
@@ -290,7 +288,7 @@ class StopWatch:
         if self.stage is Stage.SETPOINT or not self._wrong:
             return False
         bounds, v = self._bounds, self.speed
-        stage_s = bounds.ticks * bounds.period_s if self.stage is Stage.SDO else 0.0
+        stage_s = bounds.ticks * bounds.period_s if self.stage is Stage.DIRECT else 0.0
         left_s = bounds.patience_s + stage_s
         gone = self._distance.gone + v * left_s + v * v / (2.0 * bounds.deceleration)
         return gone > bounds.travel * (1.0 - ROUNDING)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.canopen.punctuality import (
+from drivers.punctuality import (
     DOUBT_TICKS,
     LEFT_OUT_EVERY_S,
     LEFT_OUT_EVERY_WHILE_OLD_S,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.canopen.drive import Drive
+from drivers.drive import Drive, DriveKind
 
 #: A drive needs two ticks to take a quick stop from its RPDO and to report it.
 FEWEST_TICKS: Final = 3
@@ -28,9 +28,9 @@ class Travel:
         return self.noticing + self.stages + self.patience + self.braking
 
 
-def least_patience_s(drives: Sequence[Drive]) -> float:
-    """Shortest time that a drive waits for our heartbeat (0x1016) [s]."""
-    return min(drive.profile.master_timeout_ms for drive in drives) / 1000.0
+def least_patience_s(drives: Sequence[Drive[DriveKind]]) -> float:
+    """Shortest time that a drive waits for us [s]."""
+    return min(drive.profile.patience_s for drive in drives)
 
 
 def stage_ticks(patience_s: float, period_s: float) -> int:
@@ -40,7 +40,10 @@ def stage_ticks(patience_s: float, period_s: float) -> int:
 
 
 def worst_travel(
-    drives: Sequence[Drive], period_s: float, noticing_s: float, speed_margin: float = 1.0
+    drives: Sequence[Drive[DriveKind]],
+    period_s: float,
+    noticing_s: float,
+    speed_margin: float = 1.0,
 ) -> list[Travel]:
     """Worst travel of each joint: full speed v until the fault is found, for the stages before
     silence, and for the drive's patience; then its quick stop, v^2 / (2 a). Its own way is one of
@@ -50,7 +53,7 @@ def worst_travel(
         Travel(
             noticing=drive.velocity * noticing_s,
             stages=drive.velocity * stages_s,
-            patience=drive.velocity * drive.profile.master_timeout_ms / 1000.0,
+            patience=drive.velocity * drive.profile.patience_s,
             braking=drive.velocity**2 / (2.0 * drive.quick_stop),
             own=_braked(drive, speed_margin, noticing_s + FEWEST_TICKS * period_s),
         )
@@ -58,7 +61,7 @@ def worst_travel(
     ]
 
 
-def _braked(drive: Drive, speed_margin: float, seconds: float) -> float:
+def _braked(drive: Drive[DriveKind], speed_margin: float, seconds: float) -> float:
     """Travel at so many times its velocity limit for so long, and then down its quick stop."""
     speed = speed_margin * drive.velocity
     return speed * seconds + speed**2 / (2.0 * drive.quick_stop)

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 from hypothesis import strategies as st
 
-from drivers.canopen.cia402 import DriveState
-from drivers.canopen.stop_stages import Seen, Stage, StopBounds, StopWatch
+from drivers.api import DriveCondition
+from drivers.stopping.stop_watch import Seen, Stage, StopBounds, StopWatch
 
 T = 0.01
-ON, STOPS = DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE
-LIMP = DriveState.SWITCH_ON_DISABLED
+ON, STOPS = DriveCondition.OPERATING, DriveCondition.STOPPED
+LIMP = DriveCondition.OFF
 BOUNDS = StopBounds(
     deceleration=10.0, current=2.0, travel=0.24, play=0.0, patience_s=0.1, ticks=3, period_s=T
 )
@@ -31,11 +31,11 @@ def commanded(
     return watch
 
 
-def readings(states: Iterable[DriveState]) -> st.SearchStrategy[Seen | None]:
+def readings(states: Iterable[DriveCondition]) -> st.SearchStrategy[Seen | None]:
     """Of drives in one of these states, or nothing fresh."""
     return st.none() | st.builds(
         Seen,
-        st.sampled_from(sorted(states)),
+        st.sampled_from(sorted(states, key=str)),
         st.floats(-3.0, 3.0) | st.just(math.nan),
         st.floats(-2.0, 2.0) | st.just(math.nan),
         st.floats(-1.0, 1.0) | st.just(math.nan),
@@ -50,7 +50,7 @@ class Course:
     current: float = 0.0
     ticks: int = 100
     start: float = 0.0
-    state: DriveState = STOPS
+    condition: DriveCondition = STOPS
     stage: Stage = Stage.SETPOINT
     bounds: StopBounds = BOUNDS
     watch: StopWatch = field(init=False)
@@ -64,7 +64,7 @@ class Course:
         for k in range(1, self.ticks):
             velocity = self.velocity_at(k * T)
             position += velocity * T
-            seen = Seen(self.state, velocity, self.current, position)
+            seen = Seen(self.condition, velocity, self.current, position)
             if stage := self.watch.step(k * T, seen):
                 self.begun.append(stage)
             self.runs_on += [k] if self.watch.runs_on else []

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from drivers.canopen.witness import FROZEN_READINGS, MOVES, STANDS, Witness
+from drivers.stopping.witness import FROZEN_READINGS, MOVES, STANDS, Witness
 
 T = 0.01
 Course = Callable[[int], float]

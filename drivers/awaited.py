@@ -1,0 +1,112 @@
+"""Answers awaited in a tick, and the age of each joint's samples. Pure.
+
+Which are still awaited is one integer, a bit for each of them. A joint is fresh when all of its
+answers came in time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.arrays import Vector
+from drivers.punctuality import Punctuality
+
+#: A drive may take so many ticks from its start to its first answer.
+START_TICKS = 30
+
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(frozen=True, slots=True)
+class Freshness:
+    """Freshness of all joints in one tick; arrays (n,) are read-only."""
+
+    fresh: NDArray[np.bool_]
+    age_s: Vector  # since the last fresh sample [s]
+    starting: NDArray[np.bool_]  # not fresh since the start, and may still be starting up
+
+
+class Awaited:
+    """Answers of an arm; `joint_bits` are those of each joint."""
+
+    def __init__(self, joint_bits: Sequence[int], period_s: float) -> None:
+        self._joint_bits, self._period_s = tuple(joint_bits), period_s
+        self._all = sum(joint_bits)
+        self.punctuality = Punctuality(period_s)
+        self.missing = 0
+        """Not zero while one is awaited."""
+        self._asked = False  # in this tick
+        n = len(joint_bits)
+        self._every = frozen(np.ones(n, dtype=np.bool_))
+        self.none = self._starting = frozen(np.zeros(n, dtype=np.bool_))
+        self._start_ticks = 0  # left, in which a drive may still be starting
+        self._no_ticks = self._age_ticks = np.zeros(n, dtype=np.int64)
+        self._no_age: Vector = frozen(np.zeros(n))
+        self._age_s = self._no_age
+
+    def start_anew(self) -> None:
+        """Start over after a time without questions: count ages from the next tick on, and take no
+        earlier frame for an answer."""
+        self._age_ticks, self._age_s = self._no_ticks, self._no_age
+        self.missing, self._asked = 0, False
+        self.punctuality.start_anew()
+        self._start_ticks, self._starting = START_TICKS, self._every
+
+    def expect_none(self) -> None:
+        """Count every answer until the next question as late."""
+        self.missing = 0
+
+    def expect_all(self, now: float) -> None:
+        """Await all: the question is about to go out."""
+        self.punctuality.asked(now)
+        self.missing, self._asked = self._all, True
+
+    def miss_all(self) -> None:
+        """Count the answers of this tick as missing: they belong to no question, or not surely to
+        this one."""
+        self.missing = self._all
+
+    def joints_of(self, answers: int) -> list[int]:
+        """Joints of which one of these is."""
+        return [i for i, bits in enumerate(self._joint_bits) if bits & answers]
+
+    def take(self, bit: int) -> bool:
+        """Take an answer; False if it came unawaited."""
+        if not self.missing & bit:
+            return False
+        self.missing ^= bit
+        return True
+
+    @property
+    def freshness(self) -> Freshness:
+        """Freshness before the first tick."""
+        return Freshness(self.none, self._age_s, self._starting)
+
+    def finish(self) -> Freshness:
+        """End the tick."""
+        missing, fresh = self.missing, self._every
+        if self._asked:
+            self.punctuality.ended(missing)
+            self._asked = False
+        if missing:
+            fresh = frozen(np.array([not missing & bits for bits in self._joint_bits]))
+            self._age_ticks = np.where(fresh, 0, self._age_ticks + 1)
+            self._age_s = frozen(np.multiply(self._age_ticks, self._period_s, dtype=float))
+            if self._start_ticks:
+                self._start_ticks -= 1
+                self._starting = frozen(self._starting & ~fresh)
+            else:
+                self._starting = self.none
+        else:
+            self._age_ticks, self._age_s = self._no_ticks, self._no_age
+            self._starting, self._start_ticks = self.none, 0
+        return Freshness(fresh, self._age_s, self._starting)
+
+
+def frozen(array: NDArray[T]) -> NDArray[T]:
+    """The array, read-only from now on."""
+    array.setflags(write=False)
+    return array

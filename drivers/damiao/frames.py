@@ -1,0 +1,163 @@
+"""Frames of Damiao motors: commands, feedback and registers, as bytes. Pure.
+
+A motor answers each command frame with one feedback frame, at its master id. Numbers of 16 and 12
+bits are scaled between -MAX and +MAX; floats are IEEE 754, little-endian. Figures: the maker's
+manuals and samples; docs/drives.md has the sources.
+"""
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from drivers.can.wire import Frame
+
+VELOCITY: Final = 0x200  # added to a motor's id: commands in velocity mode
+REGISTERS: Final = 0x7FF
+ANSWERS: Final = 0x10  # usual distance of the master id from the motor's
+
+_COMMAND: Final = b"\xff" * 7
+ENABLE: Final = _COMMAND + b"\xfc"
+DISABLE: Final = _COMMAND + b"\xfd"
+CLEAR_ERROR: Final = _COMMAND + b"\xfb"
+
+_READ, _WRITE, _REFRESH = 0x33, 0x55, 0xCC
+_FLOAT: Final = struct.Struct("<f")
+_SETPOINT_INTO: Final = _FLOAT.pack_into
+_WORD: Final = struct.Struct("<I")
+#: Status and id, position, velocity and torque in 40 bits, two temperatures.
+_FEEDBACK: Final = struct.Struct(">BHBBBBB")
+
+
+class Register(IntEnum):
+    """Registers that are used."""
+
+    ACCELERATION = 4
+    DECELERATION = 5
+    MASTER_ID = 7
+    ID = 8
+    TIMEOUT = 9  # in TIMEOUT_S; 0 is none
+    MODE = 10
+    FIRMWARE = 14
+    SERIAL = 15
+    GEAR = 20
+    POSITION_MAX = 21
+    VELOCITY_MAX = 22
+    TORQUE_MAX = 23
+    MOTOR_POSITION = 80  # [rad at the output]
+    OUTPUT_POSITION = 81  # of the encoder at the output [rad]
+
+
+WORDS: Final = frozenset(
+    {
+        *(Register.MASTER_ID, Register.ID, Register.TIMEOUT, Register.MODE),
+        *(Register.FIRMWARE, Register.SERIAL),
+    }
+)
+"""Registers that hold a whole number of 32 bits; the others hold floats."""
+TIMEOUT_S: Final = 50e-6
+VELOCITY_MODE: Final = 3
+
+
+class Status(IntEnum):
+    """Status in a feedback's upper four bits; -1 before the first."""
+
+    UNKNOWN = -1
+    DISABLED = 0
+    ENABLED = 1
+    OVERVOLTAGE = 8
+    UNDERVOLTAGE = 9
+    OVERCURRENT = 10
+    HOT_BRIDGE = 11
+    HOT_COIL = 12
+    MASTER_SILENT = 13
+    OVERLOAD = 14
+
+
+def setpoint(data: bytearray, velocity: float) -> None:
+    """Write a target velocity [rad/s at the output] into the data of a velocity command."""
+    _SETPOINT_INTO(data, 0, velocity)
+
+
+def refresh(motor: int) -> Frame:
+    """Request of a feedback, which commands nothing."""
+    return REGISTERS, bytes((motor & 0xFF, motor >> 8, _REFRESH, 0, 0, 0, 0, 0))
+
+
+def read(motor: int, register: int) -> Frame:
+    """Request of a register."""
+    return REGISTERS, bytes((motor & 0xFF, motor >> 8, _READ, register, 0, 0, 0, 0))
+
+
+def write(motor: int, register: int, value: float) -> Frame:
+    """Request to change a register, until the motor's power is off."""
+    head = bytes((motor & 0xFF, motor >> 8, _WRITE, register))
+    return REGISTERS, head + (_WORD.pack(int(value)) if register in WORDS else _FLOAT.pack(value))
+
+
+def register_of(motor: int, data: bytes | bytearray) -> int | None:
+    """Register that an answer is about; None for a feedback, or another motor's.
+
+    A feedback begins with status and id, then a position: it may look like an answer by chance once
+    in 2^24 values of them.
+    """
+    if len(data) < 8 or data[2] not in (_READ, _WRITE):
+        return None
+    return data[3] if data[0] | data[1] << 8 == motor else None
+
+
+def value_of(register: int, data: bytes | bytearray) -> float:
+    """Value in an answer about a register; NaN for a float that was never written."""
+    value: float = (_WORD if register in WORDS else _FLOAT).unpack_from(data, 4)[0]
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """Value of one count of position [rad], velocity [rad/s] and torque [Nm], at the output."""
+
+    position: float
+    velocity: float
+    torque: float
+
+    @classmethod
+    def of(cls, position_max: float, velocity_max: float, torque_max: float) -> "Scales":
+        """Scales of a motor that reaches so far to either side."""
+        return cls(
+            2.0 * position_max / 0xFFFF, 2.0 * velocity_max / 0xFFF, 2.0 * torque_max / 0xFFF
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """Feedback in counts, from 0 at -MAX on."""
+
+    status: int
+    motor: int  # the id's lower four bits
+    position: int
+    velocity: int
+    torque: int
+    bridge_C: int  # temperature
+    coil_C: int
+
+
+def feedback_of(data: bytes | bytearray) -> Feedback:
+    """Feedback in eight bytes. Raises struct.error for fewer."""
+    head, position, fast, both, torque, bridge, coil = _FEEDBACK.unpack_from(data)
+    return Feedback(
+        status=head >> 4,
+        motor=head & 0xF,
+        position=position,
+        velocity=fast << 4 | both >> 4,
+        torque=(both & 0xF) << 8 | torque,
+        bridge_C=bridge,
+        coil_C=coil,
+    )
+
+
+def status_of(nibble: int) -> Status:
+    """Status in words; an unassigned one is unknown."""
+    return _STATUS.get(nibble, Status.UNKNOWN)
+
+
+_STATUS: Final = {status.value: status for status in Status}

@@ -1,0 +1,1 @@
+"""Stops of drives, whichever make they are: seen, timed, measured."""

@@ -1,0 +1,98 @@
+"""Stop watches of all drives of one arm, and the motion that their samples show."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+from common.arrays import Vector
+from drivers.api import PowerTarget, Samples
+from drivers.drive import Drive
+from drivers.stopping.stop_watch import Seen, StopBounds, StopWatch
+from drivers.stopping.travel import least_patience_s, stage_ticks, worst_travel
+
+REPEATS: Final = "all of its samples repeat while its motor moves, or was commanded to"
+
+
+class Watches:
+    """One watch for each drive, in the order of the joints."""
+
+    def __init__(self, drives: Sequence[Drive[Any]], period_s: float) -> None:
+        ticks = stage_ticks(least_patience_s(drives), period_s)
+        # From the first command on: noticing is over by then.
+        travels = worst_travel(drives, period_s, noticing_s=0.0)
+        self.each = [
+            StopWatch(
+                StopBounds(
+                    deceleration=drive.quick_stop,
+                    current=drive.wiring.max_current_A,
+                    travel=travel.total,
+                    play=drive.play,
+                    patience_s=drive.profile.patience_s,
+                    ticks=ticks,
+                    period_s=period_s,
+                )
+            )
+            for drive, travel in zip(drives, travels, strict=True)
+        ]
+        self.repeat = [False] * len(drives)
+        """Drives whose samples do, all of them."""
+        self._no_motors = [math.nan] * len(drives)
+
+    @property
+    def unproved(self) -> list[int]:
+        """Joints commanded to stop and not confirmed at standstill, or moving since."""
+        return [i for i, watch in enumerate(self.each) if watch.unproved or watch.moves]
+
+    def may_be_off(self, joint: int) -> bool:
+        """True where a drive stands, or its quick stop was seen not to stop it: a moving one gets a
+        ramp before its power is taken."""
+        watch = self.each[joint]
+        return watch.proved or watch.cut
+
+    def follow(
+        self, now: float, samples: Samples, targets: Sequence[PowerTarget], velocity: Vector
+    ) -> list[int]:
+        """Record the motion and the commanded `velocity` (n,) [rad/s] of each drive, in every tick,
+        whether it is to stop or not. Returns the joints whose samples begin to repeat."""
+        motors = samples.motor_position
+        columns = zip(
+            self.each,
+            samples.fresh.tolist(),
+            samples.motor_velocity.tolist(),
+            samples.current.tolist(),
+            samples.link_position.tolist(),
+            self._no_motors if motors is None else motors.tolist(),
+            targets,
+            velocity.tolist(),
+            strict=True,
+        )
+        repeat = []
+        for watch, fresh, speed, current, link, motor, target, wanted in columns:
+            witness = watch.witness
+            if fresh:
+                witness.take(now, speed, current, link, motor)
+            repeat.append(witness.repeats)
+            if target is PowerTarget.ON:
+                witness.command(now, wanted)
+        if repeat == self.repeat:
+            return []
+        before, self.repeat = self.repeat, repeat
+        return [i for i, is_so in enumerate(repeat) if is_so and not before[i]]
+
+    def take_over(self, before: "Watches") -> None:
+        """Take over the motion history of the drives until now."""
+        self.repeat = before.repeat
+        for watch, old in zip(self.each, before.each, strict=True):
+            watch.witness = old.witness
+
+
+def seen_in(samples: Samples, joint: int) -> Seen:
+    """Sample of a drive as a reading of it."""
+    motors = samples.motor_position
+    return Seen(
+        samples.drives[joint].condition,
+        float(samples.motor_velocity[joint]),
+        float(samples.current[joint]),
+        float(samples.link_position[joint]),
+        math.nan if motors is None else float(motors[joint]),
+    )
