@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from typing import Any
 
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, frames_of
+from drivers.api import BootableDrives
 from drivers.can.bus import open_bus
 from drivers.can.frame_ring import FrameRing, RecordedWire
 from drivers.can.load import bus_load
@@ -13,8 +15,10 @@ from drivers.canopen.arm import CanopenArm
 from drivers.canopen.boot.boot_up import DriveBoot
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.required_objects import DriveSetup
+from drivers.canopen.settings import CanopenProfile
+from drivers.damiao.arm import DamiaoArm
 
-Setups = Sequence[DriveSetup]
+Setups = Sequence[Any]
 
 
 def open_wire(robot: Robot, opened: ExitStack) -> Wire:
@@ -35,10 +39,15 @@ def frames_per_second(c: Configuration) -> float:
 
 
 def build_setups(robot: Robot) -> Setups:
-    """Set-up that each drive must have before it may be operational. Raises ConfigurationError."""
+    """What each drive must have before it may be operational: of CANopen drives, their set-up; of
+    others, the drives. Raises ConfigurationError."""
     c = robot.configuration
+    if not _canopen(c):
+        return c.joint_drives
     sheets = {
-        name: load_data_sheet(robot.folder / profile.eds) for name, profile in c.drives.items()
+        name: load_data_sheet(robot.folder / profile.eds)
+        for name, profile in c.drives.items()
+        if isinstance(profile, CanopenProfile)
     }
     return [DriveSetup(drive, sheets[drive.wiring.profile]) for drive in c.joint_drives]
 
@@ -46,17 +55,34 @@ def build_setups(robot: Robot) -> Setups:
 def build_boot(
     robot: Robot, wire: Wire, ring: FrameRing | None = None, setups: Setups | None = None
 ) -> DriveBoot:
-    """Boot-up of the drives over the wire of an open bus. `ring` keeps its frames; `setups` are
+    """Boot-up of CANopen drives over the wire of an open bus. `ring` keeps its frames; `setups` are
     built from the robot's files unless given. Raises ConfigurationError."""
     c = robot.configuration
     setups = build_setups(robot) if setups is None else setups
     return DriveBoot(wire, setups, c.period_ms, c.bus.master_node, ring)
 
 
-def build_drives(
+def build_canopen(
     robot: Robot, boot: DriveBoot, wire: Wire, clock: Callable[[], float]
 ) -> CanopenArm:
-    """Drives with their boot-up, and the wire of their tick, whose frames are kept as its own."""
+    """CANopen drives with their boot-up, and the wire of their tick, whose frames are kept as its
+    own."""
     c = robot.configuration
     kept = RecordedWire(wire, boot.ring) if boot.ring else wire
     return CanopenArm(kept, boot, c.period_s, clock, c.bus.bitrate)
+
+
+def build_drives(
+    robot: Robot, wire: Wire, clock: Callable[[], float], ring: FrameRing | None, setups: Setups
+) -> BootableDrives:
+    """Drives of any make over the wire of an open bus; `ring` keeps their frames. Raises
+    ConfigurationError."""
+    c = robot.configuration
+    if _canopen(c):
+        return build_canopen(robot, build_boot(robot, wire, ring, setups), wire, clock)
+    kept = RecordedWire(wire, ring) if ring else wire
+    return DamiaoArm(kept, setups, c.period_s, clock)
+
+
+def _canopen(c: Configuration) -> bool:
+    return isinstance(next(iter(c.drives.values())), CanopenProfile)

@@ -20,7 +20,6 @@ from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.drives import (
     Setups,
-    build_boot,
     build_drives,
     build_setups,
     frames_per_second,
@@ -129,8 +128,7 @@ def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: N
     # Both processes start before this one is real-time.
     black_box = opened.enter_context(_black_box(robot, control))
     trends = opened.enter_context(closing(TrendLine(robot, _trends_of(robot))))
-    boot = build_boot(robot, wire, black_box.ring, basis.setups)
-    drives = build_drives(robot, boot, wire, time.monotonic)
+    drives = build_drives(robot, wire, time.monotonic, black_box.ring, basis.setups)
 
     def progress(line: str) -> None:
         _log.info(line)
@@ -140,7 +138,7 @@ def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: N
     serials = drives.serials
     tick = build_tick(robot, drives, check_identification(robot, serials))
     _warm_up(robot)
-    process = Process(robot, os.getpid(), _realtime(), serials, basis.not_taken_up, basis.files)
+    process = Process(robot, os.getpid(), _realtime(), list(serials), basis.not_taken_up, basis.files)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
     service = Service(process, loop, control, notifier, drives, black_box, trends)
     return _Arm(basis, drives, tick, loop, service, black_box)

@@ -1,8 +1,12 @@
 """Drive of an arm: the joint that it turns, its place on the bus, its kind, its speeds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Any, Generic, Literal, Protocol, TypeVar
 
+import numpy as np
+
+from drivers.counts import Table
 from drivers.wiring import JointWiring
 
 
@@ -21,6 +25,10 @@ class DriveKind(Protocol):
     def silence_s(self) -> float:
         """Time after which its silence is noticed by other than missing samples [s]; 0 where there
         is no other."""
+
+    @property
+    def without_us(self) -> str:
+        """What it does when nothing of ours reaches it, in words."""
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -70,3 +78,12 @@ class Drive(Generic[P_co]):
 
     def __str__(self) -> str:
         return f"node {self.node} ({self.name})"
+
+
+def harmonics(drives: Sequence[Drive[Any]]) -> Table:
+    """Errors of the link encoders (n, k, 3), k the most that one joint has; zeros fill it up."""
+    given = [[(h.order, h.cosine, h.sine) for h in d.wiring.link_correction] for d in drives]
+    table = np.zeros((len(drives), max(map(len, given), default=0), 3))
+    for row, rows in zip(table, given, strict=True):
+        row[: len(rows)] = np.array(rows).reshape(-1, 3)
+    return table

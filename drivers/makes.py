@@ -4,12 +4,37 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from common.arrays import Vector
+from drivers.api import Samples
 from drivers.can.load import FrameLoad
 from drivers.canopen import make as canopen
 from drivers.canopen.settings import CanopenProfile
+from drivers.damiao import make as damiao
+from drivers.damiao.settings import DamiaoProfile
 from drivers.drive import Counts, Drive, Measure, ProfileProblem
 
-DriveProfile = CanopenProfile
+DriveProfile = CanopenProfile | DamiaoProfile
+USUAL: Final = "canopen"
+"""Make of a profile that names none."""
+
+
+class RecordedTicks(Protocol):
+    """Ticks of recorded frames: samples and setpoints again, as they were."""
+
+    velocity: Vector
+    """Target velocities that were sent last (n,) [rad/s]."""
+
+    def begins(self, can_id: int, data: bytes, *, sent: bool) -> bool:
+        """True for the frame that a tick begins with."""
+
+    def begin(self, now: float) -> None:
+        """Begin a tick."""
+
+    def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
+        """Take another frame of it."""
+
+    def finish(self) -> Samples:
+        """End the tick."""
 
 
 class Make(Protocol):
@@ -33,8 +58,11 @@ class Make(Protocol):
     ) -> tuple[FrameLoad, ...]:
         """Every periodic frame of an arm."""
 
+    def recorded(self, drives: Sequence[Drive[Any]], period_s: float) -> RecordedTicks:
+        """Ticks of recorded frames of an arm."""
 
-MAKES: Final[dict[type, Make]] = {CanopenProfile: canopen}
+
+MAKES: Final[dict[type, Make]] = {CanopenProfile: canopen, DamiaoProfile: damiao}
 
 
 def make_of(profile: DriveProfile) -> Make:

@@ -21,7 +21,7 @@ from common.arrays import Vector
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.drives import build_boot, build_drives
+from daemon.drives import build_boot, build_canopen
 from drivers.can.wire import Wire
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from simulator.arm import SimulatedArm
@@ -158,7 +158,7 @@ def durand_rig(
         with drive.serving():
             boot.boot_up()
         bus.hand_over()
-        drives = build_drives(robot, boot, between(bus.wire), lambda: 0.0)
+        drives = build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
         tick = build_tick(robot, drives, TRUSTED)
         drives.start(0.0)
         arm = DurandArm(drive, c.period_s)

@@ -12,7 +12,7 @@ from common.errors import DriveError
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.drives import build_boot, build_drives
+from daemon.drives import build_boot, build_canopen
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
 from daemon.protocol.state import State
@@ -236,7 +236,7 @@ def lockstep_rig(
             with lockstep.serving():
                 boot.boot_up()
             bus.hand_over()
-            drives = build_drives(robot, boot, between(bus.wire), lambda: 0.0)
+            drives = build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
             tick = build_tick(robot, drives, identification(robot, drives.serials))
             drives.start(0.0)
             lockstep.pump()

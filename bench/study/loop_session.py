@@ -27,7 +27,7 @@ from bench.study.wakeups import Spawned
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
-from daemon.drives import build_boot, build_drives
+from daemon.drives import build_boot, build_canopen
 from daemon.modes.table import Event, Mode
 from daemon.run import sleep_until
 from daemon.service.notify import Notifier
@@ -168,7 +168,7 @@ def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]
         near.channel.append(drives)  # type: ignore[arg-type]  # a queue, as far as it is used
         wire = QueueWire(near)
         # The boot is of no use: nothing is asked of the drives.
-        arm = build_drives(robot, build_boot(robot, wire), wire, clock.now)
+        arm = build_canopen(robot, build_boot(robot, wire), wire, clock.now)
         tick = build_tick(robot, arm, TRUSTED)
         realtime = go_realtime()
         process = Process(robot, os.getpid(), realtime)

@@ -17,6 +17,7 @@ from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.trajectory_checks import trajectory
 from daemon.config.worst_loads import Carrying
 from drivers.canopen.boot.data_sheet import load_data_sheet
+from drivers.canopen.settings import CanopenProfile
 from estimator.body_inertia import refuse_impossible
 from estimator.model import Model
 from estimator.payload import Payload
@@ -80,10 +81,14 @@ def suspects(c: Configuration, urdf: str, folder: Path) -> list[Problem]:
     """Likely mistakes, in a configuration whose joints are those of the URDF; none if an EDS cannot
     be read."""
     try:
-        sheets = {name: load_data_sheet(folder / drive.eds) for name, drive in c.drives.items()}
+        sheets = {
+            name: load_data_sheet(folder / profile.eds)
+            for name, profile in c.drives.items()
+            if isinstance(profile, CanopenProfile)
+        }
     except ConfigurationError:
         return []
-    if any(joint.wiring.profile not in sheets for joint in c.joints):
+    if any(joint.wiring.profile not in c.drives for joint in c.joints):
         return []
     return likely_mistakes(c, urdf, sheets)
 

@@ -15,9 +15,14 @@ from drivers.makes import make_of
 def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
     """Problems of each profile with its drives and files, which are relative to `folder`."""
     used = {joint.wiring.profile for joint in c.joints}
+    first = next(iter(c.drives))
     for name, profile in c.drives.items():
         if name not in used:
             yield Problem(["drives", name], f"drives.{name}", "no joint uses this profile")
+        if type(profile) is not type(c.drives[first]):
+            what = f"another make than `{first}`: all drives of an arm must be of one make"
+            yield _in_profile(name, ("make",), what)
+            continue
         drives = [drive_of(joint, profile) for joint in c.joints if joint.wiring.profile == name]
         make, master = make_of(profile), c.bus.master_node
         for place, what in make.problems(profile, drives, folder, c.period_ms, master):

@@ -43,8 +43,9 @@ KIND_OF = {
 
 
 def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Problem]:
-    """Likely mistakes in one drive profile."""
+    """Likely mistakes in one profile of CANopen drives."""
     profile = c.drives[name]
+    assert isinstance(profile, CanopenProfile)
     gears = sorted({j.wiring.gear for j in c.joints if j.wiring.profile == name})
     by_object: dict[tuple[int, int], str] = {}
     for entry, kind in KIND_OF.items():

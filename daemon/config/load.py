@@ -20,6 +20,7 @@ from daemon.config.problem import Keys, Problem
 from daemon.config.schema import Configuration
 from daemon.config.vectors import trajectory_of
 from daemon.motion.sampled_path import SampledPath
+from drivers.makes import USUAL
 from estimator.model import Model
 
 
@@ -72,7 +73,7 @@ def load_robot(path: Path) -> Robot:
     if os.path.isdir(path):  # false also if its folder may not be searched
         path = path / "config.yaml"
     source = read_yaml(path)
-    configuration = convert(source, Configuration)
+    configuration = convert(_with_makes(source), Configuration)
     urdf_path = path.parent / configuration.urdf
     try:
         urdf = read_text(urdf_path)
@@ -95,6 +96,18 @@ def load_robot(path: Path) -> Robot:
         raise ConfigurationError(f"{where}: {error}") from error
     robot = Robot(path, configuration, source.text, urdf, model, trajectory)
     return robot if alone else _with(robot, read_yaml(identified))
+
+
+def _with_makes(source: Source) -> Source:
+    """Source in which every drive profile names its make."""
+    drives = source.data.get("drives") if isinstance(source.data, dict) else None
+    if not isinstance(drives, dict):
+        return source
+    named = {
+        name: {"make": USUAL} | profile if isinstance(profile, dict) else profile
+        for name, profile in drives.items()
+    }
+    return replace(source, data=source.data | {"drives": named})
 
 
 def _in_words(problem: Problem, source: Source, keys: Keys) -> str:
@@ -154,7 +167,7 @@ def parse_configuration(text: str, name: str, identified: str = "") -> Configura
 
     `name` is for messages. Raises ConfigurationError. There are no cross-checks.
     """
-    configuration = convert(parse_yaml(text, Path(name)), Configuration)
+    configuration = convert(_with_makes(parse_yaml(text, Path(name))), Configuration)
     if identified:
         found = _identified(parse_yaml(identified, Path(f"{name}, identified")), configuration)[1]
         configuration = applied(configuration, found)

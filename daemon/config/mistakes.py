@@ -10,13 +10,14 @@ one; `contactd identify wiring` decides.
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from daemon.config.drive_mistakes import DEGREE, TURN, drive_mistakes
 from daemon.config.problem import Problem, agree, at, figure
 from daemon.config.schema import Configuration, Joint
 from drivers.canopen.boot.data_sheet import DataSheet
-from drivers.canopen.codec import quantity
-from drivers.canopen.settings import CanopenProfile
+from drivers.drive import Drive
+from drivers.makes import make_of
 from estimator.urdf import JointRange, MovedLink, joint_ranges, moved_links
 
 FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: highest speed of small motors with gears
@@ -32,14 +33,14 @@ NOISE_COUNTS = 4.0  # counts of the drive's current that a level must be above
 
 def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]) -> list[Problem]:
     """Likely mistakes in a configuration whose types and ranges are right.
-    sheets: the EDS of each profile, by its name."""
+    sheets: the EDS of each profile that has one, by its name."""
     ranges = {one.joint: one for one in joint_ranges(urdf)}
     return [
-        *(problem for name in c.drives for problem in drive_mistakes(c, name, sheets[name])),
+        *(problem for name in sheets for problem in drive_mistakes(c, name, sheets[name])),
         *(
             problem
             for i, joint in enumerate(c.joints)
-            for problem in _joint(i, joint, c.drives[joint.wiring.profile], ranges[joint.name])
+            for problem in _joint(i, joint, c.joint_drives[i], ranges[joint.name])
         ),
         *(
             Problem(["urdf"], f"urdf ({c.urdf}), {place}", what)
@@ -59,7 +60,7 @@ def urdf_mistakes(urdf: str) -> list[tuple[str, str]]:
 # --- joints ---------------------------------------------------------------------------------------
 
 
-def _joint(i: int, joint: Joint, profile: CanopenProfile, span: JointRange) -> Iterator[Problem]:
+def _joint(i: int, joint: Joint, drive: Drive[Any], span: JointRange) -> Iterator[Problem]:
     yield from _gear(i, joint)
     yield from _torque(i, joint)
     yield from _limits(i, joint, span)
@@ -76,13 +77,12 @@ def _joint(i: int, joint: Joint, profile: CanopenProfile, span: JointRange) -> I
             f"{figure(wiring.link_offset)} rad is more than a turn: in degrees? then it is "
             f"{figure(wiring.link_offset * DEGREE)} rad",
         )
-    count = quantity(profile, profile.effort).scale * wiring.rated_current_A * joint.torque_constant
+    count = abs(make_of(drive.profile).counts(drive, "effort").gain) * joint.torque_constant
     if joint.thresholds.contact < NOISE_COUNTS * count:
         yield Problem(
             *at(i, joint, "thresholds", "contact"),
             f"{joint.thresholds.contact:.4g} Nm is less than {NOISE_COUNTS:g} counts of the "
-            f"drive's {profile.effort} ({figure(count)} Nm each): its noise would be detected as a "
-            "touch",
+            f"drive's effort ({figure(count)} Nm each): its noise would be detected as a touch",
         )
 
 

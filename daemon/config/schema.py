@@ -1,6 +1,6 @@
 """Schema of `config.yaml`: types and bounds of each field; rules over several are in `checks`."""
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -265,8 +265,8 @@ class Configuration(Settings, frozen=True):
         return make_of(next(iter(self.drives.values())))
 
     @property
-    def joint_drives(self) -> tuple[Drive[DriveProfile], ...]:
-        """The drive of each joint, in the same order."""
+    def joint_drives(self) -> tuple[Drive[Any], ...]:
+        """The drive of each joint, in the same order, all of one make."""
         return tuple(drive_of(joint, self.drives[joint.wiring.profile]) for joint in self.joints)
 
 

@@ -22,7 +22,8 @@ from common.arrays import Vector, check_shapes
 from common.errors import ConfigurationError
 from drivers.canopen.ids import NEXT_PDO, RPDO, TPDO
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, PdoEntry, PdoLayout, Quantity
-from drivers.counts import Table, correct, decode, encode
+from drivers.counts import correct, decode, encode
+from drivers.drive import harmonics
 
 STRUCT_CODES: Final = {
     "INTEGER8": "b",
@@ -160,15 +161,6 @@ def link_side(drive: CanopenDrive, entry: PdoEntry) -> tuple[float, float]:
         factor, bias = wiring.motor_sign / wiring.gear, 0.0
     factor *= where.sign
     return factor * where.scale, factor * where.offset + bias
-
-
-def harmonics(drives: Sequence[CanopenDrive]) -> Table:
-    """Errors of the link encoders (n, k, 3), k the most that one joint has; zeros fill it up."""
-    given = [[(h.order, h.cosine, h.sine) for h in d.wiring.link_correction] for d in drives]
-    table = np.zeros((len(drives), max(map(len, given), default=0), 3))
-    for row, rows in zip(table, given, strict=True):
-        row[: len(rows)] = np.array(rows).reshape(-1, 3)
-    return table
 
 
 class SampleDecoder:

@@ -15,10 +15,11 @@ import numpy as np
 from drivers.api import PowerTarget
 from drivers.can.wire import Frame
 from drivers.canopen.cia402 import CONDITION_OF, DISABLE_VOLTAGE, QUICK_STOP, drive_state
-from drivers.canopen.codec import STRUCT_CODES, WORDS, harmonics, link_side, quantity
+from drivers.canopen.codec import STRUCT_CODES, WORDS, link_side, quantity
 from drivers.canopen.ids import SDO_REQUEST
 from drivers.canopen.settings import CanopenDrive, PdoEntry
 from drivers.counts import correct
+from drivers.drive import harmonics
 from drivers.stopping.stop_watch import OBEYING, Seen
 
 #: Without an answer for so many ticks the question is sent again; a late answer still counts.

@@ -19,6 +19,7 @@ from drivers.canopen.codec import (
     type_limits,
 )
 from drivers.canopen.ids import HEARTBEAT, SYNC
+from drivers.canopen.recorded import CanopenTicks
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, PdoEntry
 from drivers.drive import Counts, Measure, ProfileProblem
 
@@ -81,3 +82,8 @@ def frames(
             FrameLoad(f"{drive.name} heartbeat", HEARTBEAT + drive.node, 1, beat_hz, False)
         )
     return tuple(table)
+
+
+def recorded(drives: Sequence[CanopenDrive], period_s: float) -> CanopenTicks:
+    """Ticks of recorded frames of an arm."""
+    return CanopenTicks(drives, period_s)

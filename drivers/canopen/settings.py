@@ -93,6 +93,11 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
         return HEARTBEATS_MISSED * self.heartbeat_ms / 1000.0
 
     @property
+    def without_us(self) -> str:
+        """What the drive does when nothing of ours reaches it."""
+        return f"without our heartbeat for {self.master_timeout_ms} ms it quick-stops, and holds"
+
+    @property
     def files(self) -> tuple[str, ...]:
         """Its EDS."""
         return (self.eds,)

@@ -79,6 +79,14 @@ def setpoint(data: bytearray, velocity: float) -> None:
     _SETPOINT_INTO(data, 0, velocity)
 
 
+def velocity_of(data: bytes | bytearray) -> float | None:
+    """Target velocity [rad/s at the output] of a frame in velocity mode; None for a command."""
+    if len(data) < 4 or bytes(data[:7]) == _COMMAND:
+        return None
+    value: float = _FLOAT.unpack_from(data)[0]
+    return value
+
+
 def refresh(motor: int) -> Frame:
     """Request of a feedback, which commands nothing."""
     return REGISTERS, bytes((motor & 0xFF, motor >> 8, _REFRESH, 0, 0, 0, 0, 0))
@@ -98,8 +106,8 @@ def write(motor: int, register: int, value: float) -> Frame:
 def register_of(motor: int, data: bytes | bytearray) -> int | None:
     """Register that an answer is about; None for a feedback, or another motor's.
 
-    A feedback begins with status and id, then a position: it may look like an answer by chance once
-    in 2^24 values of them.
+    A feedback begins with status and id, then a position: that of a motor without power looks like
+    an answer within 0.02 rad of one place next to -MAX, where no joint may go.
     """
     if len(data) < 8 or data[2] not in (_READ, _WRITE):
         return None

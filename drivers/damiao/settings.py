@@ -75,6 +75,14 @@ class DamiaoProfile(Settings, frozen=True, tag_field="make", tag="damiao"):
         return 0.0
 
     @property
+    def without_us(self) -> str:
+        """What the motor does when nothing of ours reaches it."""
+        return (
+            f"without a setpoint for {self.master_timeout_ms} ms it lets go: its joint falls, and "
+            "nothing brakes it"
+        )
+
+    @property
     def files(self) -> tuple[str, ...]:
         """None: the motor describes itself."""
         return ()

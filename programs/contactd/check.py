@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from rich.console import Console
-from rich.padding import Padding
 from rich.table import Table
 
 from common import compiled
@@ -17,28 +15,14 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration, frames_of
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
-from daemon.drives import build_setups
 from drivers.can.load import HIGHEST_LOAD, FrameLoad, bus_load
-from drivers.canopen.boot.required_objects import lacks
-from drivers.canopen.codec import receive_pdos, transmit_pdos
-from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
+from programs.contactd.check_drives import drives_in_words, new_table, remark
 from programs.contactd.drafts.configuration import guesses
 from programs.identify.stated_levels import source, unused
 
-QUANTITY_UNITS = {
-    "current": "of rated",
-    "torque": "of rated",
-    "link_position": "rad",
-    "motor_velocity": "rad/s",
-    "motor_position": "rad",
-    "target_velocity": "rad/s",
-    "quick_stop_deceleration": "rad/s2",
-    "max_motor_speed": "rad/s",
-}
-FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
 TRAVEL_WORDS = (
     "until found: until the fault is detected. in the stops: while they are commanded by setpoint, "
     "SDO and NMT. master missed: until the drive misses the master's heartbeat. in all: the sum, "
@@ -46,12 +30,6 @@ TRAVEL_WORDS = (
     "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
     "stop"
 )
-# Substitutes for quantities that a drive profile does not have.
-WITHOUT = {
-    "motor_position": "integrated from the velocity",
-    "max_motor_speed": "the drive's own speed limit is left as it is",
-}
-FOLDED = "mapping"  # the column that may wrap
 
 
 def print_check(config: Path) -> None:
@@ -63,26 +41,23 @@ def print_check(config: Path) -> None:
     loads = worst_loads(c, robot.model)
     wiring, joints, travelled = _wiring(c), _joints(c, loads), _travels(c)
     levels = _levels(c, robot.identified)
-    quantities = {name: _quantities(name, profile) for name, profile in c.drives.items()}
-    tables = [wiring, joints, levels, travelled, *quantities.values()]
+    about = drives_in_words(robot)
+    tables = [wiring, joints, levels, travelled, *(one for one in about if isinstance(one, Table))]
     # On a narrow terminal a line that goes on in the next can still be read, a cut figure cannot.
     endless = console.options.update(width=1000)
     console.width = max(
         console.width, *(console.measure(t, options=endless).maximum for t in tables)
     )
     console.print(f"[bold]{c.name}[/bold]: {len(c.joints)} joints, every {c.period_ms} ms")
-    setups = {setup.drive.wiring.profile: setup for setup in build_setups(robot)}
-    for name, profile in c.drives.items():
-        console.print(quantities[name])
-        console.print(FORMULA, style="dim", highlight=False)
-        for field, instead in WITHOUT.items():
-            if getattr(profile, field) is None:
-                _remark(console, f"without {field}: {instead}")
-        console.print(_pdos(setups[name].drive))
-        for lack in lacks(setups[name], c.period_ms, c.bus.master_node):
-            _remark(console, lack)
+    for one in about:
+        if isinstance(one, Table):
+            console.print(one)
+        else:
+            remark(console, one)
     console.print(wiring, joints, levels, travelled)
     say(TRAVEL_WORDS, dim=True)
+    for name, profile in c.drives.items():
+        say(f"{name}: {profile.without_us}")
     console.print()
     for line in sensitivity_over_poses(c, robot.model):
         say(line)
@@ -124,56 +99,8 @@ def print_explanation(field: str) -> None:
         say(f"  typical: {about.typical}")
 
 
-def _remark(console: Console, text: str) -> None:
-    """Print indented, over as many lines as it takes."""
-    console.print(Padding(text, (0, 0, 0, 2), expand=False), highlight=False)
-
-
-def _table(title: str, *columns: str, gap: int = 2) -> Table:
-    table = Table(
-        title=title, title_justify="left", box=None, pad_edge=False, padding=(0, gap, 0, 0)
-    )
-    for column in columns:
-        table.add_column(column, no_wrap=column != FOLDED)
-    return table
-
-
-def _quantities(name: str, profile: CanopenProfile) -> Table:
-    table = _table(
-        f"\ndrive profile {name} ({profile.eds})",
-        *("quantity", "object", "type", "scale", "sign", "offset", "unit"),
-        gap=1,
-    )
-    for field, unit in QUANTITY_UNITS.items():
-        where: Quantity | None = getattr(profile, field)
-        if where is not None:
-            table.add_row(
-                field,
-                f"0x{where.object:04X}:{where.subindex:02X}",
-                where.type,
-                f"{where.scale:.6g}",
-                f"{where.sign:+d}",
-                f"{where.offset:g}",
-                unit,
-            )
-    return table
-
-
-def _pdos(drive: CanopenDrive) -> Table:
-    table = _table("", "PDO", "COB-ID", "bytes", FOLDED)
-    for kind, pdos in (("TPDO", transmit_pdos(drive)), ("RPDO", receive_pdos(drive))):
-        for pdo in pdos:
-            mapping = ", ".join(
-                f"{field.entry} 0x{field.index:04X}:{field.subindex:02X}/{field.bits}"
-                for field in pdo.fields
-            )
-            cob_id = f"0x{pdo.cob_id - drive.node:03X} + node"
-            table.add_row(f"{kind}{pdo.number}", cob_id, str(pdo.layout.size), mapping)
-    return table
-
-
 def _wiring(c: Configuration) -> Table:
-    table = _table(
+    table = new_table(
         "\nwiring",
         *("joint", "node", "gear", "A rated", "A max", "K_c Nm/A", "signs m l", "zero rad"),
     )
@@ -193,7 +120,7 @@ def _wiring(c: Configuration) -> Table:
 
 def _joints(c: Configuration, loads: list[Load]) -> Table:
     """Table of joints; `gravity Nm` is the worst case, of the motor's torque at largest current."""
-    table = _table("\njoints", "joint", "half-gap mrad", "limits rad", "gravity Nm", "end")
+    table = new_table("\njoints", "joint", "half-gap mrad", "limits rad", "gravity Nm", "end")
     for joint, load in zip(c.joints, loads, strict=True):
         table.add_row(
             joint.name,
@@ -207,7 +134,7 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 
 def _levels(c: Configuration, found: Identified | None) -> Table:
     """Table of contact levels in force, the least that learning leaves, and their source."""
-    table = _table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
+    table = new_table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
     for joint, least in zip(c.joints, c.least_levels, strict=True):
         level = joint.thresholds.contact
         table.add_row(joint.name, f"{level:g}", f"{least:.4g}", source(joint, found))
@@ -216,7 +143,7 @@ def _levels(c: Configuration, found: Identified | None) -> Table:
 
 def _travels(c: Configuration) -> Table:
     """Table of travels of the joints: if the daemon dies, and if their drives ignore commands."""
-    table = _table(
+    table = new_table(
         "\ntravel, at worst, from a fault at full speed until the joint stands",
         *("joint", "speed\nrad/s", "braking\nrad/s2", "until\nfound\nrad", "in the\nstops\nrad"),
         *("master\nmissed\nrad", "quick\nstop\nrad", "in all\nrad", "too\nfast\nrad"),
@@ -238,7 +165,7 @@ def _travels(c: Configuration) -> Table:
 
 
 def _frames(frames: tuple[FrameLoad, ...]) -> Table:
-    table = _table("\nframes", "COB-ID", "bytes", "rate/s", "bits", "what")
+    table = new_table("\nframes", "COB-ID", "bytes", "rate/s", "bits", "what")
     for frame in sorted(frames, key=lambda f: f.cob_id):
         table.add_row(
             f"0x{frame.cob_id:03X}",

@@ -29,9 +29,6 @@ from daemon.service.black_box_log import FORMATS, Context, context_of_log
 from daemon.tick.decision import Decision
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of
 from drivers.api import DriveCondition, Samples
-from drivers.canopen.answers import Answers, Counters
-from drivers.canopen.codec import link_side, receive_pdos
-from drivers.canopen.ids import SYNC
 from estimator.estimator import Estimator
 from programs.clients.log_writer import LogWriter
 from programs.recordings.row_cache import cache_directory, content_digest
@@ -117,51 +114,27 @@ def recomputed(log: Path, context: Path) -> tuple[Snapshot, list[State]]:
 def _states(
     frames: Any, c: Configuration, urdf: str, faults: list[tuple[float, str]]
 ) -> Iterator[State]:
-    """A State for every SYNC, once every drive has answered."""
-    answers = Answers(c.joint_drives, Counters(), lambda event: None, c.period_s)
-    setpoints = _Setpoints(c)
+    """A State for every tick, once every drive has answered."""
+    ticks = c.make.recorded(c.joint_drives, c.period_s)
     run = _Recomputing(c, build_estimator(c, model_of(c, urdf)), faults)
-    sync_s: float | None = None
+    begun_s: float | None = None
     for frame in frames:
         if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
             continue
-        if frame.arbitration_id == SYNC:
-            if sync_s is not None:
-                samples = answers.finish(())
-                state = run.state(sync_s, samples, setpoints.velocity, sync_s)
-                if state is not None:
-                    yield state
-            sync_s = float(frame.timestamp)
-            answers.awaited.expect_all(sync_s)
-        elif frame.is_rx:
-            answers.take(frame.arbitration_id, bytes(frame.data))
-        else:
-            setpoints.take(frame.arbitration_id, bytes(frame.data))
-    if sync_s is not None:  # what ended the daemon, or its bus, came after the last SYNC
-        state = run.state(sync_s, answers.finish(()), setpoints.velocity, math.inf)
+        can_id, data, sent = frame.arbitration_id, bytes(frame.data), not frame.is_rx
+        if not ticks.begins(can_id, data, sent=sent):
+            ticks.take(can_id, data, sent=sent)
+            continue
+        if begun_s is not None:
+            state = run.state(begun_s, ticks.finish(), ticks.velocity, begun_s)
+            if state is not None:
+                yield state
+        begun_s = float(frame.timestamp)
+        ticks.begin(begun_s)
+    if begun_s is not None:  # what ended the daemon, or its bus, came after the last tick began
+        state = run.state(begun_s, ticks.finish(), ticks.velocity, math.inf)
         if state is not None:
             yield state
-
-
-class _Setpoints:
-    """Target velocities that were sent last (n,) [rad/s]."""
-
-    def __init__(self, c: Configuration) -> None:
-        self.velocity = np.zeros(len(c.joints))
-        self._slots: dict[int, tuple[int, Any, int, float, float]] = {}
-        for i, drive in enumerate(c.joint_drives):
-            gain, bias = link_side(drive, "target_velocity")
-            for pdo in receive_pdos(drive):
-                for place, part in enumerate(pdo.fields):
-                    if part.entry == "target_velocity":
-                        self._slots[pdo.cob_id] = (i, pdo.layout, place, gain, bias)
-
-    def take(self, cob_id: int, data: bytes) -> None:
-        """Keep what an RPDO asks for."""
-        if (slot := self._slots.get(cob_id)) is not None:
-            i, layout, place, gain, bias = slot
-            if len(data) >= layout.size:
-                self.velocity[i] = (layout.unpack_from(data)[place] - bias) / gain
 
 
 class _Recomputing:

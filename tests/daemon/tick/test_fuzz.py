@@ -12,7 +12,7 @@ from bench.rigs.lockstep import DESK_ARM, TRUSTED
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, JointLimits, Levels
-from daemon.drives import build_boot, build_drives
+from daemon.drives import build_boot, build_canopen
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import state_of
 from drivers.can.wire import Frame
@@ -132,7 +132,7 @@ def robot() -> Robot:
 def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
     """All ticks; the modes that there were."""
     bus = FuzzedWire(robot.configuration, harm)
-    drives = build_drives(robot, build_boot(robot, bus), bus, lambda: 0.0)
+    drives = build_canopen(robot, build_boot(robot, bus), bus, lambda: 0.0)
     tick = build_tick(robot, drives, TRUSTED)
     drives.start(0.0)
     modes = []

@@ -14,7 +14,7 @@ from bench.rigs.durand_drive import SERIAL, DurandDrive
 from bench.rigs.lockstep import TRUSTED
 from common.errors import DriveError
 from daemon.assembly import build_tick
-from daemon.drives import build_drives, build_setups
+from daemon.drives import build_canopen, build_setups
 from daemon.modes.table import Event, Mode
 from daemon.tick.tick import Tick
 from drivers.can.virtual import QueueWire
@@ -78,7 +78,7 @@ def rig(tmp_path) -> Iterator[Rig]:
         setups = [dataclasses.replace(each, data_sheet=sheet) for each in build_setups(robot)]
         wire = QueueWire(near)
         boot = DriveBoot(wire, setups, c.period_ms, c.bus.master_node)
-        tick = build_tick(robot, build_drives(robot, boot, wire, lambda: 0.0), TRUSTED)
+        tick = build_tick(robot, build_canopen(robot, boot, wire, lambda: 0.0), TRUSTED)
         yield Rig(tick, boot, drive, [])
 
 

@@ -1,0 +1,248 @@
+"""Damiao motors of one arm on their bus: every tick requests out, samples in, setpoints out.
+
+A tick asks each motor for a feedback and for its output encoder, then sends its target velocity,
+whose own feedback acknowledges it. One thread owns the bus. Time is an argument; the `clock` only
+measures how much of a deadline is left. No failure of the bus is an exception.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+from common.arrays import Vector
+from drivers.api import Event, Kind, Objection, PowerTarget, Samples
+from drivers.can.wire import Frame, Wire
+from drivers.damiao.frames import (
+    CLEAR_ERROR,
+    DISABLE,
+    ENABLE,
+    VELOCITY,
+    Register,
+    Status,
+    read,
+    refresh,
+    setpoint,
+)
+from drivers.damiao.port import FRAMES_PER_PASS, Port
+from drivers.damiao.replies import WORKING, Replies, news_of
+from drivers.damiao.settings import DamiaoDrive
+from drivers.damiao.stops import Stops
+from drivers.presence import Presence
+from drivers.stopping.travel import least_patience_s
+
+_OFF, _ON, _STOP = PowerTarget
+
+
+class DamiaoDrives:
+    """Motors of an arm on one bus, set up by others: `drivers.api.Drives`, their start and end."""
+
+    #: The motors always hear of us: without, they would go limp.
+    silenced = False
+
+    def __init__(
+        self,
+        wire: Wire,
+        drives: Sequence[DamiaoDrive],
+        period_s: float,
+        clock: Callable[[], float],
+    ) -> None:
+        n = len(drives)
+        self.names = tuple(drive.name for drive in drives)
+        self.replies = Replies(drives, period_s)
+        self._clock, self._now = clock, 0.0
+        self._stops = Stops(drives, period_s)
+        self._presence = Presence(least_patience_s(drives), period_s)
+        self._motors = tuple(drive.node for drive in drives)
+        self._own = {VELOCITY + motor for motor in self._motors} | set(self._motors)
+        self._port = Port(wire, self.replies, self._own, self._presence.lost)
+        self._signs = [float(drive.wiring.motor_sign) for drive in drives]
+        self._requests = [
+            request
+            for motor in self._motors
+            for request in (refresh(motor), read(motor, Register.OUTPUT_POSITION))
+        ]
+        self._data = [bytearray(4) for _ in drives]
+        self._setpoints: list[Frame] = [
+            (VELOCITY + motor, data) for motor, data in zip(self._motors, self._data, strict=True)
+        ]
+        self._last = [0.0] * n  # target velocities that went out [rad/s at the link]
+        self._stopping = [True] * n
+        self._were = [Status.UNKNOWN] * n  # statuses that were reported
+        self._let_go = [True] * n  # motors without power because we said so
+        self._unset: set[int] = set()
+        self._backlog = False
+        self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
+        """Samples of the last tick."""
+
+    def start(self, now: float, renewed: Sequence[int] | None = None) -> None:
+        """Begin to tick. renewed: joints whose motors were just set up; None is all."""
+        self._now = now
+        self._presence.begin(now)
+        self._unset -= set(range(len(self.names)) if renewed is None else renewed)
+        self.replies.awaited.start_anew()
+        self._port.read_queued()
+        if renewed is None:
+            self._port.events()
+        self.replies.pending = [0] * len(self.names)
+
+    def distrust(self, joints: Iterable[int]) -> None:
+        """Take the motors of these joints for not set up, until they are."""
+        self._unset |= set(joints)
+
+    def unfit(self) -> list[int]:
+        """Joints whose motors must be set up again before a reset can help."""
+        silent = (i for i, status in enumerate(self._were) if status is Status.UNKNOWN)
+        return sorted({*self._unset, *silent})
+
+    def sync(self, now: float) -> None:
+        """Begin a tick: read what came since the last, then ask all motors."""
+        self._now = now
+        gap_s = self._presence.gap_s(now)
+        if gap_s is not None:
+            text = f"the motors heard nothing of it for {1000 * gap_s:.0f} ms"
+            self._port.report(Event(Kind.ABSENT, text))
+            self._presence.lost()
+        awaited = self.replies.awaited
+        awaited.expect_none()
+        self._backlog = not self._port.read_queued()
+        self.replies.pending = [0] * len(self.names)
+        if self._backlog or awaited.punctuality.leaves_out(now):
+            self._backlog = True
+            return
+        awaited.expect_all(now)
+        self._port.send(self._requests)
+
+    def collect(self, deadline: float) -> Samples:
+        """Read until both answers of every motor are in, or `deadline` on the caller's clock has
+        passed. After a pass that was not read to its end nothing counts as an answer."""
+        awaited, frames_left = self.replies.awaited, FRAMES_PER_PASS
+        if self._backlog:
+            awaited.expect_none()
+            self._port.read_queued()
+            awaited.miss_all()
+            frames_left = 0
+        while awaited.missing and frames_left:
+            if not self._port.take_next(max(deadline - self._clock(), 0.0)):
+                break
+            frames_left -= 1
+        self._judge()
+        self.samples = self.replies.samples(awaited.finish(), self._held(), self._port.events())
+        return self.samples
+
+    def _held(self) -> list[bool]:
+        """Joints commanded to stop whose motors have acknowledged it."""
+        pairs = zip(self._stopping, self.replies.acknowledged, strict=True)
+        return [stopping and answered > 0 for stopping, answered in pairs]
+
+    def _judge(self) -> None:
+        """Report what the motors' statuses and the numbers of their answers say."""
+        punctuality = self.replies.awaited.punctuality
+        for kind, answers, text in (
+            (Kind.TWO_DRIVES, punctuality.twice, "two motors answer with this id"),
+            (Kind.OLD_SAMPLES, punctuality.old, "answers when it is not asked"),
+        ):
+            if answers:
+                joints = self._named(self.replies.awaited.joints_of(answers))
+                self._port.report(Event(kind, f"{joints}: {text}"))
+        for i, status in enumerate(self.replies.statuses):
+            before, self._were[i] = self._were[i], status
+            news, text = news_of(before, status, let_go=self._let_go[i])
+            if news is Kind.RESTARTED:
+                self._unset.add(i)
+            if news is not None:
+                self._port.report(Event(news, f"{self.names[i]}: {text}"))
+
+    def command(
+        self,
+        power: PowerTarget | Sequence[PowerTarget],
+        velocity: Vector,
+        reset: bool = False,
+        ask: bool = False,
+    ) -> None:
+        """Send every motor its next command towards `power` and its target velocity.
+
+        velocity: (n,) rad/s at the link. One that is not enabled, or not wanted so, gets zero. A
+        velocity that is not finite stops all motors and is an event.
+        """
+        n = len(self.names)
+        targets = [power] * n if isinstance(power, PowerTarget) else list(power)
+        wanted = velocity.tolist()
+        if not all(map(math.isfinite, wanted)):
+            self._port.report(
+                Event(Kind.BAD_SETPOINT, f"target velocity is not finite: {velocity}")
+            )
+            targets, wanted = [_STOP] * n, [0.0] * n
+        if self._presence.absent:
+            targets = [_STOP if target is _ON else target for target in targets]
+            self._presence.begin(self._now)
+        self._port.report(*self._stops.step(self._now, targets, self.samples, velocity))
+        frames: list[Frame] = []
+        for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):
+            self._command_one(i, targets[i], next_velocity, reset, frames)
+        if self._port.send(frames):
+            self._presence.beaten(self._now)
+
+    def _command_one(
+        self, i: int, target: PowerTarget, velocity: float, reset: bool, frames: list[Frame]
+    ) -> None:
+        """Append the frames of one motor: its setpoint, and a command where its power is another
+        than wanted. A motor takes the last setpoint up when it is enabled, so that comes first."""
+        status = self.replies.statuses[i]
+        runs = status is Status.ENABLED and i not in self._unset
+        self._last[i] = velocity if runs else 0.0
+        if (target is not _ON) is not self._stopping[i]:
+            self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
+        setpoint(self._data[i], self._signs[i] * self._last[i])
+        frames.append(self._setpoints[i])
+        self.replies.pending[i] += 1
+        word = self._command_word(i, target, status, reset)
+        self._let_go[i] = word is DISABLE or (self._let_go[i] and status is not Status.ENABLED)
+        if word is not None:
+            frames.append((VELOCITY + self._motors[i], word))
+            self.replies.pending[i] += 1
+
+    def _command_word(
+        self, i: int, target: PowerTarget, status: Status, reset: bool
+    ) -> bytes | None:
+        watches = self._stops.watches
+        if target is _OFF or watches.each[i].cut:
+            # A moving one gets its ramp first.
+            off = status is Status.ENABLED and watches.may_be_off(i)
+            return DISABLE if off else None
+        if status not in WORKING:
+            return CLEAR_ERROR if reset else None
+        enables = target is _ON and status is Status.DISABLED and i not in self._unset
+        return ENABLE if enables else None
+
+    def unproved(self) -> tuple[str, ...]:
+        """Joints commanded to stop and not confirmed at standstill since."""
+        return tuple(self.names[i] for i in self._stops.watches.unproved)
+
+    def objections(self) -> tuple[Objection, ...]:
+        """Reasons against arming that samples do not show."""
+        awaited, found = self.replies.awaited, []
+        if self._unset:
+            found.append(Objection("set-up", f"{self._named(sorted(self._unset))}: not set up"))
+        if doubted := awaited.joints_of(awaited.punctuality.doubted(self._now)):
+            text = f"{self._named(doubted)}: whether its samples are old will soon be seen"
+            found.append(Objection("samples", text))
+        return tuple(found)
+
+    def acknowledge(self) -> None:
+        """Nothing to forget: errors of these motors are in every feedback."""
+
+    def quick_stop(self) -> None:
+        """Setpoint 0 to all motors, now."""
+        for data in self._data:
+            setpoint(data, 0.0)
+        self._port.send(self._setpoints)
+
+    @property
+    def left_alone(self) -> bool:
+        """False: they are never left to themselves."""
+        return False
+
+    def end(self) -> None:
+        """No setpoint is pending in a motor that has answered all."""
+
+    def _named(self, joints: Iterable[int]) -> str:
+        return ", ".join(self.names[i] for i in joints)

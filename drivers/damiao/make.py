@@ -1,0 +1,79 @@
+"""Damiao as a make of drives: what `drivers.makes` asks of one."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from drivers.can.load import FrameLoad
+from drivers.damiao.frames import ANSWERS, REGISTERS, VELOCITY, Scales
+from drivers.damiao.recorded import DamiaoTicks
+from drivers.damiao.settings import DamiaoDrive, DamiaoProfile
+from drivers.drive import Counts, Measure, ProfileProblem
+
+#: Ids that fit beside the status in a feedback.
+HIGHEST_ID: Final = 15
+#: Registers' floats have 24 bits.
+_FLOAT: Final = 1 << 24
+
+
+def problems(
+    profile: DamiaoProfile,
+    drives: Sequence[DamiaoDrive],
+    folder: Path,
+    period_ms: int,
+    master_node: int,
+) -> list[ProfileProblem]:
+    """What is wrong with a profile, of which these are the drives."""
+    return [(("model",), f"{drive.name}: {what}") for drive in drives for what in _wrong(drive)]
+
+
+def _wrong(drive: DamiaoDrive) -> Iterator[str]:
+    """What is wrong with the wiring of one motor."""
+    wiring, profile = drive.wiring, drive.profile
+    if wiring.node > HIGHEST_ID:
+        yield f"node {wiring.node}; the id of a Damiao motor is 1 to {HIGHEST_ID}"
+    if wiring.gear != profile.figures.gear:
+        yield (
+            f"gear {wiring.gear:g}; that of a {profile.model} is {profile.figures.gear:g}, and the "
+            "joint must turn with its output"
+        )
+    if wiring.link_sign != wiring.motor_sign:
+        yield "link_sign must be motor_sign: both encoders are in one motor"
+
+
+def counts(drive: DamiaoDrive, measure: Measure) -> Counts:
+    """Integers of a quantity of a motor, 0 at half of them; floats reach as far as the feedback."""
+    profile, sign = drive.profile, drive.wiring.motor_sign
+    if measure == "target_velocity":
+        step = sign * profile.figures.speed / _FLOAT
+        return Counts(("model",), "floats", step, 0.0, -_FLOAT, _FLOAT)
+    scales = Scales.of(profile.position_max, profile.velocity_max, profile.torque_max_Nm)
+    at, scale, bits = {
+        "effort": ("torque_max_Nm", scales.torque / profile.Nm_per_A, 12),
+        "link_position": ("position_max", scales.position, 16),
+        "motor_velocity": ("velocity_max", scales.velocity, 12),
+    }[measure]
+    bias = drive.wiring.link_offset if measure == "link_position" else 0.0
+    most, gain = (1 << bits) - 1, sign * scale
+    return Counts((at,), f"{bits} bits", gain, bias - gain * most / 2.0, 0, most)
+
+
+def frames(
+    drives: Sequence[DamiaoDrive], period_s: float, master_node: int = 0
+) -> tuple[FrameLoad, ...]:
+    """Every periodic frame of an arm: each tick two requests and a setpoint, with their answers."""
+    tick_hz = 1.0 / period_s
+    table = []
+    for drive in drives:
+        answers = drive.node + ANSWERS
+        table += [
+            FrameLoad(f"{drive.name} requests", REGISTERS, 8, 2.0 * tick_hz),
+            FrameLoad(f"{drive.name} setpoint", VELOCITY + drive.node, 4, tick_hz),
+            FrameLoad(f"{drive.name} answers", answers, 8, 3.0 * tick_hz),
+        ]
+    return tuple(table)
+
+
+def recorded(drives: Sequence[DamiaoDrive], period_s: float) -> DamiaoTicks:
+    """Ticks of recorded frames of an arm."""
+    return DamiaoTicks(drives, period_s)

@@ -1,0 +1,77 @@
+"""Port of an arm to its bus: frames in and out, and the events of both. No failure of the bus is an
+exception.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Final
+
+from drivers.api import Event, Kind
+from drivers.can.bus import BUS_FAILURES
+from drivers.can.failures import bus_failure, error_frame
+from drivers.can.wire import ERROR, Frame, Wire
+from drivers.damiao.replies import Replies
+
+#: Bounds of a pass and of a tick: a flooded bus must not hold the loop, nor take the memory.
+FRAMES_PER_PASS: Final = 512
+EVENTS_PER_TICK: Final = 32
+
+
+class Port:
+    """Port with the replies that it feeds; `own` are identifiers that only we may send."""
+
+    def __init__(
+        self, wire: Wire, replies: Replies, own: Collection[int], on_bus_off: Callable[[], None]
+    ) -> None:
+        self._wire, self._replies, self._own = wire, replies, frozenset(own)
+        self._on_bus_off = on_bus_off
+        self._events: list[Event] = []
+
+    def report(self, *events: Event) -> None:
+        """Keep events for the next samples, each once."""
+        for event in events:
+            if event not in self._events and len(self._events) < EVENTS_PER_TICK:
+                self._events.append(event)
+
+    def events(self) -> tuple[Event, ...]:
+        """Events so far, which are then forgotten here."""
+        events = tuple(self._events)
+        self._events.clear()
+        return events
+
+    def send(self, frames: Sequence[Frame]) -> bool:
+        """Send; False, and an event, if the bus does not take them all."""
+        try:
+            self._wire.send(frames)
+        except BUS_FAILURES as error:
+            self.report(bus_failure("sending", error))
+            return False
+        return True
+
+    def take_next(self, timeout: float) -> bool:
+        """Take the next frame, waiting at most `timeout` s; False if there is none, or the bus
+        fails."""
+        try:
+            frame = self._wire.receive(timeout)
+        except BUS_FAILURES as error:
+            self.report(bus_failure("receiving", error))
+            return False
+        if frame is None:
+            return False
+        self._take(*frame)
+        return True
+
+    def read_queued(self) -> bool:
+        """Take the queued frames; False if there are more than a pass reads."""
+        return not all(self.take_next(0.0) for _ in range(FRAMES_PER_PASS))
+
+    def _take(self, can_id: int, data: bytes | bytearray) -> None:
+        joint = self._replies.joint_of(can_id)
+        if joint is not None:
+            self._replies.take(joint, data)
+        elif can_id & ERROR:
+            event = error_frame(can_id & ~ERROR, data)
+            if event.kind is Kind.OFF_BUS:
+                self._on_bus_off()
+            self.report(event)
+        elif can_id in self._own:
+            self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))

@@ -1,0 +1,134 @@
+"""Drives as `contactd check` prints them, a make at a time."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+
+from daemon.config.load import Robot
+from daemon.config.schema import Configuration
+from daemon.drives import build_setups
+from drivers.canopen.boot.required_objects import DriveSetup, lacks
+from drivers.canopen.codec import receive_pdos, transmit_pdos
+from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
+from drivers.damiao.frames import ANSWERS, Scales
+from drivers.damiao.settings import DamiaoProfile
+
+QUANTITY_UNITS = {
+    "current": "of rated",
+    "torque": "of rated",
+    "link_position": "rad",
+    "motor_velocity": "rad/s",
+    "motor_position": "rad",
+    "target_velocity": "rad/s",
+    "quick_stop_deceleration": "rad/s2",
+    "max_motor_speed": "rad/s",
+}
+FORMULA = "value = sign * (offset + scale * counts); link_position at link, else at motor"
+# Substitutes for quantities that a drive profile does not have.
+WITHOUT = {
+    "motor_position": "integrated from the velocity",
+    "max_motor_speed": "the drive's own speed limit is left as it is",
+}
+FOLDED = "mapping"  # the column that may wrap
+
+
+def drives_in_words(robot: Robot) -> list[Table | str]:
+    """Tables and remarks about each drive profile."""
+    c = robot.configuration
+    setups: dict[str, Any] = {
+        joint.wiring.profile: setup
+        for joint, setup in zip(c.joints, build_setups(robot), strict=True)
+    }
+    found: list[Table | str] = []
+    for name, profile in c.drives.items():
+        if isinstance(profile, CanopenProfile):
+            found += _canopen(c, name, profile, setups[name])
+        else:
+            found.append(_damiao(c, name, profile))
+    return found
+
+
+def _canopen(
+    c: Configuration, name: str, profile: CanopenProfile, setup: DriveSetup
+) -> list[Table | str]:
+    return [
+        _quantities(name, profile),
+        FORMULA,
+        *(
+            f"without {field}: {instead}"
+            for field, instead in WITHOUT.items()
+            if getattr(profile, field) is None
+        ),
+        _pdos(setup.drive),
+        *lacks(setup, c.period_ms, c.bus.master_node),
+    ]
+
+
+def _damiao(c: Configuration, name: str, profile: DamiaoProfile) -> Table:
+    table = new_table(
+        f"\ndrive profile {name} (Damiao {profile.model})",
+        *("joint", "id", "master id", "mrad", "mrad/s", "mNm", "Nm per A"),
+    )
+    scales = Scales.of(profile.position_max, profile.velocity_max, profile.torque_max_Nm)
+    for joint in c.joints:
+        if joint.wiring.profile == name:
+            table.add_row(
+                joint.name,
+                str(joint.wiring.node),
+                str(joint.wiring.node + ANSWERS),
+                *(f"{1000.0 * step:.2f}" for step in (scales.position, scales.velocity)),
+                f"{1000.0 * scales.torque:.1f}",
+                f"{profile.Nm_per_A:g}",
+            )
+    return table
+
+
+def remark(console: Console, text: str) -> None:
+    """Print indented, over as many lines as it takes."""
+    console.print(Padding(text, (0, 0, 0, 2), expand=False), highlight=False)
+
+
+def new_table(title: str, *columns: str, gap: int = 2) -> Table:
+    """Table without lines, whose cells are never cut."""
+    table = Table(
+        title=title, title_justify="left", box=None, pad_edge=False, padding=(0, gap, 0, 0)
+    )
+    for column in columns:
+        table.add_column(column, no_wrap=column != FOLDED)
+    return table
+
+
+def _quantities(name: str, profile: CanopenProfile) -> Table:
+    table = new_table(
+        f"\ndrive profile {name} ({profile.eds})",
+        *("quantity", "object", "type", "scale", "sign", "offset", "unit"),
+        gap=1,
+    )
+    for field, unit in QUANTITY_UNITS.items():
+        where: Quantity | None = getattr(profile, field)
+        if where is not None:
+            table.add_row(
+                field,
+                f"0x{where.object:04X}:{where.subindex:02X}",
+                where.type,
+                f"{where.scale:.6g}",
+                f"{where.sign:+d}",
+                f"{where.offset:g}",
+                unit,
+            )
+    return table
+
+
+def _pdos(drive: CanopenDrive) -> Table:
+    table = new_table("", "PDO", "COB-ID", "bytes", FOLDED)
+    for kind, pdos in (("TPDO", transmit_pdos(drive)), ("RPDO", receive_pdos(drive))):
+        for pdo in pdos:
+            mapping = ", ".join(
+                f"{field.entry} 0x{field.index:04X}:{field.subindex:02X}/{field.bits}"
+                for field in pdo.fields
+            )
+            cob_id = f"0x{pdo.cob_id - drive.node:03X} + node"
+            table.add_row(f"{kind}{pdo.number}", cob_id, str(pdo.layout.size), mapping)
+    return table
