@@ -7,12 +7,14 @@ import numpy as np
 
 from common.arrays import Vector
 from common.errors import ConfigurationError
+from simulator.damiao.motor import DamiaoMotor
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive
 from simulator.events import Happening, Listener
 from simulator.hand import Hand
 from simulator.hand_script import AnyAct
 from simulator.mismatch import true_gears, true_parameters
+from simulator.motor_laws import MotorLaws
 from simulator.plant import Plant
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
@@ -56,12 +58,13 @@ class SimulatedArm:
             true_gears(description, settings, parameters.torque_constant),
         )
         self.servo = Servo(description, parameters.usual_link)
+        self._laws = MotorLaws(self.servo)
         makes = description.drives()
         sensors = Sensors(description, settings, self.plant.q, [drive.make for drive in makes])
         self.sense = sensors.read
         """Reading of the drives' sensors; replace it to simulate faulty ones."""
         self._periods = ServoPeriods(
-            self.servo, sensors, self.plant.masses, parameters.torque_constant
+            self.servo, sensors, self.plant.masses, parameters.torque_constant, self._laws
         )
         self._touching = self.plant.touched_by(self._touch)
         self.hand = Hand(
@@ -82,15 +85,23 @@ class SimulatedArm:
             description,
             makes,
             self.servo,
+            self._laws,
             self.plant,
             self._put,
             self._sample_if_moved,
             self._report_drive,
             lambda: self.now,
         )
-        self.drives = tuple(Drive(joint, wired) for joint in range(n))
+        self._nodes: tuple[Drive | DamiaoMotor, ...] = tuple(
+            Drive(joint, wired) if make.damiao is None else DamiaoMotor(joint, wired, make.damiao)
+            for joint, make in enumerate(makes)
+        )
+        self.drives = tuple(node for node in self._nodes if isinstance(node, Drive))
+        """Its CANopen drives, in the order of the joints."""
+        self.motors = tuple(node for node in self._nodes if isinstance(node, DamiaoMotor))
+        """Its Damiao motors, likewise."""
         self._by_node = {drive.node: drive for drive in self.drives}
-        if len(self._by_node) != n:
+        if len({joint.node for joint in description.joints}) != n:
             raise ConfigurationError("simulated arm: two joints share a node number")
         # Drives by the identifier of an RPDO; found out anew after SDO and NMT, which change them.
         self._hearers: dict[int, tuple[Drive, ...]] = {}
@@ -108,14 +119,14 @@ class SimulatedArm:
         return self.plant.external_torque
 
     def power_on(self) -> None:
-        """Have all drives send their boot-up message."""
-        for drive in self.drives:
-            drive.boot()
+        """Switch all drives on: those with CANopen send their boot-up message."""
+        for node in self._nodes:
+            node.boot()
 
     def advance(self, t: float) -> None:
         """Simulate up to time t [s], rounded down to whole steps."""
         target = int(t / self.settings.step_s + 1e-6)
-        per_period, plant = self._per_period, self.plant.masses
+        per_period = self._per_period
         while self._steps < target:
             phase = self._steps % per_period
             if phase == 0:
@@ -129,7 +140,7 @@ class SimulatedArm:
             if phase == 0:
                 self._periods.begin()
             steps = min(per_period - phase, target - self._steps)
-            plant.advance(steps, touch)
+            self._periods.advance(steps, touch)
             self._steps += steps
 
     def answers_at(self) -> float | None:
@@ -148,6 +159,15 @@ class SimulatedArm:
         cob, data = message.arbitration_id, bytes(message.data)
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             return
+        for motor in self.motors:
+            motor.on_frame(cob, data)
+        if self.motors:
+            self._begin_hand(any(motor.moves for motor in self.motors))
+        if self.drives:
+            self._hear(cob, data)
+
+    def _hear(self, cob: int, data: bytes) -> None:
+        """Take a frame of CANopen."""
         if cob == SYNC:
             self._sync()
         elif cob == NMT:
@@ -179,15 +199,18 @@ class SimulatedArm:
             drive.transmit()
         for drive in self.drives:
             drive.latch()
-        if not self.hand.began and self.servo.target.any():
+        self._begin_hand(bool(self.servo.target.any()))
+
+    def _begin_hand(self, moves: bool) -> None:
+        if moves and not self.hand.began:
             self.hand.begin(self.now)
 
     def _due(self) -> None:
         """Actions of drives and hand at the beginning of a servo period."""
         now = self.now
-        for drive in self.drives:
-            if drive.due <= now:
-                drive.tick(now)
+        for node in self._nodes:
+            if node.due <= now:
+                node.tick(now)
         if self._handled:
             for words in self.hand.update(now, self.plant.q, SERVO_PERIOD_S):
                 self._on_event(Happening(now, "hand", words))
@@ -203,7 +226,7 @@ class SimulatedArm:
         the hand has anything to do at the beginning of a later one."""
         if most < 2 or self._handled:
             return min(most, 1)
-        due, step_s, steps = min(drive.due for drive in self.drives), self.settings.step_s, 0
+        due, step_s, steps = min(node.due for node in self._nodes), self.settings.step_s, 0
         for periods in range(1, most):
             steps += self._per_period
             if due <= (self._steps + steps) * step_s:
@@ -220,7 +243,7 @@ class SimulatedArm:
 
     def _sample(self) -> None:
         plant = self.plant
-        readings = self.sense(plant.q, plant.theta, plant.theta_dot)
+        readings = self.sense(plant.q, plant.theta, self._laws.seen(plant.theta_dot))
         rows = zip(
             readings.link_position,
             readings.motor_position,
@@ -228,8 +251,8 @@ class SimulatedArm:
             readings.current,
             strict=True,
         )
-        for drive, row in zip(self.drives, rows, strict=True):
-            drive.measure(*row)
+        for node, row in zip(self._nodes, rows, strict=True):
+            node.measure(*row)
         self._sampled_at = self._steps
 
     def _put(self, cob_id: int, data: bytes) -> None:

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from common.errors import ConfigurationError
+from simulator.damiao.models import DamiaoMake
 from simulator.friction_law import FrictionLaw, Kind
 from simulator.gear_settings import GearSettings
 from simulator.profile import SimulatedMake, profile_of
@@ -19,10 +20,12 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class DriveDescription:
-    """One drive: its EDS, and its make as it sits in its joint."""
+    """One drive: its EDS, and its make as it sits in its joint. A Damiao motor has no EDS, and as
+    `make` its sensors."""
 
-    eds: Path
+    eds: Path | None
     make: SimulatedMake
+    damiao: DamiaoMake | None = None
 
 
 class EncoderError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -119,7 +122,7 @@ class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings of the simulation, none of which has a counterpart on a real robot."""
+    """Settings without a counterpart on a real robot."""
 
     seed: Annotated[int, Meta(ge=0)] = 1
     mismatch: Mismatch = Mismatch()

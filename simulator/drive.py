@@ -23,9 +23,10 @@ class Drive:
     def __init__(self, joint: int, wired: Surroundings) -> None:
         about = wired.description.joints[joint]
         self.node, self._wired = about.node, wired
-        self.make = wired.drives[joint].make
+        self.make, eds = wired.drives[joint].make, wired.drives[joint].eds
+        assert eds is not None
         serial = wired.description.serial_number + joint
-        self.objects = factory_settings(wired.drives[joint].eds, about, serial)
+        self.objects = factory_settings(eds, about, serial)
         self.objects.written = self._on_write
         self._sdo = sdo_server(self.node, self.objects, wired.send)
         self.axis = Axis(joint, wired, self.objects, self._report)

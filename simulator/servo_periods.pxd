@@ -1,5 +1,6 @@
 # Types of servo_periods.py, for the compiler alone.
 
+from simulator.motor_laws cimport MotorLaws
 from simulator.sensors cimport Sensors
 from simulator.servo cimport Servo
 from simulator.two_masses cimport TwoMasses
@@ -8,9 +9,12 @@ cdef class ServoPeriods:
     cdef Servo _servo
     cdef Sensors _sensors
     cdef TwoMasses _masses
+    cdef MotorLaws _laws
     cdef double[::1] _torque_constant, _current
 
     cpdef int begin(self) except -1
+    cpdef int advance(self, Py_ssize_t steps, object touch) except -1
+    cdef void _drive(self) noexcept
     cpdef int run(self, Py_ssize_t periods, Py_ssize_t steps, object touch) except -1
     cpdef int record(
         self,

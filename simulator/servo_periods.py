@@ -9,33 +9,61 @@ Ordinary Python, which runs as it is; `servo_periods.pxd` names the types for th
 from collections.abc import Callable
 
 from common.arrays import Matrix, Vector
+from simulator.motor_laws import MotorLaws
 from simulator.sensors import Sensors
 from simulator.servo import Servo
 from simulator.two_masses import TwoMasses
 
 
 class ServoPeriods:
-    """Servo, sensors and plant of one arm; torque_constant (n,) [Nm/A] is the true one."""
+    """Servo, sensors and plant of one arm; torque_constant (n,) [Nm/A] is the true one, and `laws`
+    those of motors that have some."""
 
     def __init__(
-        self, servo: Servo, sensors: Sensors, masses: TwoMasses, torque_constant: Vector
+        self,
+        servo: Servo,
+        sensors: Sensors,
+        masses: TwoMasses,
+        torque_constant: Vector,
+        laws: MotorLaws | None = None,
     ) -> None:
         self._servo, self._sensors, self._masses = servo, sensors, masses
+        self._laws = MotorLaws(servo) if laws is None else laws
         self._torque_constant, self._current = torque_constant, servo.current
 
     def begin(self) -> None:
         """Begin a period: new currents, and sensors that follow."""
-        masses = self._masses
+        masses, laws = self._masses, self._laws
+        if laws.positions > 0:
+            laws.steer(masses.q, masses.phi)
         self._servo.update(masses.theta_dot)
-        for i in range(masses.n):
-            masses.motor[i] = self._torque_constant[i] * self._current[i]
+        if laws.impedances > 0:
+            laws.respond(masses.q, masses.phi, masses.theta_dot)
+        if laws.filters > 0:
+            laws.follow(masses.theta_dot)
+        self._drive()
         self._sensors.update(masses.q, self._current)
+
+    def advance(self, steps: int, touch: Callable[[], None] | None) -> None:
+        """So many steps of the plant; impedances follow each of them."""
+        masses, laws = self._masses, self._laws
+        if laws.impedances == 0:
+            masses.advance(steps, touch)
+        else:
+            for _ in range(steps):
+                laws.respond(masses.q, masses.phi, masses.theta_dot)
+                self._drive()
+                masses.advance(1, touch)
+
+    def _drive(self) -> None:
+        for i in range(self._masses.n):
+            self._masses.motor[i] = self._torque_constant[i] * self._current[i]
 
     def run(self, periods: int, steps: int, touch: Callable[[], None] | None) -> None:
         """So many periods of `steps` steps each; `touch` as `TwoMasses.advance` has it."""
         for _ in range(periods):
             self.begin()
-            self._masses.advance(steps, touch)
+            self.advance(steps, touch)
 
     def record(self, external: Matrix, steps: int, phi: Matrix, gear_torque: Matrix) -> None:
         """A period for each row of `external`, torque on the links in it [Nm]; write phi [rad] and
@@ -45,6 +73,6 @@ class ServoPeriods:
             for i in range(masses.n):
                 masses.external[i] = external[period, i]
             self.begin()
-            masses.advance(steps, None)
+            self.advance(steps, None)
             for i in range(masses.n):
                 phi[period, i], gear_torque[period, i] = masses.phi[i], -masses.gear[i]

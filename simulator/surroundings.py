@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from simulator.description import ArmDescription, DriveDescription
+from simulator.motor_laws import MotorLaws
 from simulator.plant import Plant
 from simulator.servo import Servo
 
@@ -18,6 +19,7 @@ class Surroundings:
     description: ArmDescription
     drives: tuple[DriveDescription, ...]
     servo: Servo
+    laws: MotorLaws
     plant: Plant
     send: Send
     sample: Callable[[], None]

@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Meta
 
 from common.errors import ConfigurationError
+from simulator.damiao.models import MODELS, DamiaoMake
 from simulator.description import (
     ArmDescription,
     DriveDescription,
@@ -28,6 +29,8 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 Sign = Literal[-1, 1]
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
+DAMIAO = "damiao:"
+"""Prefix of a joint's `drive` that is a Damiao motor."""
 
 
 class Stated(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -96,7 +99,9 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
 
     name: str  # as in the URDF
     node: Annotated[int, Meta(ge=1, le=127)]
-    drive: str  # a key of `drives`
+    drive: str  # a key of `drives`, or as `damiao:DM4340`
+    master_id: Annotated[int, Meta(ge=0, le=0x7FF)] | None = None  # Damiao; else node + 16
+    registers: dict[int, float] = {}  # Damiao; else as made
     gear: Positive  # turns of the motor per turn of the joint
     rated_current_A: Positive
     max_current_A: Positive
@@ -115,7 +120,7 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
 
 
 class SimulationFile(Stated, frozen=True, kw_only=True):
-    """Contents of the whole file. Without `joints` and `drives` it does not describe the arm."""
+    """Contents of the file. Without `joints` it describes no arm."""
 
     urdf: str = "simulation.urdf"  # links of the true arm, relative to this file
     initial_position: dict[str, float] = {}  # by joint [rad], others 0
@@ -129,10 +134,14 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
     _refuse_impossible(truth, path)
     joints = []
     for i, joint in enumerate(truth.joints):
+        start = truth.initial_position.get(joint.name, 0.0)
+        if joint.drive.startswith(DAMIAO) and joint.drive.removeprefix(DAMIAO) in MODELS:
+            joints.append(_joint(joint, _damiao(joint), start))
+            continue
         if joint.drive not in truth.drives:
             raise ConfigurationError(
                 f"{path}: joints[{i}] ({joint.name}).drive: no drive `{joint.drive}`; there are: "
-                f"{', '.join(truth.drives)}"
+                f"{', '.join([*truth.drives, *(DAMIAO + model for model in MODELS)])}"
             )
         drive, eds = truth.drives[joint.drive], path.parent / truth.drives[joint.drive].eds
         for k, error in enumerate(joint.encoder_errors):
@@ -143,12 +152,13 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
                 )
         make = _make(drive, joint)
         refuse_incomplete(eds, make)
-        start = truth.initial_position.get(joint.name, 0.0)
         joints.append(_joint(joint, DriveDescription(eds, make), start))
     return ArmDescription(
-        urdf=path.parent / truth.urdf, eds=joints[0].drive.eds if joints[0].drive else path,
-        joints=tuple(joints), period_s=period_s,
-    )  # fmt: skip
+        urdf=path.parent / truth.urdf,
+        eds=(joints[0].drive and joints[0].drive.eds) or path,
+        joints=tuple(joints),
+        period_s=period_s,
+    )
 
 
 def _refuse_impossible(truth: SimulationFile, path: Path) -> None:
@@ -213,6 +223,15 @@ def _joint(joint: TrueJoint, drive: DriveDescription, start: float) -> JointDesc
         encoder_errors=joint.encoder_errors,
         drive=drive,
     )
+
+
+def _damiao(joint: TrueJoint) -> DriveDescription:
+    master_id = joint.node + 0x10 if joint.master_id is None else joint.master_id
+    make = DamiaoMake(
+        joint.drive.removeprefix(DAMIAO), master_id, joint.motor_sign, joint.link_sign,
+        joint.link_offset, joint.registers,
+    )  # fmt: skip
+    return DriveDescription(None, make.sensors(), make)
 
 
 def _make(drive: TrueDrive, joint: TrueJoint) -> SimulatedMake:

@@ -19,14 +19,15 @@ class Receiver(Protocol):
 
 
 class Lockstep:
-    """Clock of the arm: every SYNC moves it on by one period; nothing else moves it.
+    """Clock of the arm: every frame with the identifier `clock`, a SYNC, moves it on by one period;
+    nothing else moves it.
 
     The owner of the other end calls `pump` after sending; the answers are then in its queue. For
     the SDO part of a boot-up, `serving` answers from a thread, while the plant stands still.
     """
 
-    def __init__(self, arm: SimulatedArm, bus: Receiver) -> None:
-        self.arm, self._bus = arm, bus
+    def __init__(self, arm: SimulatedArm, bus: Receiver, clock: int = SYNC) -> None:
+        self.arm, self._bus, self._clock = arm, bus, clock
         self.syncs = 0
         """SYNCs seen since the beginning."""
         self._serving = False
@@ -44,7 +45,7 @@ class Lockstep:
 
     def _take(self, message: can.Message) -> None:
         with self._alone:
-            if message.arbitration_id == SYNC and not message.is_extended_id:
+            if message.arbitration_id == self._clock and not message.is_extended_id:
                 self.syncs += 1
                 self.arm.advance(self.arm.now + self.arm.description.period_s)
             self.arm.receive(message)

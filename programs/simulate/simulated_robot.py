@@ -58,7 +58,7 @@ def true_arm(robot: Robot) -> tuple[ArmDescription, SimulationFile]:
     """The true arm of the robot's `simulation.yaml`. Raises ConfigurationError, where there is no
     such file or it is of before the truth stood in it, too."""
     simulation, path = read_simulation(robot), robot.folder / FILE
-    if not simulation.joints or not simulation.drives:
+    if not simulation.joints:
         raise ConfigurationError(
             f"{path}: the true arm is missing (`joints`, `drives`, `urdf`): "
             f"`contactd simulate {robot.folder} --write-truth` writes them once from config.yaml"
@@ -90,7 +90,7 @@ def refused_drives(robot: Robot, simulation: SimulationFile) -> list[str]:
 
 def supplied_values(description: ArmDescription) -> list[str]:
     """Values that the simulated drives have beyond their EDS, in one sentence for each EDS."""
-    sheets = sorted({drive.eds for drive in description.drives()})
+    sheets = sorted({drive.eds for drive in description.drives() if drive.eds})
     found = {eds: in_words(read_eds(eds)) for eds in sheets}
     return [
         f"{eds.name} gives no value for {len(lines)} objects; as CiA 301 and 402 ask for, "

@@ -1,0 +1,1 @@
+"""Damiao motors: a motor, its gear, two encoders and a controller in one, on classic CAN."""

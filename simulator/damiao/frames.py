@@ -1,0 +1,92 @@
+"""Numbers in the frames of Damiao motors, as their controllers pack and unpack them."""
+
+from dataclasses import dataclass
+from struct import Struct
+from typing import NamedTuple
+
+KP_MAX, KD_MAX = 500.0, 5.0
+_FLOAT, _FLOATS, _HYBRID = Struct("<f"), Struct("<ff"), Struct("<fHH")
+_SHARES = 10_000  # the most of a hybrid command's two limits
+
+
+class Ranges(NamedTuple):
+    """PMAX [rad], VMAX [rad/s] and TMAX [Nm], which scale frames."""
+
+    p_max: float
+    v_max: float
+    t_max: float
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Contents of a command, in the motor's own sense: position [rad], velocity [rad/s] (the
+    highest, where there is a position loop), gains, torque [Nm] and share of the current."""
+
+    position: float = 0.0
+    velocity: float = 0.0
+    kp: float = 0.0
+    kd: float = 0.0
+    torque: float = 0.0
+    share: float = 1.0
+
+
+def to_uint(x: float, low: float, high: float, bits: int) -> int:
+    """The number that stands for x, which is clipped to the range; rounded down."""
+    return int((min(max(x, low), high) - low) * ((1 << bits) - 1) / (high - low))
+
+
+def to_float(u: int, low: float, high: float, bits: int) -> float:
+    """The value that a number stands for."""
+    return u * (high - low) / ((1 << bits) - 1) + low
+
+
+def impedance(data: bytes, ranges: Ranges) -> Command | None:
+    """MIT: position, velocity, kp, kd and torque of 16, 12, 12, 12 and 12 bit; None for a frame
+    that is too short, here and below."""
+    if len(data) < 8:
+        return None
+    packed = int.from_bytes(data[:8], "big")
+    p_max, v_max, t_max = ranges
+    return Command(
+        to_float(packed >> 48, -p_max, p_max, 16),
+        to_float(packed >> 36 & 0xFFF, -v_max, v_max, 12),
+        to_float(packed >> 24 & 0xFFF, 0.0, KP_MAX, 12),
+        to_float(packed >> 12 & 0xFFF, 0.0, KD_MAX, 12),
+        to_float(packed & 0xFFF, -t_max, t_max, 12),
+    )
+
+
+def position_velocity(data: bytes, _: Ranges) -> Command | None:
+    """Position, and the highest velocity on the way, whose sign does not count."""
+    if len(data) < 8:
+        return None
+    position, velocity = _FLOATS.unpack_from(data)
+    return Command(position, abs(velocity))
+
+
+def velocity(data: bytes, _: Ranges) -> Command | None:
+    """Velocity; bytes after it do not count."""
+    return Command(velocity=_FLOAT.unpack_from(data)[0]) if len(data) >= 4 else None
+
+
+def hybrid(data: bytes, _: Ranges) -> Command | None:
+    """Position, highest velocity in 0.01 rad/s and share of the current in 0.0001."""
+    if len(data) < 8:
+        return None
+    position, fastest, share = _HYBRID.unpack_from(data)
+    return Command(position, 0.01 * min(fastest, _SHARES), share=min(share, _SHARES) / _SHARES)
+
+
+def feedback(
+    can_id: int, status: int, measured: tuple[float, float, float], ranges: Ranges,
+    degC: tuple[float, float],
+) -> bytes:  # fmt: skip
+    """Feedback of position [rad], velocity [rad/s] and torque [Nm], and of two temperatures. An
+    identifier of 16 or more reaches into the status."""
+    p, v, t = (
+        to_uint(x, -most, most, bits)
+        for x, most, bits in zip(measured, ranges, (16, 12, 12), strict=True)
+    )
+    head = (can_id | status << 4) & 0xFF
+    temperatures = (int(degree) & 0xFF for degree in degC)
+    return bytes([head]) + (p << 24 | v << 12 | t).to_bytes(5, "big") + bytes(temperatures)
