@@ -135,10 +135,10 @@ def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: N
         notifier.status(f"starting: {line}")
 
     drives.boot_up(progress)
-    serials = drives.serials
+    serials = list(drives.serials)
     tick = build_tick(robot, drives, check_identification(robot, serials))
     _warm_up(robot)
-    process = Process(robot, os.getpid(), _realtime(), list(serials), basis.not_taken_up, basis.files)
+    process = Process(robot, os.getpid(), _realtime(), serials, basis.not_taken_up, basis.files)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
     service = Service(process, loop, control, notifier, drives, black_box, trends)
     return _Arm(basis, drives, tick, loop, service, black_box)

@@ -29,6 +29,7 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 Sign = Literal[-1, 1]
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
+RegisterNumber = Annotated[str, Meta(pattern="^[0-9]{1,2}$")]
 DAMIAO = "damiao:"
 """Prefix of a joint's `drive` that is a Damiao motor."""
 
@@ -101,7 +102,7 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
     node: Annotated[int, Meta(ge=1, le=127)]
     drive: str  # a key of `drives`, or as `damiao:DM4340`
     master_id: Annotated[int, Meta(ge=0, le=0x7FF)] | None = None  # Damiao; else node + 16
-    registers: dict[int, float] = {}  # Damiao; else as made
+    registers: dict[RegisterNumber, float] = {}  # Damiao; else as made
     gear: Positive  # turns of the motor per turn of the joint
     rated_current_A: Positive
     max_current_A: Positive
@@ -229,7 +230,7 @@ def _damiao(joint: TrueJoint) -> DriveDescription:
     master_id = joint.node + 0x10 if joint.master_id is None else joint.master_id
     make = DamiaoMake(
         joint.drive.removeprefix(DAMIAO), master_id, joint.motor_sign, joint.link_sign,
-        joint.link_offset, joint.registers,
+        joint.link_offset, {int(number): value for number, value in joint.registers.items()},
     )  # fmt: skip
     return DriveDescription(None, make.sensors(), make)
 

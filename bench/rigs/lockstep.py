@@ -5,9 +5,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from bench.rigs.lines import Line, OpenLine, virtual_line
-from bench.rigs.sync_clock import Lockstep
+from bench.rigs.sync_clock import Lockstep, at_request, at_sync
 from common.errors import DriveError
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
@@ -25,6 +26,8 @@ from drivers.api import Samples
 from drivers.can.wire import Wire
 from drivers.canopen.arm import CanopenArm
 from drivers.canopen.boot.boot_up import DriveBoot
+from drivers.canopen.settings import CanopenProfile
+from drivers.damiao.arm import DamiaoArm
 from estimator.estimate import Estimate
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.arm import SimulatedArm
@@ -36,6 +39,7 @@ from simulator.truth import SimulationFile
 ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
+OPENARM = ROMEO.parent / "openarm_left"
 
 #: Of an arm whose configuration is right by construction.
 TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")
@@ -92,12 +96,12 @@ class Rig(Ticking):
     """Both ends of the bus; `step` moves them on by one period."""
 
     robot: Robot
-    drives: CanopenArm
+    drives: Any  # CanopenArm or DamiaoArm
     tick: Tick
     arm: SimulatedArm
     lockstep: Lockstep
     line: Line
-    build: Callable[[Robot], tuple[CanopenArm, Tick]]  # drives set up, and their tick
+    build: Callable[[Robot], tuple[Any, Tick]]  # drives set up, and their tick
     ticks: int = 0
     before_s: float = 0.0  # time of the ticks that were built before this one
 
@@ -176,8 +180,9 @@ class Rig(Ticking):
 
     @property
     def boot(self) -> DriveBoot:
-        """Set-up of the drives by SDO."""
-        return self.drives.boot
+        """Set-up of CANopen drives by SDO."""
+        boot: DriveBoot = self.drives.boot
+        return boot
 
     @property
     def samples(self) -> Samples:
@@ -226,17 +231,30 @@ def lockstep_rig(
     robot = replace(robot, configuration=configure(robot.configuration))
     # One SYNC is one period at both ends, whatever else the true arm is.
     description = replace(description, period_s=robot.configuration.period_s)
+    is_canopen = isinstance(next(iter(robot.configuration.drives.values())), CanopenProfile)
+    phase_of = at_sync if is_canopen else at_request(robot.configuration.joints[0].wiring.node)
     with line() as bus:
         arm = SimulatedArm(description, settings, bus.far.send, hand_script=hand, on_event=on_event)
-        lockstep = Lockstep(arm, bus.far)
+        lockstep = Lockstep(arm, bus.far, phase_of)
         arm.power_on()
 
-        def build(robot: Robot) -> tuple[CanopenArm, Tick]:
+        def canopen(robot: Robot) -> CanopenArm:
             boot = replace(build_boot(robot, bus.near.wire), listen_s=0.0, sleep=lockstep.let_pass)
             with lockstep.serving():
                 boot.boot_up()
             bus.hand_over()
-            drives = build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
+            return build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
+
+        def damiao(robot: Robot) -> DamiaoArm:
+            c = robot.configuration
+            drives = DamiaoArm(between(bus.wire), c.joint_drives, c.period_s, lambda: 0.0, 0.0)
+            with lockstep.serving():
+                drives.boot_up(lambda line: None)
+            bus.hand_over()
+            return drives
+
+        def build(robot: Robot) -> tuple[Any, Tick]:
+            drives = canopen(robot) if is_canopen else damiao(robot)
             tick = build_tick(robot, drives, identification(robot, drives.serials))
             drives.start(0.0)
             lockstep.pump()

@@ -1,10 +1,10 @@
-"""Simulated arm on a bus of the same process, with the SYNC as its clock: deterministic."""
+"""Simulated arm on a bus of the same process, the daemon's frames its clock: deterministic."""
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Final, Protocol
 
 import can
 
@@ -18,18 +18,40 @@ class Receiver(Protocol):
         """The next frame, like `BusABC.recv`."""
 
 
+PhaseOf = Callable[[can.Message], float | None]
+#: Share of a period after which setpoints go out that act at once.
+SETPOINT_PHASE: Final = 0.4
+
+
+def at_sync(message: can.Message) -> float | None:
+    """Phase of a frame to CANopen drives, which take a setpoint at the next SYNC."""
+    return 0.0 if message.arbitration_id == SYNC and not message.is_extended_id else None
+
+
+def at_request(first: int) -> PhaseOf:
+    """Phase of frames to Damiao motors, of which the `first` is asked first."""
+
+    def phase_of(message: can.Message) -> float | None:
+        if message.arbitration_id == 0x7FF and message.data[2] == 0xCC:
+            return 0.0 if message.data[0] == first else None
+        return SETPOINT_PHASE if message.arbitration_id == first else None
+
+    return phase_of
+
+
 class Lockstep:
-    """Clock of the arm: every frame with the identifier `clock`, a SYNC, moves it on by one period;
-    nothing else moves it.
+    """Clock of the arm, which the daemon's frames alone move: `phase_of` a frame is when it is sent
+    in a period, 0 for the first of one, None for a frame without a time.
 
     The owner of the other end calls `pump` after sending; the answers are then in its queue. For
     the SDO part of a boot-up, `serving` answers from a thread, while the plant stands still.
     """
 
-    def __init__(self, arm: SimulatedArm, bus: Receiver, clock: int = SYNC) -> None:
-        self.arm, self._bus, self._clock = arm, bus, clock
+    def __init__(self, arm: SimulatedArm, bus: Receiver, phase_of: PhaseOf = at_sync) -> None:
+        self.arm, self._bus, self._phase_of = arm, bus, phase_of
         self.syncs = 0
-        """SYNCs seen since the beginning."""
+        """Periods begun so far."""
+        self._phase = 0.0
         self._serving = False
         self._alone = threading.Lock()
 
@@ -45,9 +67,13 @@ class Lockstep:
 
     def _take(self, message: can.Message) -> None:
         with self._alone:
-            if message.arbitration_id == self._clock and not message.is_extended_id:
+            period_s, phase = self.arm.description.period_s, self._phase_of(message)
+            if phase == 0.0:
                 self.syncs += 1
-                self.arm.advance(self.arm.now + self.arm.description.period_s)
+            if phase is not None:
+                later = phase - self._phase if phase else 1.0 - self._phase
+                self.arm.advance(self.arm.now + max(later, 0.0) * period_s)
+                self._phase = phase
             self.arm.receive(message)
 
     def let_pass(self, seconds: float) -> None:

@@ -1,7 +1,7 @@
 """Damiao motors of one arm over their whole life: `drivers.api.BootableDrives`.
 
-Set-up is a few registers, written until the motor's power is off, and read back: velocity mode and
-the time without setpoints after which the motor lets go.
+Set-up is a few registers, written until the motor's power is off, and read back: its mode, and the
+time without setpoints after which it lets go.
 """
 
 import math
@@ -17,9 +17,9 @@ from drivers.can.wire import Wire
 from drivers.damiao.drives import DamiaoDrives
 from drivers.damiao.frames import (
     ANSWERS,
+    IMPEDANCE_MODE,
     REGISTERS,
     TIMEOUT_S,
-    VELOCITY_MODE,
     Register,
 )
 from drivers.damiao.registers import Registers, same
@@ -119,7 +119,7 @@ class DamiaoArm(DamiaoDrives):
             )
 
     def let_go(self) -> None:
-        """Switch off the motors' watch on us: those that hold go on holding the setpoint 0. Raises
+        """Switch off the motors' watch on us: those that hold go on holding. Raises
         the first DriveError after all were written."""
         registers, errors = Registers(self._wire), []
         for drive in self._drives:
@@ -132,7 +132,7 @@ class DamiaoArm(DamiaoDrives):
             raise errors[0]
 
     def _beat(self, meanwhile: Callable[[], None]) -> None:
-        """Setpoint 0 to all motors when it is time: those that hold would let go."""
+        """Setpoints to all motors when it is time: those that hold would let go."""
         now = time.monotonic()
         if now - self._beaten_s >= self._beat_s:
             self._beaten_s = now
@@ -140,7 +140,7 @@ class DamiaoArm(DamiaoDrives):
             meanwhile()
 
     def _refuse_other_master(self) -> None:
-        commands = self._own | {REGISTERS}
+        commands = {*self._motors, REGISTERS}
         deadline = time.monotonic() + self._listen_s
         while (remaining := deadline - time.monotonic()) > 0.0:
             try:
@@ -155,7 +155,7 @@ def _wanted(drive: DamiaoDrive) -> dict[Register, float]:
     """Registers that are set, and their values."""
     return {
         Register.TIMEOUT: round(drive.profile.patience_s / TIMEOUT_S),
-        Register.MODE: VELOCITY_MODE,
+        Register.MODE: IMPEDANCE_MODE,
     }
 
 

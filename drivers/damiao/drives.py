@@ -1,7 +1,7 @@
 """Damiao motors of one arm on their bus: every tick requests out, samples in, setpoints out.
 
-A tick asks each motor for a feedback and for its output encoder, then sends its target velocity,
-whose own feedback acknowledges it. One thread owns the bus. Time is an argument; the `clock` only
+A tick asks each motor for a feedback and for its output encoder, then sends its setpoint, whose own
+feedback acknowledges it. One thread owns the bus. Time is an argument; the `clock` only
 measures how much of a deadline is left. No failure of the bus is an exception.
 """
 
@@ -15,15 +15,14 @@ from drivers.damiao.frames import (
     CLEAR_ERROR,
     DISABLE,
     ENABLE,
-    VELOCITY,
     Register,
     Status,
     read,
     refresh,
-    setpoint,
 )
 from drivers.damiao.port import FRAMES_PER_PASS, Port
 from drivers.damiao.replies import WORKING, Replies, news_of
+from drivers.damiao.setpoints import Setpoints
 from drivers.damiao.settings import DamiaoDrive
 from drivers.damiao.stops import Stops
 from drivers.presence import Presence
@@ -52,19 +51,15 @@ class DamiaoDrives:
         self._stops = Stops(drives, period_s)
         self._presence = Presence(least_patience_s(drives), period_s)
         self._motors = tuple(drive.node for drive in drives)
-        self._own = {VELOCITY + motor for motor in self._motors} | set(self._motors)
-        self._port = Port(wire, self.replies, self._own, self._presence.lost)
-        self._signs = [float(drive.wiring.motor_sign) for drive in drives]
+        self._port = Port(wire, self.replies, self._motors, self._presence.lost)
+        self._setpoints = Setpoints(drives, period_s)
         self._requests = [
             request
             for motor in self._motors
             for request in (refresh(motor), read(motor, Register.OUTPUT_POSITION))
         ]
-        self._data = [bytearray(4) for _ in drives]
-        self._setpoints: list[Frame] = [
-            (VELOCITY + motor, data) for motor, data in zip(self._motors, self._data, strict=True)
-        ]
         self._last = [0.0] * n  # target velocities that went out [rad/s at the link]
+        self._measured = [math.nan] * n  # positions of the motors [rad at the link]
         self._stopping = [True] * n
         self._were = [Status.UNKNOWN] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
@@ -104,7 +99,6 @@ class DamiaoDrives:
         awaited = self.replies.awaited
         awaited.expect_none()
         self._backlog = not self._port.read_queued()
-        self.replies.pending = [0] * len(self.names)
         if self._backlog or awaited.punctuality.leaves_out(now):
             self._backlog = True
             return
@@ -175,6 +169,8 @@ class DamiaoDrives:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
         self._port.report(*self._stops.step(self._now, targets, self.samples, velocity))
+        motors = self.samples.motor_position
+        self._measured = [math.nan] * n if motors is None else motors.tolist()
         frames: list[Frame] = []
         for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):
             self._command_one(i, targets[i], next_velocity, reset, frames)
@@ -191,13 +187,13 @@ class DamiaoDrives:
         self._last[i] = velocity if runs else 0.0
         if (target is not _ON) is not self._stopping[i]:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
-        setpoint(self._data[i], self._signs[i] * self._last[i])
-        frames.append(self._setpoints[i])
-        self.replies.pending[i] += 1
+        self._setpoints.write(i, self._last[i], self._measured[i], runs=runs)
+        frames.append(self._setpoints.frames[i])
+        self.replies.pending[i] = 1  # one that was lost is not awaited for ever
         word = self._command_word(i, target, status, reset)
         self._let_go[i] = word is DISABLE or (self._let_go[i] and status is not Status.ENABLED)
         if word is not None:
-            frames.append((VELOCITY + self._motors[i], word))
+            frames.append((self._motors[i], word))
             self.replies.pending[i] += 1
 
     def _command_word(
@@ -231,10 +227,9 @@ class DamiaoDrives:
         """Nothing to forget: errors of these motors are in every feedback."""
 
     def quick_stop(self) -> None:
-        """Setpoint 0 to all motors, now."""
-        for data in self._data:
-            setpoint(data, 0.0)
-        self._port.send(self._setpoints)
+        """Hold all motors, now."""
+        self._setpoints.stop()
+        self._port.send(self._setpoints.frames)
 
     @property
     def left_alone(self) -> bool:

@@ -12,7 +12,6 @@ from typing import Final
 
 from drivers.can.wire import Frame
 
-VELOCITY: Final = 0x200  # added to a motor's id: commands in velocity mode
 REGISTERS: Final = 0x7FF
 ANSWERS: Final = 0x10  # usual distance of the master id from the motor's
 
@@ -23,7 +22,9 @@ CLEAR_ERROR: Final = _COMMAND + b"\xfb"
 
 _READ, _WRITE, _REFRESH = 0x33, 0x55, 0xCC
 _FLOAT: Final = struct.Struct("<f")
-_SETPOINT_INTO: Final = _FLOAT.pack_into
+_SETPOINT: Final = struct.Struct(">HBBBBBB")
+#: What 12 bits of stiffness [Nm/rad] and of damping [Nm s/rad] reach, in every model.
+STIFFEST, MOST_DAMPING = 500.0, 5.0
 _WORD: Final = struct.Struct("<I")
 #: Status and id, position, velocity and torque in 40 bits, two temperatures.
 _FEEDBACK: Final = struct.Struct(">BHBBBBB")
@@ -56,7 +57,7 @@ WORDS: Final = frozenset(
 )
 """Registers that hold a whole number of 32 bits; the others hold floats."""
 TIMEOUT_S: Final = 50e-6
-VELOCITY_MODE: Final = 3
+IMPEDANCE_MODE: Final = 1  # "MIT": torque = kp (p - q) + kd (v - q_dot) + t
 
 
 class Status(IntEnum):
@@ -74,17 +75,30 @@ class Status(IntEnum):
     OVERLOAD = 14
 
 
-def setpoint(data: bytearray, velocity: float) -> None:
-    """Write a target velocity [rad/s at the output] into the data of a velocity command."""
-    _SETPOINT_INTO(data, 0, velocity)
+def scaled(value: float, most: float, bits: int) -> int:
+    """Value between -most and +most as a whole number of so many bits, the nearest."""
+    highest = (1 << bits) - 1
+    return min(max(round((value + most) * highest / (2.0 * most)), 0), highest)
 
 
-def velocity_of(data: bytes | bytearray) -> float | None:
-    """Target velocity [rad/s at the output] of a frame in velocity mode; None for a command."""
-    if len(data) < 4 or bytes(data[:7]) == _COMMAND:
+def setpoint(data: bytearray, position: int, velocity: int, gains: tuple[int, int]) -> None:
+    """Write a setpoint into the data of a command: position of 16 bits, velocity of 12, stiffness
+    and damping of 12 each; its torque is 0."""
+    kp, kd = gains
+    _SETPOINT.pack_into(
+        data, 0, position, velocity >> 4, (velocity & 0xF) << 4 | kp >> 8, kp & 0xFF,
+        kd >> 4, (kd & 0xF) << 4 | _NO_TORQUE >> 8, _NO_TORQUE & 0xFF,
+    )  # fmt: skip
+
+
+_NO_TORQUE: Final = 0x7FF
+
+
+def velocity_of(data: bytes | bytearray) -> int | None:
+    """Target velocity of 12 bits in a setpoint; None for a command."""
+    if len(data) < 8 or bytes(data[:7]) == _COMMAND:
         return None
-    value: float = _FLOAT.unpack_from(data)[0]
-    return value
+    return data[2] << 4 | data[3] >> 4
 
 
 def refresh(motor: int) -> Frame:

@@ -5,15 +5,13 @@ from pathlib import Path
 from typing import Final
 
 from drivers.can.load import FrameLoad
-from drivers.damiao.frames import ANSWERS, REGISTERS, VELOCITY, Scales
+from drivers.damiao.frames import ANSWERS, REGISTERS, Scales
 from drivers.damiao.recorded import DamiaoTicks
 from drivers.damiao.settings import DamiaoDrive, DamiaoProfile
 from drivers.drive import Counts, Measure, ProfileProblem
 
 #: Ids that fit beside the status in a feedback.
 HIGHEST_ID: Final = 15
-#: Registers' floats have 24 bits.
-_FLOAT: Final = 1 << 24
 
 
 def problems(
@@ -42,16 +40,14 @@ def _wrong(drive: DamiaoDrive) -> Iterator[str]:
 
 
 def counts(drive: DamiaoDrive, measure: Measure) -> Counts:
-    """Integers of a quantity of a motor, 0 at half of them; floats reach as far as the feedback."""
+    """Integers of a quantity of a motor, 0 at half of them."""
     profile, sign = drive.profile, drive.wiring.motor_sign
-    if measure == "target_velocity":
-        step = sign * profile.figures.speed / _FLOAT
-        return Counts(("model",), "floats", step, 0.0, -_FLOAT, _FLOAT)
     scales = Scales.of(profile.position_max, profile.velocity_max, profile.torque_max_Nm)
     at, scale, bits = {
         "effort": ("torque_max_Nm", scales.torque / profile.Nm_per_A, 12),
         "link_position": ("position_max", scales.position, 16),
         "motor_velocity": ("velocity_max", scales.velocity, 12),
+        "target_velocity": ("velocity_max", scales.velocity, 12),
     }[measure]
     bias = drive.wiring.link_offset if measure == "link_position" else 0.0
     most, gain = (1 << bits) - 1, sign * scale
@@ -68,7 +64,7 @@ def frames(
         answers = drive.node + ANSWERS
         table += [
             FrameLoad(f"{drive.name} requests", REGISTERS, 8, 2.0 * tick_hz),
-            FrameLoad(f"{drive.name} setpoint", VELOCITY + drive.node, 4, tick_hz),
+            FrameLoad(f"{drive.name} setpoint", drive.node, 8, tick_hz),
             FrameLoad(f"{drive.name} answers", answers, 8, 3.0 * tick_hz),
         ]
     return tuple(table)

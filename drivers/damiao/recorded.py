@@ -6,7 +6,7 @@ import numpy as np
 
 from common.arrays import Vector
 from drivers.api import Samples
-from drivers.damiao.frames import VELOCITY, refresh, velocity_of
+from drivers.damiao.frames import refresh, velocity_of
 from drivers.damiao.replies import Replies
 from drivers.damiao.settings import DamiaoDrive
 
@@ -20,8 +20,10 @@ class DamiaoTicks:
         self.velocity: Vector = np.zeros(len(drives))
         """Target velocities that were sent last (n,) [rad/s]."""
         self._first = refresh(drives[0].node)
-        self._signs = [float(drive.wiring.motor_sign) for drive in drives]
-        self._joint_of = {VELOCITY + drive.node: i for i, drive in enumerate(drives)}
+        self._scales = [
+            drive.wiring.motor_sign * 2.0 * drive.profile.velocity_max / 0xFFF for drive in drives
+        ]
+        self._joint_of = {drive.node: i for i, drive in enumerate(drives)}
         self._running = [False] * len(drives)
 
     def begins(self, can_id: int, data: bytes, *, sent: bool) -> bool:
@@ -31,7 +33,6 @@ class DamiaoTicks:
     def begin(self, now: float) -> None:
         """Begin a tick."""
         self._replies.awaited.expect_all(now)
-        self._replies.pending = [0] * len(self._running)
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
         """Take another frame of it."""
@@ -40,9 +41,12 @@ class DamiaoTicks:
             if joint is not None:
                 self._replies.take(joint, data)
         elif (joint := self._joint_of.get(can_id)) is not None:
-            self._replies.pending[joint] += 1
-            if (velocity := velocity_of(data)) is not None:
-                self.velocity[joint] = self._signs[joint] * velocity
+            velocity = velocity_of(data)
+            if velocity is None:
+                self._replies.pending[joint] += 1
+            else:
+                self._replies.pending[joint] = 1
+                self.velocity[joint] = self._scales[joint] * (velocity - 0xFFF / 2.0)
 
     def finish(self) -> Samples:
         """End the tick."""

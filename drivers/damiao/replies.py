@@ -99,8 +99,8 @@ class Replies:
         ]
         signs = np.array([float(drive.wiring.motor_sign) for drive in drives])
         constants = [drive.profile.Nm_per_A for drive in drives]
-        # Counts begin at -MAX: (2^bits - 1) / 2 of them are 0.
-        self._middle = np.array([[0xFFFF], [0xFFF], [0xFFF]]) / 2.0
+        # Motors truncate: half a count more is the middle of what a count may be, and 0 is exact.
+        self._middle = np.array([[0x7FFF], [0x7FF], [0x7FF]])
         self._gain = signs * np.array(
             [
                 [s.position for s in scales],

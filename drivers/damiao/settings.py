@@ -6,6 +6,7 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta
 
+from drivers.damiao.frames import MOST_DAMPING, STIFFEST
 from drivers.drive import Drive
 from drivers.settings import Settings
 
@@ -47,6 +48,9 @@ class DamiaoProfile(Settings, frozen=True, tag_field="make", tag="damiao"):
     position_max: Annotated[float, Meta(gt=0, le=1000)]  # [rad at the output]
     velocity_max: Annotated[float, Meta(gt=0, le=1000)]  # [rad/s at the output]
     torque_max_Nm: Annotated[float, Meta(gt=0, le=1000)]  # at the output
+    # Of the motor's own loop, at its output, about a position that follows the target velocity.
+    stiffness: Annotated[float, Meta(gt=0, le=STIFFEST)]  # [Nm/rad]
+    damping: Annotated[float, Meta(gt=0, le=MOST_DAMPING)]  # [Nm s/rad]
     # Without a setpoint of ours for so long, and the motor goes limp (register 9).
     master_timeout_ms: Annotated[int, Meta(ge=1, le=60_000)] = 100
     # How long the motor may take to answer at boot-up.

@@ -1,12 +1,13 @@
 """Stops of Damiao motors: a ramp of setpoints to 0, watched; power is cut only where one runs on.
 
 These motors have no stop of their own, and go limp when nothing is sent. So the stronger stages
-of `StopWatch` repeat the setpoint 0, and silence is none: a motor that is not heard may still hear.
+of `StopWatch` go on holding, and silence is none: a motor that is not heard may still hear.
 Only one that is seen to go on beyond its travel loses its power.
 """
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 from common.arrays import Vector
 from drivers.api import Event, Kind, PowerTarget, Samples
@@ -14,7 +15,8 @@ from drivers.damiao.settings import DamiaoDrive
 from drivers.stopping.stop_watch import OBEYING, Seen, Stage
 from drivers.stopping.watches import REPEATS, Watches, seen_in
 
-_ON, _OFF = PowerTarget.ON, PowerTarget.OFF
+_ON: Final = PowerTarget.ON
+_STRONGER: Final = {Stage.LAST: Kind.NOT_SEEN_TO_STOP, Stage.SILENCE: Kind.UNPROVED}
 
 
 class Stops:
@@ -54,10 +56,8 @@ class Stops:
                 watch.begin(now, Stage.SETPOINT, known)
             cut = watch.cut
             stage = watch.step(now, self._seen(i, samples))
-            if stage is Stage.LAST:
-                found.setdefault((Kind.NOT_SEEN_TO_STOP, "setpoint 0 goes on"), []).append(i)
-            elif stage is Stage.SILENCE:
-                found.setdefault((Kind.UNPROVED, "setpoint 0 goes on"), []).append(i)
+            if stage in _STRONGER:
+                found.setdefault((_STRONGER[stage], "it goes on being commanded"), []).append(i)
             if watch.cut and not cut:
                 beyond = "it goes on beyond its travel: power cut"
                 found.setdefault((Kind.NOT_SEEN_TO_STOP, beyond), []).append(i)

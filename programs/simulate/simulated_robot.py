@@ -18,10 +18,12 @@ from daemon.config.load import Robot
 from daemon.config.schema import Joint
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import CanopenProfile, Quantity
+from drivers.damiao.frames import Register
+from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
 from simulator.supplied import in_words
-from simulator.truth import SimulationFile, described
+from simulator.truth import DAMIAO, SimulationFile, described
 
 FILE, URDF = "simulation.yaml", "simulation.urdf"
 HEAD = """\
@@ -156,15 +158,28 @@ def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFil
     data = {
         "joints": [
             _true_joint(joint, float(model.lower[i]), float(model.upper[i]))
+            | _true_motor(configuration.drives[joint.wiring.profile])
             for i, joint in enumerate(configuration.joints)
         ],
         "drives": {
             name: _true_drive(robot, name, profile)
             | ({"link_encoder": False} if name in at_motor else {})
             for name, profile in configuration.drives.items()
+            if isinstance(profile, CanopenProfile)
         },
     }
     return msgspec.convert(data, SimulationFile)
+
+
+def _true_motor(profile: DriveProfile) -> dict[str, Any]:
+    """Fields of a joint whose motor is its drive: the model, and registers as configured."""
+    if isinstance(profile, CanopenProfile):
+        return {}
+    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
+    return {
+        "drive": f"{DAMIAO}{profile.model}",
+        "registers": {str(Register.POSITION_MAX + i): value for i, value in enumerate(ranges)},
+    }
 
 
 def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:
@@ -236,6 +251,11 @@ def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
     configuration = (robot.by_hand or robot).configuration
     model = robot.model
     profiles = {joint.wiring.profile for joint in configuration.joints}
+    if not all(isinstance(each, CanopenProfile) for each in configuration.drives.values()):
+        start = simulation.initial_position
+        truth = msgspec.structs.replace(as_configured(robot), urdf=configuration.urdf)
+        truth = msgspec.structs.replace(truth, initial_position=start)
+        return described(truth, robot.path, configuration.period_s)
     if len(profiles) > 1:
         raise ConfigurationError(
             f"{robot.path}: drives: the joints use {', '.join(sorted(profiles))}; only one profile "
@@ -243,7 +263,7 @@ def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
         )
     return ArmDescription(
         urdf=robot.folder / configuration.urdf,
-        eds=robot.folder / configuration.drives[profiles.pop()].eds,
+        eds=robot.folder / configuration.drives[profiles.pop()].files[0],
         joints=tuple(
             _joint(
                 joint,

@@ -1,0 +1,125 @@
+"""Frames of Damiao motors, against bytes that public clients send and understand.
+
+Sources: enactic/openarm_can (C++), jia-xie/python-damiao-driver, cmjang/DM_Control_Python.
+"""
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.damiao.frames import (
+    CLEAR_ERROR,
+    DISABLE,
+    ENABLE,
+    Feedback,
+    Register,
+    Scales,
+    Status,
+    feedback_of,
+    read,
+    refresh,
+    register_of,
+    setpoint,
+    status_of,
+    value_of,
+    velocity_of,
+    write,
+)
+
+
+@pytest.mark.parametrize(
+    ("frame", "wanted"),
+    [
+        ((0, ENABLE), (0, "FFFFFFFFFFFFFFFC")),
+        ((0, DISABLE), (0, "FFFFFFFFFFFFFFFD")),
+        ((0, CLEAR_ERROR), (0, "FFFFFFFFFFFFFFFB")),
+        (refresh(0x03), (0x7FF, "0300CC0000000000")),
+        (refresh(0x103), (0x7FF, "0301CC0000000000")),
+        (read(0x01, Register.OUTPUT_POSITION), (0x7FF, "0100335100000000")),
+        (read(0x07, Register.POSITION_MAX), (0x7FF, "0700331500000000")),
+        (write(0x01, Register.MODE, 3), (0x7FF, "0100550A03000000")),
+        (write(0x02, Register.TIMEOUT, 2000), (0x7FF, "02005509D0070000")),
+        (write(0x01, Register.VELOCITY_MAX, 30.0), (0x7FF, "010055160000F041")),
+    ],
+)
+def test_commands_are_byte_equal_to_those_of_public_clients(frame, wanted) -> None:
+    assert (frame[0], bytes(frame[1]).hex().upper()) == wanted
+
+
+@pytest.mark.parametrize(
+    ("velocity", "wanted"), [(0.0, "00000000"), (1.0, "0000803F"), (-2.5, "000020C0")]
+)
+def test_a_setpoint(velocity: float, wanted: str) -> None:
+    data = bytearray(4)
+    setpoint(data, velocity)
+    assert data.hex().upper() == wanted
+    assert velocity_of(data) == velocity
+    assert velocity_of(bytes(data) + bytes(4)) == velocity  # clients that fill the frame up
+
+
+def test_a_command_is_no_setpoint() -> None:
+    assert [velocity_of(each) for each in (ENABLE, DISABLE, CLEAR_ERROR, b"\0\0")] == [None] * 4
+
+
+def test_a_feedback_of_a_public_client() -> None:
+    # DM4310, id 1, enabled, at 0 rad, 0 rad/s, 0 Nm, 30 and 28 degC: the middle of all ranges.
+    found = feedback_of(bytes.fromhex("117FFF7FF7FF1E1C"))
+    assert found == Feedback(1, 1, 0x7FFF, 0x7FF, 0x7FF, 30, 28)
+    scales = Scales.of(12.5, 30.0, 10.0)
+    assert (found.position - 0xFFFF / 2.0) * scales.position == pytest.approx(0.0, abs=2e-4)
+    assert scales.position == pytest.approx(0.38e-3, rel=0.01)
+    assert scales.velocity == pytest.approx(14.7e-3, rel=0.01)
+    assert scales.torque == pytest.approx(4.9e-3, rel=0.01)
+
+
+@given(
+    st.integers(0, 15), st.integers(0, 15), st.integers(0, 0xFFFF), st.integers(0, 0xFFF),
+    st.integers(0, 0xFFF), st.integers(0, 255), st.integers(0, 255),
+)  # fmt: skip
+def test_a_feedback_is_unpacked_as_it_was_packed(status, motor, p, v, t, bridge, coil) -> None:
+    packed = status << 60 | motor << 56 | p << 40 | v << 28 | t << 16 | bridge << 8 | coil
+    found = feedback_of(packed.to_bytes(8, "big"))
+    assert found == Feedback(status, motor, p, v, t, bridge, coil)
+
+
+@given(st.binary(max_size=7))
+def test_a_short_feedback_is_refused(data: bytes) -> None:
+    with pytest.raises(struct.error):
+        feedback_of(data)
+
+
+@pytest.mark.parametrize(
+    ("nibble", "status"),
+    [(0, Status.DISABLED), (1, Status.ENABLED), (13, Status.MASTER_SILENT), (2, Status.UNKNOWN),
+     (15, Status.UNKNOWN)],
+)  # fmt: skip
+def test_statuses(nibble: int, status: Status) -> None:
+    assert status_of(nibble) is status
+
+
+@pytest.mark.parametrize(
+    ("motor", "data", "register"),
+    [
+        (1, "0100335100000000", 81),
+        (1, "0100550A03000000", 10),
+        (2, "0100335100000000", None),  # another motor's
+        (1, "1100335100000000", None),  # a feedback of an enabled one
+        (1, "01003351", None),  # cut short
+    ],
+)
+def test_an_answer_about_a_register(motor: int, data: str, register: int | None) -> None:
+    assert register_of(motor, bytes.fromhex(data)) == register
+
+
+def test_values_of_registers() -> None:
+    assert value_of(Register.SERIAL, bytes.fromhex("0100330F78563412")) == 0x12345678
+    assert value_of(Register.POSITION_MAX, bytes.fromhex("0100331500004841")) == 12.5
+    assert math.isnan(value_of(Register.POSITION_MAX, bytes.fromhex("01003315FFFFFFFF")))
+
+
+@given(st.sampled_from(list(Register)), st.integers(0, 2**24))
+def test_a_written_value_reads_the_same(register: Register, value: int) -> None:
+    assert value_of(register, bytes(write(5, register, value)[1])) == value
