@@ -93,6 +93,7 @@ class Kind(Enum):
     TWO_DRIVES = "two drives answer as one"
     NOT_SEEN_TO_STOP = "a drive was commanded to stop, and is not seen to"
     UNPROVED = "nothing more can be done to stop a drive"
+    UNGUARDED = "nothing would hold the arm without this process"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 cdef class Servo:
     cdef Py_ssize_t _n
-    cdef readonly object damping, stiffness, target, reference, rate, current
+    cdef readonly object damping, stiffness, target, reference, rate, fall, current
     cdef double[::1] _targets, _references, _rates, _currents
     cdef double[::1] _kp, _ki_step, _highest, _wanted, _integral, _energised
     cdef double[::1] _falls

@@ -37,11 +37,11 @@ class Servo:
         """stiffness with which a stop is held (n,) [Nm/rad], likewise"""
         self._kp, self._ki_step = kp, kp * INTEGRAL_RATE * SERVO_PERIOD_S
         self._highest = np.array([joint.max_current_A for joint in joints], dtype=np.float64)
-        self.target, self.reference, self.rate, self.current = np.zeros((4, n))
+        self.target, self.reference, self.rate, self.fall, self.current = np.zeros((5, n))
         # The same arrays, for others to read and write as such, and for `update`.
         self._targets, self._references = self.target, self.reference
-        self._rates, self._currents = self.rate, self.current
-        self._falls, self._wanted, self._integral = np.zeros((3, n))
+        self._rates, self._falls, self._currents = self.rate, self.fall, self.current
+        self._wanted, self._integral = np.zeros((2, n))
         self._energised = np.zeros(n)
 
     def energise(self, joint: int, velocity: float) -> None:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bench.rigs.lines import Line, OpenLine, virtual_line
+from bench.rigs.guardian_at_bus import GuardianAtBus
+from bench.rigs.lines import Line, LockstepBus, OpenLine, virtual_line
 from bench.rigs.sync_clock import Lockstep, at_request, at_sync
 from common.errors import DriveError
 from daemon.assembly import build_tick
@@ -28,6 +29,7 @@ from drivers.canopen.arm import CanopenArm
 from drivers.canopen.boot.boot_up import DriveBoot
 from drivers.canopen.settings import CanopenProfile
 from drivers.damiao.arm import DamiaoArm
+from drivers.damiao.guardian import Guardian
 from estimator.estimate import Estimate
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.arm import SimulatedArm
@@ -104,6 +106,7 @@ class Rig(Ticking):
     build: Callable[[Robot], tuple[Any, Tick]]  # drives set up, and their tick
     ticks: int = 0
     before_s: float = 0.0  # time of the ticks that were built before this one
+    guard: Callable[[], None] = lambda: None  # a turn of the guardian, where there is one
 
     @property
     def wall_s(self) -> float:
@@ -124,6 +127,7 @@ class Rig(Ticking):
         which otherwise passes like the rig's."""
         self.tick.begin(self.time_s)
         self.lockstep.pump()
+        self.guard()
         wall_s = self.wall_s if wall_s is None else wall_s
         self.tick.finish(0.0, Wakeup(wall_s=wall_s))
         self.ticks += 1
@@ -260,4 +264,9 @@ def lockstep_rig(
             lockstep.pump()
             return drives, tick
 
-        yield Rig(robot, *build(robot), arm, lockstep, bus, build)
+        if is_canopen:
+            yield Rig(robot, *build(robot), arm, lockstep, bus, build)
+            return
+        with LockstepBus(bus.channel) as end:
+            guard = GuardianAtBus(Guardian(robot.configuration.joint_drives), end, arm)
+            yield Rig(robot, *build(robot), arm, lockstep, bus, build, guard=guard)

@@ -40,6 +40,7 @@ class Condition(StrEnum):
     OLD = "samples a period old"
     HEARTBEAT_LOST = "heartbeat lost"
     UNHEARD = "the daemon was not heard by a drive"
+    UNGUARDED = "no guardian"
     EMERGENCY = "emergency message"
     DRIVE_FAULT = "drive fault"
     DRIVE_DROPPED = "drive left operation"

@@ -68,6 +68,14 @@ DRIVES_AND_BUS: Final = {
         "`contactctl reset`",
         source=Kind.UNHEARD,
     ),
+    _C.UNGUARDED: Row(
+        _R.HOLD, "heartbeats",
+        "no beat of the guardian on the bus for 100 ms, after it had been there. Only for drives "
+        "that let go when nothing is sent to them",
+        "should this process die, too, the arm would fall",
+        "start `contactd guard` again (its service, or its terminal), then `contactctl arm`",
+        source=Kind.UNGUARDED,
+    ),
     _C.EMERGENCY: Row(
         _R.QUICK_STOP, "emergencies",
         "an EMCY message with an error code (over-current, under-voltage, over-temperature, ...). "

@@ -31,6 +31,7 @@ SECTION_OF: Final[dict[Condition, str]] = {
     _C.OVERRUN: "it-is-late",
     _C.ABSENT: "it-is-late",
     _C.UNHEARD: "a-drive-falls-silent",
+    _C.UNGUARDED: "a-drive-falls-silent",
     _C.EMERGENCY: "a-drive-gives-up",
     _C.DRIVE_FAULT: "a-drive-gives-up",
     _C.DRIVE_DROPPED: "a-drive-gives-up",

@@ -7,6 +7,7 @@ measures how much of a deadline is left. No failure of the bus is an exception.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from typing import Final
 
 from common.arrays import Vector
 from drivers.api import Event, Kind, Objection, PowerTarget, Samples
@@ -28,6 +29,9 @@ from drivers.damiao.stops import Stops
 from drivers.presence import Presence
 from drivers.stopping.travel import least_patience_s
 
+NO_GUARDIAN: Final = (
+    "no guardian is heard on the bus, which holds the arm should this process die: `contactd guard`"
+)
 _OFF, _ON, _STOP = PowerTarget
 
 
@@ -64,6 +68,7 @@ class DamiaoDrives:
         self._were = [Status.UNKNOWN] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
         self._unset: set[int] = set()
+        self._unknown = self._unset  # joints whose motors are taken to be anywhere
         self._backlog = False
         self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
         """Samples of the last tick."""
@@ -90,7 +95,7 @@ class DamiaoDrives:
 
     def sync(self, now: float) -> None:
         """Begin a tick: read what came since the last, then ask all motors."""
-        self._now = now
+        self._now = self._port.now = now
         gap_s = self._presence.gap_s(now)
         if gap_s is not None:
             text = f"the motors heard nothing of it for {1000 * gap_s:.0f} ms"
@@ -119,6 +124,7 @@ class DamiaoDrives:
                 break
             frames_left -= 1
         self._judge()
+        self._port.watch_guardian()
         self.samples = self.replies.samples(awaited.finish(), self._held(), self._port.events())
         return self.samples
 
@@ -165,13 +171,16 @@ class DamiaoDrives:
                 Event(Kind.BAD_SETPOINT, f"target velocity is not finite: {velocity}")
             )
             targets, wanted = [_STOP] * n, [0.0] * n
-        if self._presence.absent:
+        absent = self._presence.absent
+        if absent:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
         self._port.report(*self._stops.step(self._now, targets, self.samples, velocity))
         motors = self.samples.motor_position
         self._measured = [math.nan] * n if motors is None else motors.tolist()
         frames: list[Frame] = []
+        # After an absence a motor is held where it is: another may have moved it.
+        self._unknown = set(range(n)) if absent else self._unset
         for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):
             self._command_one(i, targets[i], next_velocity, reset, frames)
         if self._port.send(frames):
@@ -183,7 +192,7 @@ class DamiaoDrives:
         """Append the frames of one motor: its setpoint, and a command where its power is another
         than wanted. A motor takes the last setpoint up when it is enabled, so that comes first."""
         status = self.replies.statuses[i]
-        runs = status is Status.ENABLED and i not in self._unset
+        runs = status is Status.ENABLED and i not in self._unknown
         self._last[i] = velocity if runs else 0.0
         if (target is not _ON) is not self._stopping[i]:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
@@ -216,6 +225,8 @@ class DamiaoDrives:
     def objections(self) -> tuple[Objection, ...]:
         """Reasons against arming that samples do not show."""
         awaited, found = self.replies.awaited, []
+        if not self._port.guarded:
+            found.append(Objection("heartbeats", NO_GUARDIAN))
         if self._unset:
             found.append(Objection("set-up", f"{self._named(sorted(self._unset))}: not set up"))
         if doubted := awaited.joints_of(awaited.punctuality.doubted(self._now)):

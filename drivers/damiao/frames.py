@@ -94,11 +94,12 @@ def setpoint(data: bytearray, position: int, velocity: int, gains: tuple[int, in
 _NO_TORQUE: Final = 0x7FF
 
 
-def velocity_of(data: bytes | bytearray) -> int | None:
-    """Target velocity of 12 bits in a setpoint; None for a command."""
+def setpoint_of(data: bytes | bytearray) -> tuple[int, int, int, int] | None:
+    """Position, velocity, stiffness and damping of a setpoint, in counts; None for a command."""
     if len(data) < 8 or bytes(data[:7]) == _COMMAND:
         return None
-    return data[2] << 4 | data[3] >> 4
+    position, v, v_kp, kp, kd, kd_t, _ = _SETPOINT.unpack_from(data)
+    return position, v << 4 | v_kp >> 4, (v_kp & 0xF) << 8 | kp, kd << 4 | kd_t >> 4
 
 
 def refresh(motor: int) -> Frame:

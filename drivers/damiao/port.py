@@ -2,6 +2,7 @@
 exception.
 """
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Final
 
@@ -9,6 +10,7 @@ from drivers.api import Event, Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
 from drivers.can.wire import ERROR, Frame, Wire
+from drivers.damiao.guardian import BEAT, GONE_S, Doing
 from drivers.damiao.replies import Replies
 
 #: Bounds of a pass and of a tick: a flooded bus must not hold the loop, nor take the memory.
@@ -25,6 +27,10 @@ class Port:
         self._wire, self._replies, self._own = wire, replies, frozenset(own)
         self._on_bus_off = on_bus_off
         self._events: list[Event] = []
+        self.now = 0.0
+        """Time of the tick [s]."""
+        self._beat_s = -math.inf  # of the guardian
+        self._guarded = self._taken_over = False
 
     def report(self, *events: Event) -> None:
         """Keep events for the next samples, each once."""
@@ -73,5 +79,22 @@ class Port:
             if event.kind is Kind.OFF_BUS:
                 self._on_bus_off()
             self.report(event)
+        elif can_id == BEAT and len(data):
+            self._beat_s, self._guarded = self.now, True
+            self._taken_over = data[0] != Doing.WATCHES
+        elif can_id in self._own and self._taken_over:
+            self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
         elif can_id in self._own:
             self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))
+
+    @property
+    def guarded(self) -> bool:
+        """True while a guardian is heard."""
+        return self.now - self._beat_s <= GONE_S
+
+    def watch_guardian(self) -> None:
+        """Report a guardian that has gone, once."""
+        if self._guarded and not self.guarded:
+            self._guarded = self._taken_over = False
+            text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"
+            self.report(Event(Kind.UNGUARDED, text))

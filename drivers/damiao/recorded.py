@@ -6,7 +6,7 @@ import numpy as np
 
 from common.arrays import Vector
 from drivers.api import Samples
-from drivers.damiao.frames import refresh, velocity_of
+from drivers.damiao.frames import refresh, setpoint_of
 from drivers.damiao.replies import Replies
 from drivers.damiao.settings import DamiaoDrive
 
@@ -41,12 +41,12 @@ class DamiaoTicks:
             if joint is not None:
                 self._replies.take(joint, data)
         elif (joint := self._joint_of.get(can_id)) is not None:
-            velocity = velocity_of(data)
-            if velocity is None:
+            found = setpoint_of(data)
+            if found is None:
                 self._replies.pending[joint] += 1
             else:
                 self._replies.pending[joint] = 1
-                self.velocity[joint] = self._scales[joint] * (velocity - 0xFFF / 2.0)
+                self.velocity[joint] = self._scales[joint] * (found[1] - 0xFFF / 2.0)
 
     def finish(self) -> Samples:
         """End the tick."""

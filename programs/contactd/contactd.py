@@ -87,6 +87,21 @@ def run(config: Path, socket: Path | None, port: int | None) -> None:
 
 
 @main.command()
+@CONFIG
+@PORT
+def guard(config: Path, port: int | None) -> None:
+    """Guard an arm whose motors let go when nothing is sent to them: a process beside the daemon.
+
+    While the daemon is silent it repeats the last setpoints without their velocity, so that the arm
+    holds where it is; hot motors, and those held for ten minutes, are lowered slowly along their
+    load. A daemon that is back has the arm at once. Without a guardian `contactctl arm` is refused.
+    """
+    from programs.contactd.guard import run_guard
+
+    run_guard(config, port)
+
+
+@main.command()
 @click.argument("folder", type=PATH, metavar="DIR")
 @click.option("--urdf", type=PATH, required=True, metavar="FILE", help="Links and joints.")
 @click.option(

@@ -52,7 +52,7 @@ CHECKS = {
     },
     "samples": {Condition.SAMPLE_MISSING, Condition.STALE, Condition.STARVED, Condition.OLD},
     "estimator": {Condition.DEAF},
-    "heartbeats": {Condition.HEARTBEAT_LOST, Condition.UNHEARD},
+    "heartbeats": {Condition.HEARTBEAT_LOST, Condition.UNHEARD, Condition.UNGUARDED},
     "emergencies": {Condition.EMERGENCY},
     "set-up": {Condition.REBOOTED},
     "residual": {Condition.RESIDUAL_LIMIT},
