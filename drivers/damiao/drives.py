@@ -55,8 +55,9 @@ class DamiaoDrives:
         self._stops = Stops(drives, period_s)
         self._presence = Presence(least_patience_s(drives), period_s)
         self._motors = tuple(drive.node for drive in drives)
-        self._port = Port(wire, self.replies, self._motors, self._presence.lost)
         self._setpoints = Setpoints(drives, period_s)
+        adopt = self._setpoints.adopt
+        self._port = Port(wire, self.replies, self._motors, self._presence.lost, adopt)
         self._requests = [
             request
             for motor in self._motors
@@ -68,7 +69,6 @@ class DamiaoDrives:
         self._were = [Status.UNKNOWN] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
         self._unset: set[int] = set()
-        self._unknown = self._unset  # joints whose motors are taken to be anywhere
         self._backlog = False
         self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
         """Samples of the last tick."""
@@ -171,16 +171,13 @@ class DamiaoDrives:
                 Event(Kind.BAD_SETPOINT, f"target velocity is not finite: {velocity}")
             )
             targets, wanted = [_STOP] * n, [0.0] * n
-        absent = self._presence.absent
-        if absent:
+        if self._presence.absent:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
         self._port.report(*self._stops.step(self._now, targets, self.samples, velocity))
         motors = self.samples.motor_position
         self._measured = [math.nan] * n if motors is None else motors.tolist()
         frames: list[Frame] = []
-        # After an absence a motor is held where it is: another may have moved it.
-        self._unknown = set(range(n)) if absent else self._unset
         for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):
             self._command_one(i, targets[i], next_velocity, reset, frames)
         if self._port.send(frames):
@@ -192,7 +189,7 @@ class DamiaoDrives:
         """Append the frames of one motor: its setpoint, and a command where its power is another
         than wanted. A motor takes the last setpoint up when it is enabled, so that comes first."""
         status = self.replies.statuses[i]
-        runs = status is Status.ENABLED and i not in self._unknown
+        runs = status is Status.ENABLED and i not in self._unset
         self._last[i] = velocity if runs else 0.0
         if (target is not _ON) is not self._stopping[i]:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0

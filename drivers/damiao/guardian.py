@@ -31,6 +31,7 @@ BEAT: Final = 0x7F0
 BEAT_EVERY_S: Final = 0.02
 #: Without its beat for so long it counts as gone.
 GONE_S: Final = 0.1
+ROUNDING_S: Final = 1e-6
 #: It takes over after this share of the time that a motor waits; then it commands so often in it.
 TAKES_OVER_SHARE: Final = 0.4
 EVERY_SHARE: Final = 0.1
@@ -116,6 +117,7 @@ class Guardian:
     def step(self, now: float) -> list[Frame]:
         """Frames that are due."""
         frames: list[Frame] = []
+        before = self.doing
         orphans = [motor for motor in self._motors if self._orphaned(motor, now)]
         if not orphans:
             self.doing, self._held_since_s = Doing.WATCHES, None
@@ -125,9 +127,10 @@ class Guardian:
                 self._held_since_s, passed_s = now, 0.0
             self._command(orphans, now - self._held_since_s, min(passed_s, 2.0 * self._every_s))
             frames += [(motor.drive.node, motor.data) for motor in orphans]
-        if now - self._beaten_s >= BEAT_EVERY_S:
+        # What it does is known before its setpoints are heard.
+        if self.doing is not before or now - self._beaten_s >= BEAT_EVERY_S - ROUNDING_S:
             self._beaten_s = now
-            frames.append((BEAT, bytes([self.doing])))
+            frames.insert(0, (BEAT, bytes([self.doing])))
         return frames
 
     def _orphaned(self, motor: _Motor, now: float) -> bool:

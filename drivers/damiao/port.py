@@ -3,7 +3,7 @@ exception.
 """
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from drivers.api import Event, Kind
@@ -19,13 +19,20 @@ EVENTS_PER_TICK: Final = 32
 
 
 class Port:
-    """Port with the replies that it feeds; `own` are identifiers that only we may send."""
+    """Port with the replies that it feeds; only we, and a guardian, may send to the `motors`."""
 
     def __init__(
-        self, wire: Wire, replies: Replies, own: Collection[int], on_bus_off: Callable[[], None]
+        self,
+        wire: Wire,
+        replies: Replies,
+        motors: Sequence[int],
+        on_bus_off: Callable[[], None],
+        on_held: Callable[[int, bytes | bytearray], None],
     ) -> None:
-        self._wire, self._replies, self._own = wire, replies, frozenset(own)
-        self._on_bus_off = on_bus_off
+        """on_held takes a joint and the setpoint with which the guardian holds its motor."""
+        self._wire, self._replies = wire, replies
+        self._joint_of = {motor: joint for joint, motor in enumerate(motors)}
+        self._on_bus_off, self._on_held = on_bus_off, on_held
         self._events: list[Event] = []
         self.now = 0.0
         """Time of the tick [s]."""
@@ -82,9 +89,10 @@ class Port:
         elif can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
             self._taken_over = data[0] != Doing.WATCHES
-        elif can_id in self._own and self._taken_over:
+        elif can_id in self._joint_of and self._taken_over:
+            self._on_held(self._joint_of[can_id], data)
             self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
-        elif can_id in self._own:
+        elif can_id in self._joint_of:
             self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))
 
     @property

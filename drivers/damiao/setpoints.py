@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 
 from drivers.can.wire import Frame
-from drivers.damiao.frames import MOST_DAMPING, STIFFEST, scaled, setpoint
+from drivers.damiao.frames import MOST_DAMPING, STIFFEST, scaled, setpoint, setpoint_of
 from drivers.damiao.settings import DamiaoDrive
 
 
@@ -44,6 +44,12 @@ class Setpoints:
         p = self.positions[joint] + velocity * self._period_s if runs else here
         self.positions[joint] = min(max(p, here - reach), here + reach)
         self._pack(joint, velocity if runs else 0.0)
+
+    def adopt(self, joint: int, data: bytes | bytearray) -> None:
+        """Take the p of a setpoint that the guardian sent: the motor is held there."""
+        if (found := setpoint_of(data)) is not None:
+            step = 2.0 * self._most[joint][0] / 0xFFFF
+            self.positions[joint] = self._signs[joint] * step * (found[0] - 0x7FFF)
 
     def stop(self) -> None:
         """Hold every motor at its p."""

@@ -1,0 +1,136 @@
+"""Guardian of Damiao motors, against the simulated arm of configs/openarm_left."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from bench.rigs.guardian_at_bus import GuardianAtBus
+from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
+from common.arrays import Vector
+from daemon.faults.conditions import Condition
+from daemon.modes.table import Event, Mode
+from daemon.protocol.requests import Go
+from daemon.service.poses import Poses
+from drivers.damiao.frames import Status
+from drivers.damiao.guardian import BEAT, GONE_S, HOT_C, LOWERS, Doing
+
+T = 0.01
+#: Where gravity pulls at every large joint.
+RAISED = {"joint1": -0.9, "joint2": -0.5, "joint4": 0.9}
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with lockstep_rig(OPENARM) as rig:
+        rig.enable()
+        path = Poses(rig.robot).path(Go(targets=RAISED), rig.samples.link_position)
+        assert not rig.tick.controller.request(Event.START, "the test", rig.time_s, path)
+        rig.run(9.0)
+        assert rig.mode is Mode.HOLDING
+        assert rig.samples.link_position[1] == pytest.approx(-0.5, abs=0.02)
+        yield rig
+
+
+def guardian(rig: Rig) -> GuardianAtBus:
+    assert isinstance(rig.guard, GuardianAtBus)
+    return rig.guard
+
+
+def without_the_daemon(rig: Rig, seconds: float) -> Vector:
+    """Let so much time pass without it; the furthest that each link went [rad]."""
+    begun, furthest = rig.arm.plant.q.copy(), np.zeros(rig.arm.plant.n)
+    for _ in range(round(seconds / T)):
+        rig.arm.advance(rig.arm.now + T)
+        rig.guard()
+        rig.lockstep.pump()
+        furthest = np.maximum(furthest, np.abs(rig.arm.plant.q - begun))
+    return furthest
+
+
+def enabled(rig: Rig) -> list[bool]:
+    return [motor.status == Status.ENABLED for motor in rig.arm.motors]
+
+
+def test_a_daemon_that_dies_leaves_an_arm_that_holds(rig: Rig) -> None:
+    furthest = without_the_daemon(rig, 5.0)
+    assert all(enabled(rig))
+    assert furthest.max() < 0.01
+    assert guardian(rig).guardian.doing is Doing.HOLDS
+
+
+def test_without_a_guardian_the_arm_falls(rig: Rig) -> None:
+    guardian(rig).killed = True
+    furthest = without_the_daemon(rig, 2.0)
+    assert not any(enabled(rig))
+    assert furthest.max() > 0.2
+
+
+def test_a_daemon_that_dies_in_motion_leaves_an_arm_that_stops(rig: Rig) -> None:
+    rig.request(Event.START)
+    rig.run(1.5)
+    assert np.abs(rig.samples.motor_velocity).max() > 0.1
+    furthest = without_the_daemon(rig, 3.0)
+    assert all(enabled(rig))
+    assert furthest.max() < 0.05  # its way within the 40 ms, and the lag behind its setpoint
+    assert np.abs(rig.arm.plant.theta_dot).max() < 0.01
+
+
+def test_a_daemon_that_comes_back_finds_a_fault_and_an_arm_where_it_was(rig: Rig) -> None:
+    furthest = without_the_daemon(rig, 0.5)
+    begun = rig.arm.plant.q.copy()
+    rig.ticks += round(0.5 / T)
+    rig.run(1.0)
+    assert rig.mode is Mode.FAULTED
+    assert str(rig.tick.controller.machine.cause).startswith(Condition.ABSENT)
+    assert (furthest + np.abs(rig.arm.plant.q - begun)).max() < 0.02
+    assert guardian(rig).guardian.doing is Doing.WATCHES
+    assert all(enabled(rig))
+
+
+def test_a_guardian_that_dies_stops_the_arm_and_forbids_arming(rig: Rig) -> None:
+    rig.request(Event.START)
+    rig.run(0.5)
+    assert rig.permit() == []
+    guardian(rig).killed = True
+    rig.run(GONE_S + 0.5)
+    assert rig.mode is Mode.HOLDING
+    assert str(rig.tick.controller.machine.cause).startswith(Condition.UNGUARDED)
+    assert any("no guardian" in reason for reason in rig.permit())
+    guardian(rig).killed = False
+    rig.run(0.2)
+    assert rig.permit() == []
+
+
+def test_hot_motors_are_lowered_slowly_until_they_bear_nothing(rig: Rig) -> None:
+    without_the_daemon(rig, 0.5)
+    for motor in rig.arm.motors:
+        motor.degC = (30.0, float(HOT_C))
+    before, fastest = rig.arm.plant.q.copy(), 0.0
+    for _ in range(300):
+        here = rig.arm.plant.q.copy()
+        without_the_daemon(rig, 0.1)
+        fastest = max(fastest, float(np.abs(rig.arm.plant.q - here).max()) / 0.1)
+    lowered = np.abs(rig.arm.plant.q - before)
+    assert lowered[1] > 0.2  # of the joint that bears the most
+    assert fastest < 2.5 * LOWERS  # links fall through their gaps
+    assert all(enabled(rig))
+    assert guardian(rig).guardian.unloaded
+
+
+def test_it_says_on_the_bus_that_it_is_there(rig: Rig) -> None:
+    beats = [message for message in heard(rig, 0.2) if message == (BEAT, b"\0")]
+    assert len(beats) == pytest.approx(10, abs=1)
+
+
+def heard(rig: Rig, seconds: float) -> list[tuple[int, bytes]]:
+    """Frames of the guardian, while the daemon ticks."""
+    sent: list[tuple[int, bytes]] = []
+    end = guardian(rig).end
+    send = end.send
+    end.send = lambda message, timeout=None: (  # type: ignore[method-assign]
+        sent.append((message.arbitration_id, bytes(message.data))),
+        send(message),
+    )[1]
+    rig.run(seconds)
+    return sent
