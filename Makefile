@@ -126,7 +126,7 @@ built:
 # must not say a word, either.
 units: STAGE := $(abspath build/units)
 units: SERVICE := $(STAGE)/usr/local/lib/systemd/system/contactd.service
-units: BESIDE := contactd-web contactd-zenoh
+units: BESIDE := contactd-guardian contactd-web contactd-zenoh
 units: $(STAMP)
 	@if ! command -v systemd-analyze >/dev/null; then \
 	  echo "units: not checked, there is no systemd-analyze here (apt install systemd)"; exit 0; fi; \
@@ -219,7 +219,8 @@ install-service:
 	chmod -R a+rX $(SHARE)
 	$(PUBLIC) install -d $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE)
 	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd.service >$(UNITS)/contactd.service
-	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-web.service >$(UNITS)/contactd-web.service
+	$(PUBLIC) for name in contactd-guardian contactd-web; do \
+	  sed 's|/opt/contactd|$(PREFIX)|g' systemd/$$name.service >$(UNITS)/$$name.service || exit 1; done
 	$(PUBLIC) sed 's|/opt/contactd|$(PREFIX)|g' systemd/contactd-zenoh.service >$(UNITS)/contactd-zenoh.service
 	install -m 644 systemd/contactd.service.d/bus.conf $(UNITS)/contactd.service.d/
 	install -m 644 systemd/$(DEVICE)/contactd.conf $(UNITS)/$(DEVICE)/
@@ -239,9 +240,9 @@ install-files: install-service
 uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
 	$(refuse-strange-prefix)
 ifneq ($(HERE),)
-	-systemctl disable --now contactd-web.service contactd-zenoh.service contactd.service
+	-systemctl disable --now contactd-web.service contactd-zenoh.service contactd.service contactd-guardian.service
 endif
-	rm -rf $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX) $(DESTDIR)$(PREFIX).new
+	rm -rf $(UNITS)/contactd-guardian.service $(UNITS)/contactd-web.service $(UNITS)/contactd-zenoh.service $(UNITS)/contactd.service $(UNITS)/contactd.service.d $(UNITS)/$(DEVICE) $(DESTDIR)$(PREFIX) $(DESTDIR)$(PREFIX).new
 	rm -f $(LIB)/systemd/network/can0.network $(LIB)/sysusers.d/contactd.conf
 	-rmdir --ignore-fail-on-non-empty $(UNITS) $(LIB)/systemd/network $(LIB)/systemd $(LIB)/sysusers.d
 	rm -f $(addprefix $(DESTDIR)$(LOCAL)/bin/,contactd contactctl contactd-web contactd-zenoh) $(addprefix $(DESTDIR)$(LOCAL)/share/,$(PAGES))

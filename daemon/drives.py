@@ -39,8 +39,8 @@ def frames_per_second(c: Configuration) -> float:
 
 
 def build_setups(robot: Robot) -> Setups:
-    """What each drive must have before it may be operational: of CANopen drives, their set-up; of
-    others, the drives. Raises ConfigurationError."""
+    """Set-up of each drive, with which it may be operational: of makes that need no file for it,
+    the drives. Raises ConfigurationError."""
     c = robot.configuration
     if not _canopen(c):
         return c.joint_drives

@@ -28,7 +28,7 @@ class DriveKind(Protocol):
 
     @property
     def without_us(self) -> str:
-        """What it does when nothing of ours reaches it, in words."""
+        """Its reaction when nothing of ours reaches it, in words."""
 
     @property
     def files(self) -> tuple[str, ...]:

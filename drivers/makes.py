@@ -48,7 +48,7 @@ class Make(Protocol):
         period_ms: int,
         master_node: int,
     ) -> list[ProfileProblem]:
-        """What is wrong with a profile, of which these are the drives, once each."""
+        """Problems of a profile, of which these are the drives, once each."""
 
     def counts(self, drive: Drive[Any], measure: Measure) -> Counts:
         """Integers of a quantity of a drive. Raises ConfigurationError if it has none."""

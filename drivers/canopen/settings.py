@@ -94,7 +94,7 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
 
     @property
     def without_us(self) -> str:
-        """What the drive does when nothing of ours reaches it."""
+        """Reaction of the drive when nothing of ours reaches it."""
         return f"without our heartbeat for {self.master_timeout_ms} ms it quick-stops, and holds"
 
     @property

@@ -218,7 +218,7 @@ def _set_up(registers: Registers, drive: DamiaoDrive) -> None:
 
 
 def _deviation(registers: Registers, drive: DamiaoDrive) -> str | None:
-    """What a motor does not hold any more, in words. A silent one raises SilentDriveError."""
+    """First register that a motor does not hold any more, in words. Raises SilentDriveError."""
     timeout_s = drive.profile.answer_timeout_ms / 1000.0
     for register, wanted in _wanted(drive).items():
         held = registers.read(drive.node, register, timeout_s, str(drive))

@@ -44,7 +44,7 @@ UNLOADED_SHARE: Final = 0.02
 
 
 class Doing(IntEnum):
-    """What a guardian does, as its beat says."""
+    """Activity of a guardian, as its beat says."""
 
     WATCHES = 0
     HOLDS = 1
@@ -101,7 +101,7 @@ class Guardian:
         self.lowers = False
         """True where it is to lower the arm, however cool and short held."""
         self.unloaded = False
-        """What it lowers bears nothing any more."""
+        """True where the motors that it lowers bear nothing any more."""
 
     def take(self, now: float, can_id: int, data: bytes | bytearray) -> None:
         """Take a frame of the bus."""
@@ -127,7 +127,7 @@ class Guardian:
                 self._held_since_s, passed_s = now, 0.0
             self._command(orphans, now - self._held_since_s, min(passed_s, 2.0 * self._every_s))
             frames += [(motor.drive.node, motor.data) for motor in orphans]
-        # What it does is known before its setpoints are heard.
+        # Its activity is known before its setpoints are heard.
         if self.doing is not before or now - self._beaten_s >= BEAT_EVERY_S - ROUNDING_S:
             self._beaten_s = now
             frames.insert(0, (BEAT, bytes([self.doing])))

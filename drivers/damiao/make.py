@@ -21,12 +21,12 @@ def problems(
     period_ms: int,
     master_node: int,
 ) -> list[ProfileProblem]:
-    """What is wrong with a profile, of which these are the drives."""
+    """Problems of a profile, of which these are the drives."""
     return [(("model",), f"{drive.name}: {what}") for drive in drives for what in _wrong(drive)]
 
 
 def _wrong(drive: DamiaoDrive) -> Iterator[str]:
-    """What is wrong with the wiring of one motor."""
+    """Problems of the wiring of one motor."""
     wiring, profile = drive.wiring, drive.profile
     if wiring.node > HIGHEST_ID:
         yield f"node {wiring.node}; the id of a Damiao motor is 1 to {HIGHEST_ID}"

@@ -80,7 +80,7 @@ class DamiaoProfile(Settings, frozen=True, tag_field="make", tag="damiao"):
 
     @property
     def without_us(self) -> str:
-        """What the motor does when nothing of ours reaches it."""
+        """Reaction of the motor when nothing of ours reaches it."""
         return (
             f"without a setpoint for {self.master_timeout_ms} ms it lets go: its joint falls, and "
             "nothing brakes it"

@@ -27,7 +27,7 @@ _log = logging.getLogger("contactd")
 TURN_S: Final = 0.002
 #: Between two tries to open a bus that has failed [s].
 AGAIN_S: Final = 0.5
-#: Told to end while it holds an arm, it lowers it first, for so long at most [s].
+#: Ended while it holds an arm, it lowers it first, for so long at most [s].
 LOWERS_S: Final = 25.0
 
 WORDS: Final = {
