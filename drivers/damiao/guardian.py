@@ -139,11 +139,11 @@ class Guardian:
 
     def _command(self, motors: Sequence[_Motor], held_s: float, passed_s: float) -> None:
         """Write the setpoints of these motors, held for `held_s`, the last time `passed_s` ago."""
-        self.doing = Doing.HOLDS
+        long = self.lowers or held_s > LOWERS_AFTER_S
+        lowered = [motor.lower(passed_s) for motor in motors if long or motor.hot]
+        self.doing = Doing.LOWERS if any(lowered) else Doing.HOLDS
+        self.unloaded = bool(lowered) and not any(lowered)
         for motor in motors:
             profile = motor.drive.profile
-            if self.lowers or motor.hot or held_s > LOWERS_AFTER_S:
-                self.doing = Doing.LOWERS if motor.lower(passed_s) else self.doing
             counts = scaled(motor.position, profile.position_max, 16)
             setpoint(motor.data, counts, scaled(0.0, profile.velocity_max, 12), motor.gains)
-        self.unloaded = self.doing is Doing.HOLDS

@@ -118,6 +118,22 @@ def test_hot_motors_are_lowered_slowly_until_they_bear_nothing(rig: Rig) -> None
     assert guardian(rig).guardian.unloaded
 
 
+def test_one_that_is_to_end_lowers_the_arm_first(rig: Rig) -> None:
+    held = guardian(rig).guardian
+    without_the_daemon(rig, 0.5)
+    assert not held.unloaded
+    held.lowers = True
+    without_the_daemon(rig, 0.1)
+    assert held.doing is Doing.LOWERS
+    assert not held.unloaded
+    without_the_daemon(rig, 25.0)
+    assert held.unloaded
+    before = rig.arm.plant.q.copy()
+    guardian(rig).killed = True
+    without_the_daemon(rig, 2.0)
+    assert np.abs(rig.arm.plant.q - before).max() < 0.2  # where friction holds it, or nearly
+
+
 def test_it_says_on_the_bus_that_it_is_there(rig: Rig) -> None:
     beats = [message for message in heard(rig, 0.2) if message == (BEAT, b"\0")]
     assert len(beats) == pytest.approx(10, abs=1)
