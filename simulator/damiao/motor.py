@@ -26,12 +26,10 @@ _SPECIAL = b"\xff" * 7
 
 _DECODERS: Mapping[int, Callable[[bytes, frames.Ranges], Command | None]] = MappingProxyType(
     {
-        r.MIT: frames.impedance,
-        r.POSITION: frames.position_velocity,
-        r.VELOCITY: frames.velocity,
-        r.HYBRID: frames.hybrid,
+        r.MIT: frames.impedance, r.POSITION: frames.position_velocity,
+        r.VELOCITY: frames.velocity, r.HYBRID: frames.hybrid,
     }
-)
+)  # fmt: skip
 """By mode; the frame's identifier is that of the motor + 0x100 * (mode - 1)."""
 
 
@@ -184,9 +182,8 @@ class DamiaoMotor:
         self._wired.sample()
         torque = self._current * self.registers.torque_constant
         measured = (self.positions[0], self._velocity, torque)
-        self._send(
-            frames.feedback(self.can_id, self.status, measured, self.registers.ranges, self.degC)
-        )
+        ranges = self.registers.ranges
+        self._send(frames.feedback(self.can_id, self.status, measured, ranges, self.degC))
 
     def _send(self, data: bytes) -> None:
         self._wired.send(self.registers.number(r.MASTER_ID), data)
@@ -231,7 +228,5 @@ class DamiaoMotor:
     @property
     def positions(self) -> tuple[float, float]:
         """Positions of rotor, through the gear, and output as the motor knows them [rad]."""
-        return (
-            self._motor + self._zero_motor + self._turns,
-            self._output + self._zero_output + self._turns,
-        )
+        turns = self._turns
+        return self._motor + self._zero_motor + turns, self._output + self._zero_output + turns

@@ -158,7 +158,11 @@ def test_another_mode_begins_with_no_command() -> None:
     assert one.arm.motors[0].status == 1
     one.run(0.05)
     assert one.arm.servo.current[0] == 0.0
+    assert (one.arm._laws.positions, one.arm._laws.impedances) == (0, 1)
+    one.write(10, 2)
+    assert (one.arm._laws.positions, one.arm._laws.impedances) == (1, 0)
     one.write(10, 3)
+    assert (one.arm._laws.positions, one.arm._laws.impedances) == (0, 0)
     one.run(0.5)
     assert one.arm.plant.theta_dot[0] == pytest.approx(0.0, abs=1e-3)
 
