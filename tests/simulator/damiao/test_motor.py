@@ -6,10 +6,13 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from simulator.damiao import motor as m
 from simulator.damiao.models import DamiaoMake
 from simulator.sensors import Readings
+from tests.examples import scaled
 from tests.simulator.damiao.one_motor import (
     CAN_ID,
     CLEAR,
@@ -256,3 +259,32 @@ def test_sensors_can_be_replaced_as_those_of_other_drives(one: One) -> None:
     one.arm.sense = lambda *_: Readings([4096], [0], [0], [0])
     one.run(0.01)
     assert as_float(one.read(81)) == pytest.approx(np.pi / 2)
+
+
+FRAMES = st.tuples(
+    st.one_of(
+        st.sampled_from([0x7FF, *(CAN_ID + 0x100 * family for family in range(8))]),
+        st.integers(0, 0x7FF),
+    ),
+    st.one_of(
+        st.sampled_from([ENABLE, DISABLE, ZERO, CLEAR, REFRESH]),
+        st.binary(max_size=8),
+        st.builds(
+            lambda what, register, raw: bytes([CAN_ID, 0, what, register]) + raw,
+            st.sampled_from([0x33, 0x55, 0xAA, 0xCC]),
+            st.integers(0, 90).filter(lambda n: n not in (7, 8)),
+            st.binary(min_size=4, max_size=4),
+        ),
+    ),
+)
+
+
+@given(st.lists(FRAMES, max_size=30))
+@settings(max_examples=scaled(60))
+def test_whatever_comes_it_lives_and_answers_a_refresh(frames) -> None:
+    one = One(DamiaoMake("DM4340", MASTER_ID), replace(JOINT, half_gap=0.005))
+    for cob_id, data in frames:
+        assert len(one.send(cob_id, data)) <= 1
+        one.arm.advance(one.arm.now + 0.002)
+    assert one.ask(0x7FF, REFRESH)[0] & 0xF == CAN_ID
+    assert np.isfinite([*one.arm.plant.q, *one.arm.plant.theta_dot]).all()

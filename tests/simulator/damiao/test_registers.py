@@ -53,6 +53,7 @@ def test_a_value_that_is_allowed_is_held(one: One, register, value) -> None:
         (0, 10.0), (2, 79.0), (2, 200.0), (3, 0.0), (3, 1.0), (4, 0.0), (4, -1.0), (5, 0.0),
         (6, 0.0), (10, 0), (10, 5), (21, 0.0), (22, -1.0), (24, 99.0), (25, -0.1), (30, 1.01),
         (31, 0.5), (32, 0.0), (35, 12), (4, math.nan), (21, math.nan),
+        (21, math.inf), (25, math.inf), (5, -math.inf),
     ],
 )  # fmt: skip
 def test_another_is_refused_and_the_answer_says_what_holds(one: One, register, value) -> None:
