@@ -13,7 +13,7 @@ import msgspec
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from simulator.damiao.models import MODELS, DamiaoMake
+from simulator.damiao.models import MODELS, REGISTERS, DamiaoMake
 from simulator.description import (
     ArmDescription,
     DriveDescription,
@@ -29,7 +29,6 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 Sign = Literal[-1, 1]
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
-RegisterNumber = Annotated[str, Meta(pattern="^[0-9]{1,2}$")]
 DAMIAO = "damiao:"
 """Prefix of a joint's `drive` that is a Damiao motor."""
 
@@ -102,7 +101,7 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
     node: Annotated[int, Meta(ge=1, le=127)]
     drive: str  # a key of `drives`, or as `damiao:DM4340`
     master_id: Annotated[int, Meta(ge=0, le=0x7FF)] | None = None  # Damiao; else node + 16
-    registers: dict[RegisterNumber, float] = {}  # Damiao; else as made
+    registers: dict[str, float] = {}  # Damiao, by name
     gear: Positive  # turns of the motor per turn of the joint
     rated_current_A: Positive
     max_current_A: Positive
@@ -137,6 +136,9 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
     for i, joint in enumerate(truth.joints):
         start = truth.initial_position.get(joint.name, 0.0)
         if joint.drive.startswith(DAMIAO) and joint.drive.removeprefix(DAMIAO) in MODELS:
+            for name in set(joint.registers) - set(REGISTERS):
+                at = f"{path}: joints[{i}] ({joint.name}).registers.{name}"
+                raise ConfigurationError(f"{at}: there are {', '.join(REGISTERS)}")
             joints.append(_joint(joint, _damiao(joint), start))
             continue
         if joint.drive not in truth.drives:
@@ -230,7 +232,8 @@ def _damiao(joint: TrueJoint) -> DriveDescription:
     master_id = joint.node + 0x10 if joint.master_id is None else joint.master_id
     make = DamiaoMake(
         joint.drive.removeprefix(DAMIAO), master_id, joint.motor_sign, joint.link_sign,
-        joint.link_offset, {int(number): value for number, value in joint.registers.items()},
+        joint.link_offset,
+        {REGISTERS.index(name): value for name, value in joint.registers.items()},
     )  # fmt: skip
     return DriveDescription(None, make.sensors(), make)
 

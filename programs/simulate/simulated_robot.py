@@ -18,7 +18,6 @@ from daemon.config.load import Robot
 from daemon.config.schema import Joint
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import CanopenProfile, Quantity
-from drivers.damiao.frames import Register
 from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
@@ -175,10 +174,13 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     """Fields of a joint whose motor is its drive: the model, and registers as configured."""
     if isinstance(profile, CanopenProfile):
         return {}
-    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     return {
         "drive": f"{DAMIAO}{profile.model}",
-        "registers": {str(Register.POSITION_MAX + i): value for i, value in enumerate(ranges)},
+        "registers": {
+            "PMAX": profile.position_max,
+            "VMAX": profile.velocity_max,
+            "TMAX": profile.torque_max_Nm,
+        },
     }
 
 

@@ -46,6 +46,14 @@ MODELS: Mapping[str, Model] = MappingProxyType(
     }
 )
 
+REGISTERS = (
+    "UV_Value", "KT_Value", "OT_Value", "OC_Value", "ACC", "DEC", "MAX_SPD", "MST_ID", "ESC_ID",
+    "TIMEOUT", "CTRL_MODE", "Damp", "Inertia", "hw_ver", "sw_ver", "SN", "NPP", "Rs", "Ls", "Flux",
+    "Gr", "PMAX", "VMAX", "TMAX", "I_BW", "KP_ASR", "KI_ASR", "KP_APR", "KI_APR", "OV_Value",
+    "GREF", "Deta", "V_BW", "IQ_c1", "VL_c1", "can_br", "sub_ver",
+)  # fmt: skip
+"""Their maker's names, by number."""
+
 
 @dataclass(frozen=True, slots=True)
 class DamiaoMake:

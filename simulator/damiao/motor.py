@@ -3,7 +3,7 @@ SYNC. It keeps its last command until the next, or until its time-out, and is li
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from math import exp, inf
+from math import exp, inf, isfinite
 from types import MappingProxyType
 
 from simulator.damiao import frames
@@ -26,12 +26,10 @@ _SPECIAL = b"\xff" * 7
 
 _DECODERS: Mapping[int, Callable[[bytes, frames.Ranges], Command | None]] = MappingProxyType(
     {
-        r.MIT: frames.impedance,
-        r.POSITION: frames.position_velocity,
-        r.VELOCITY: frames.velocity,
-        r.HYBRID: frames.hybrid,
+        r.MIT: frames.impedance, r.POSITION: frames.position_velocity,
+        r.VELOCITY: frames.velocity, r.HYBRID: frames.hybrid,
     }
-)
+)  # fmt: skip
 """By mode; the frame's identifier is that of the motor + 0x100 * (mode - 1)."""
 
 
@@ -124,8 +122,7 @@ class DamiaoMotor:
         if self.silent:
             return
         if cob_id & 0xFF == self.can_id:
-            if self.status < OVER_VOLTAGE:
-                self._heard_at = self._wired.now()
+            self._heard_at = self._wired.now()
             if data[:7] == _SPECIAL and len(data) == 8:
                 self._on_special(data[7])
             else:
@@ -154,7 +151,7 @@ class DamiaoMotor:
         if mode != self.registers.number(r.MODE):
             return
         command = _DECODERS[mode](data, self.registers.ranges)
-        if command is not None:
+        if command is not None and isfinite(command.position + command.velocity):
             self.command = command
             self._act()
 
@@ -183,10 +180,10 @@ class DamiaoMotor:
 
     def _answer(self) -> None:
         self._wired.sample()
-        measured = (self.positions[0], self._velocity, self._current * self._per_ampere)
-        self._send(
-            frames.feedback(self.can_id, self.status, measured, self.registers.ranges, self.degC)
-        )
+        torque = self._current * self.registers.torque_constant
+        measured = (self.positions[0], self._velocity, torque)
+        ranges = self.registers.ranges
+        self._send(frames.feedback(self.can_id, self.status, measured, ranges, self.degC))
 
     def _send(self, data: bytes) -> None:
         self._wired.send(self.registers.number(r.MASTER_ID), data)
@@ -196,14 +193,14 @@ class DamiaoMotor:
         if self.status != ENABLED:
             return
         v, c, joint, sign = self.registers.values, self.command, self._joint, self.make.motor_sign
-        gear, mode = v[20], self.registers.number(r.MODE)
+        gear, mode, per_ampere = v[20], int(v[r.MODE]), self.registers.torque_constant
         full = MODELS[self.make.model].max_current_A
         share = c.share if mode == r.HYBRID else v[r.OVER_CURRENT]
         highest = min(share * full, self._about.max_current_A)
         goal = sign * (c.position - self._zero_motor - self._turns)
         if mode == r.MIT:
             self._servo.release(joint)
-            self._laws.scale(joint, 1.0 / self._per_ampere, highest)
+            self._laws.scale(joint, 1.0 / per_ampere, highest)
             self._laws.impede(joint, goal, sign * c.velocity, c.kp, c.kd, sign * c.torque)
             return
         self._laws.release(joint)
@@ -211,7 +208,7 @@ class DamiaoMotor:
             self._servo.energise(joint, 0.0)
         self._servo.limit(joint, highest)
         # The observer adds its bandwidth to the gain, by the inertia that it believes in.
-        believed = OBSERVER * v[12] * gear * gear / self._per_ampere
+        believed = OBSERVER * v[12] * gear * gear / per_ampere
         kp = v[r.KP_ASR] * full * gear
         self._servo.tune(joint, kp + believed, OBSERVER * kp + v[r.KI_ASR] * full * gear)
         per_period = 1.0 / (SERVO_PERIOD_S * gear)
@@ -222,10 +219,6 @@ class DamiaoMotor:
         if mode != r.VELOCITY:
             self._laws.head(joint, goal, v[r.KP_APR] / gear, c.velocity)
 
-    @property
-    def _per_ampere(self) -> float:
-        return self.registers.torque_constant
-
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
         """Take the counts that the sensors have sampled."""
         if not self.frozen:
@@ -235,7 +228,5 @@ class DamiaoMotor:
     @property
     def positions(self) -> tuple[float, float]:
         """Positions of rotor, through the gear, and output as the motor knows them [rad]."""
-        return (
-            self._motor + self._zero_motor + self._turns,
-            self._output + self._zero_output + self._turns,
-        )
+        turns = self._turns
+        return self._motor + self._zero_motor + turns, self._output + self._zero_output + turns

@@ -2,7 +2,6 @@
 
 import struct
 from dataclasses import dataclass
-from math import inf
 
 from simulator.damiao.frames import Ranges
 from simulator.damiao.models import MODELS, DamiaoMake
@@ -14,17 +13,17 @@ P_MOTOR, P_OUTPUT = 80, 81
 MIT, POSITION, VELOCITY, HYBRID = 1, 2, 3, 4
 """Values of MODE."""
 
-TINY = 1e-45  # the smallest number above 0 in 32 bit
+TINY, HUGE = 1e-45, 3.5e38  # of the numbers above 0 in 32 bit
 _UINTS = frozenset({7, 8, 9, 10, 13, 14, 15, 16, 35, 36})
 
 
 _WRITABLE: dict[int, tuple[float, float]] = {
-    0: (10.000001, inf), KT: (0.0, inf), 2: (80.0, 199.99998), OVER_CURRENT: (TINY, 0.99999994),
-    ACC: (TINY, inf), DEC: (-inf, -TINY), MAX_SPEED: (TINY, inf), MASTER_ID: (0, 0x7FF),
-    CAN_ID: (0, 0x7FF), TIMEOUT: (0, inf), MODE: (MIT, HYBRID), 21: (TINY, inf), 22: (TINY, inf),
-    23: (TINY, inf), 24: (100.0, 1e4), KP_ASR: (0.0, inf), KI_ASR: (0.0, inf), KP_APR: (0.0, inf),
-    28: (0.0, inf), 29: (10.0, 60.0), 30: (TINY, 1.0), 31: (1.0, 30.0), 32: (TINY, 500.0),
-    33: (100.0, 1e4), 34: (TINY, 1e4), 35: (0, 11),
+    0: (10.000001, HUGE), KT: (0.0, HUGE), 2: (80.0, 199.99998), OVER_CURRENT: (TINY, 0.99999994),
+    ACC: (TINY, HUGE), DEC: (-HUGE, -TINY), MAX_SPEED: (TINY, HUGE), MASTER_ID: (0, 0x7FF),
+    CAN_ID: (0, 0x7FF), TIMEOUT: (0, HUGE), MODE: (MIT, HYBRID), 21: (TINY, HUGE), 22: (TINY, HUGE),
+    23: (TINY, HUGE), 24: (100.0, 1e4), KP_ASR: (0.0, HUGE), KI_ASR: (0.0, HUGE),
+    KP_APR: (0.0, HUGE), 28: (0.0, HUGE), 29: (10.0, 60.0), 30: (TINY, 1.0), 31: (1.0, 30.0),
+    32: (TINY, 500.0), 33: (100.0, 1e4), 34: (TINY, 1e4), 35: (0, 11),
 }  # fmt: skip
 """Lowest and highest value that a register takes; the others are read-only. No NaN is between."""
 

@@ -63,3 +63,24 @@ def test_only_the_energised_have_current(servo: Servo) -> None:
     servo.release(1)
     servo.update(AT_REST)
     assert not servo.current.any()
+
+
+def test_a_slew_rises_and_falls_at_rates_of_its_own(servo: Servo) -> None:
+    servo.energise(0, 0.0)
+    for velocity, rate in ((0.5, 2.0), (-0.5, -5.0)):
+        servo.slew(0, velocity, 2.0, 5.0)
+        before = float(servo.reference[0])
+        for _ in range(20):
+            servo.update(AT_REST)
+        assert servo.reference[0] - before == pytest.approx(0.02 * rate)
+
+
+def test_gains_can_be_others(servo: Servo) -> None:
+    servo.energise(0, 0.0)
+    servo.tune(0, 0.5, 10.0)
+    servo.follow(0, 0.2, 0.0)
+    currents = []
+    for _ in range(3):
+        servo.update(AT_REST)
+        currents.append(float(servo.current[0]))
+    assert currents == pytest.approx([0.5 * 0.2 + 10.0 * 0.001 * 0.2 * k for k in (1, 2, 3)])

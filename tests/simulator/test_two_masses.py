@@ -110,15 +110,25 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit(
         )  # fmt: skip
         servo = modules["servo"].Servo(romeo, p.usual_link)
         sensors = modules["sensors"].Sensors(romeo, s, p.initial_position)
-        periods = modules["servo_periods"].ServoPeriods(servo, sensors, masses, p.torque_constant)
+        laws = modules["motor_laws"].MotorLaws(servo)
+        periods = modules["servo_periods"].ServoPeriods(
+            servo, sensors, masses, p.torque_constant, laws
+        )
         for joint in range(N):
             servo.energise(joint, 0.0)
             servo.follow(joint, 0.5, 0.05)
+        servo.slew(1, 0.2, 3.0, 4.0)
+        servo.tune(1, 2.0, 30.0)
+        servo.release(2)
+        laws.scale(2, 0.4, 1.0)
+        laws.impede(2, 0.3, 0.1, 20.0, 1.0, 0.5)
+        laws.head(3, 0.2, 4.0, 0.6)
+        laws.measure(4, 0.2)
         counts = []
         for _ in range(30):
             periods.run(5, PER_PERIOD, None)
             q, phi = np.asarray(masses.q), np.asarray(masses.phi)
-            r = sensors.read(q, q - phi, np.asarray(masses.theta_dot))
+            r = sensors.read(q, q - phi, laws.seen(np.asarray(masses.theta_dot)))
             counts.append((r.link_position, r.motor_position, r.motor_velocity, r.current))
         public = ("phi", "q", "q_dot", "theta_dot", "motor", "gear", "stop", "friction")
         state = [np.asarray(getattr(masses, name)).tobytes() for name in (*public, "deflection")]
