@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 
 @step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}")
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
-    """Check signs and scales by a small motion of each joint."""
+    """Check signs and scales by a small motion of each joint: those named, else those that were not
+    checked since a change, or all."""
+    from daemon.config.evidence import due
     from programs.identify.live_wiring import ApartError, move_to_and_fro
 
-    outcomes, left = list[bool](), identification.joints(joints)
+    robot = identification.robot
+    again = tuple(due("wiring", robot.identified, robot.configuration, robot.urdf))
+    outcomes, left = list[bool](), identification.joints(joints or again)
     wrong: dict[str, str] = {}
     follows: dict[str, float] = {}
     while left:
