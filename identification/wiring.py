@@ -71,7 +71,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
                  "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
         return WiringResult(joint=name, problems=(about,))
-    problems = [*_position_disagrees(log, joint, theta)]
+    problems = [*_current_stays(log.current[:, joint]), *_position_disagrees(log, joint, theta)]
     strokes = _strokes(q, velocity, steps)
     if not follows_both_ways(log, joint):
         moved = np.ptp(log.link_position, axis=0)
@@ -135,6 +135,14 @@ def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:
     }
     pairs = itertools.combinations(off, 2)
     return [(a, b) for a, b in pairs if abs(off[a] * off[b] - 1.0) < _PRODUCT]
+
+
+def _current_stays(current: Vector) -> list[str]:
+    """A current that does not change while the motor turns to and fro."""
+    if np.ptp(current) > 0.0:
+        return []
+    return [f"the current read {current[0]:.3g} A all the time, also as the motor turned: its "
+            "object is a limit, a rated or another set value, no measurement"]  # fmt: skip
 
 
 def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:

@@ -204,3 +204,12 @@ def test_gears_that_are_each_others_name_the_pair(
     follows: dict[str, float], pairs: list[tuple[str, str]]
 ) -> None:
     assert swapped_pairs(follows) == pairs
+
+
+@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
+@pytest.mark.parametrize("held", [0.0, 1.0])
+def test_a_current_that_never_changes_is_no_measurement(wired, check, joint, held):
+    set_value = wired.current.copy()
+    set_value[:, joint] = held
+    found = check(replace(wired, current=set_value), joint)
+    assert any("all the time" in problem for problem in found.problems)

@@ -18,6 +18,9 @@ WRONG_GEAR = (
     r"shoulder: its gear or a scale is wrong, or its gap is larger than half_gap says "
     r"\(the link moved -?0\.\d+ times as far as the motor reports\)"
 )
+COUNTS = (
+    r"link_position\.scale, 5\.992e-06 \(1048576 counts per turn\), 9\.587e-05 \(65536 counts\)"
+)
 
 
 @pytest.mark.parametrize(
@@ -25,6 +28,7 @@ WRONG_GEAR = (
     [
         ("motor_sign", -1, "shoulder: the link goes the other way than the motor: link_sign or m"),
         ("gear", 0.1, WRONG_GEAR),
+        ("scale", 0.0625, COUNTS),
     ],
 )
 def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
@@ -33,8 +37,8 @@ def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
     folder = generate(3).write(tmp_path / "arm")
     path = folder / "config.yaml"
     written = yaml.safe_load(path.read_text())
-    shoulder = written["joints"][1]["wiring"]
-    shoulder[field] *= times
+    link = written["drives"]["servo"]["link_position"]
+    (link if field == "scale" else written["joints"][1]["wiring"])[field] *= times
     path.write_text(in_yaml(written))
     with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
         served.rig.enable()
