@@ -24,6 +24,7 @@ _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 _PRODUCT = 0.02  # of two ratios, off 1, of gears that are swapped
 # Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
 _SURE, _ALIKE = 0.025, 0.06
+_ALIKE_CURRENT = 0.7  # correlation of a current with the way that is asked for
 
 
 OTHER_WAY = (
@@ -47,6 +48,8 @@ class WiringResult:
     """Checks that were not possible, with the reason"""
     follows: float = float("nan")
     """Link motion over motor motion while the gear is engaged: 1"""
+    moved_by: float = float("nan")
+    """Link motion over motor motion where it did not follow both ways"""
     friction: float = float("nan")
     """Half the difference of the torques both ways [Nm]; positive"""
     held: float = float("nan")
@@ -68,9 +71,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     theta = np.cumsum(velocity * steps)
     turned = float(np.ptp(theta))
     if turned < LEAST_MOTION:
-        about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
-                 "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
-        return WiringResult(joint=name, problems=(about,))
+        return _did_not_turn(log, joint, turned, torque_constant)
     problems = [*_current_stays(log.current[:, joint]), *_position_disagrees(log, joint, theta)]
     strokes = _strokes(q, velocity, steps)
     if not follows_both_ways(log, joint):
@@ -83,7 +84,9 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         else:
             about += (f": wrong gear, link_position object or scale, or a half-gap of more than "
                       f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
-        return WiringResult(joint=name, problems=(*problems, about))
+        share, against = share_of_motor(log, joint)
+        moved_by = float("nan") if against else share
+        return WiringResult(joint=name, problems=(*problems, about), moved_by=moved_by)
     engaged = np.zeros(len(q), dtype=np.bool_)
     for stroke in strokes:
         engaged[stroke.rows] |= stroke.carried
@@ -135,6 +138,32 @@ def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:
     }
     pairs = itertools.combinations(off, 2)
     return [(a, b) for a, b in pairs if abs(off[a] * off[b] - 1.0) < _PRODUCT]
+
+
+def _did_not_turn(log: MotionLog, joint: int, turned: float, constant: float) -> WiringResult:
+    """Result for a motor that turned by so little [rad]: its drive, or what holds it."""
+    about = f"the motor turned only {1e3 * turned:.2g} mrad at the link"
+    name, pressed = log.joints[joint], _held_by_friction(log, joint)
+    if pressed > 0.0:
+        about += (f", but pressed with {in_Nm(constant * pressed)} the way of its setpoints: its "
+                  "drive obeys, and friction holds it, or a brake that is closed: raise the gains "
+                  "of its velocity loop by the maker's tool (docs/porting.md, step 8)")  # fmt: skip
+        return WiringResult(joint=name, problems=(), undetermined=(about,))
+    about += ": does the drive get its setpoints, is the unit of motor_velocity right?"
+    return WiringResult(joint=name, problems=(about,))
+
+
+def _held_by_friction(log: MotionLog, joint: int) -> float:
+    """Current [A] with which a motor that stands pressed the way of its setpoints; 0 where its link
+    moved, or the current shows nothing of them."""
+    if log.setpoint is None or np.ptp(log.link_position[:, joint]) > LEAST_MOTION:
+        return 0.0
+    steps = np.diff(log.time_s, prepend=log.time_s[0])
+    asked, current = np.cumsum(log.setpoint[:, joint] * steps), log.current[:, joint]
+    if not np.ptp(asked) or not np.ptp(current):
+        return 0.0
+    alike = np.corrcoef(asked, current)[0, 1]
+    return float(0.5 * np.ptp(current)) if alike > _ALIKE_CURRENT else 0.0
 
 
 def _current_stays(current: Vector) -> list[str]:

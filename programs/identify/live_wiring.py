@@ -93,11 +93,11 @@ def would_fit(c: Configuration, i: int, share: float) -> str:
     """Gear, or scale of the link's encoder, with which link i would follow its motor, in words;
     empty where it moved too little of the motor's way to say. Counts far off are by powers of two.
     """
-    if abs(share) < _LEAST_SHARE:
+    if share < _LEAST_SHARE:
         return ""
     wiring = c.joints[i].wiring
     scale = c.drives[wiring.profile].link_position.scale
-    share, twos = abs(share), 2.0 ** round(math.log2(abs(share)))
+    twos = 2.0 ** round(math.log2(share))
     off = share if agree(share, 1.0, 2.5) else twos
     return (
         f"; by this wiring.gear, {wiring.gear:g}, would be about {wiring.gear / share:.3g}, or "

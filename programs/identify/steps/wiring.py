@@ -120,16 +120,15 @@ def _outcome(
 ) -> Outcome:
     """Outcome of a check, with its entry if it passed."""
     from daemon.config.identified import Entry, WiringEntry
-    from identification.wiring import SCALE_TOLERANCE, in_Nm, share_of_motor
+    from identification.wiring import SCALE_TOLERANCE, in_Nm
     from programs.identify.live_wiring import would_fit
 
     figures = f"link/motor {found.follows:.3f}" if math.isfinite(found.follows) else ""
     if math.isfinite(found.held):
         figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
-    i = c.joint_names.index(name)
-    share = found.follows if figures else share_of_motor(measured.log, i)[0]
+    share = found.follows if figures else found.moved_by
     off = found.problems and not found.undetermined and abs(share - 1.0) > SCALE_TOLERANCE
-    fits = would_fit(c, i, share) if off and share > 0.0 else ""
+    fits = would_fit(c, c.joint_names.index(name), share) if off and share > 0.0 else ""
     reason = "; ".join([*found.problems, *found.undetermined, *found.notes]) + fits
     verdict = "good" if found.passed else "wrong" if found.problems else "undetermined"
     entries = dict[str, Entry]()

@@ -115,3 +115,30 @@ def test_a_wrong_gear_is_found_at_a_link_that_floats(
     said = said_of_a_free_link(tmp_path, seed, gear)
     reported = rf"the link moves {told} times as far as the motor reports: gear, or"
     assert re.search(reported, said), said
+
+
+@pytest.mark.parametrize(
+    ("velocity", "told"),
+    [(1.0, "undetermined wrist: the motor turned only"), (0.1, "drive does not follow: wrist")],
+)
+def test_a_light_wrist_held_by_friction_is_no_deaf_drive(
+    tmp_path: Path, velocity: float, told: str
+) -> None:
+    """Stiction of several times gravity, and a velocity loop that is slow against it."""
+    folder = generate(4).write(tmp_path / "arm")
+    path, truth = folder / "config.yaml", folder / "simulation.yaml"
+    written, true = yaml.safe_load(path.read_text()), yaml.safe_load(truth.read_text())
+    written["joints"][-1]["limits"]["velocity"] = velocity
+    written["trajectory"] = {}
+    true["joints"][-1]["friction"]["motor_coulomb"] = 0.7
+    true["settings"] |= {"friction": "dahl", "stribeck": 1.6}
+    path.write_text(in_yaml(written))
+    truth.write_text(in_yaml(true))
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        served.rig.enable()
+        result = served.contactd("identify", "wiring", "wrist", "--yes")
+    said = " ".join(result.output.split())
+    assert result.exit_code == 1
+    assert told in said
+    assert "it obeys" in said or "its drive obeys, and friction holds it" in said
+    assert "does the drive get its setpoints" not in said
