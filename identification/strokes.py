@@ -1,5 +1,7 @@
 """The half-gap, from a motor that turns slowly to and fro while something holds its link."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from common.arrays import Vector
@@ -15,6 +17,8 @@ _RARE = 0.03  # share of the time carried; a border met more rarely is not belie
 _CLEARLY, _LITTLE = 0.1, 0.05  # of friction: a load that changes its side, or none
 _NONE = 0.7 * SMALLEST  # [rad]: below, a gap is not worth the name
 _RIGID = 1.5 * SMALLEST  # [rad]: what a rigid joint moves at most, with its interval
+_FLOATS, _DRIFTS = 0.08, 0.5  # share of the time, and of the motor's speed, at which phi changes
+_BEYOND, _LOOSE, _LOOSELY = 0.1, 0.1, 0.0001  # of alpha; of alpha and [rad]: scatter that floats
 _ROUGH = 0.0003  # [rad]: scatter that every encoder may have
 WIDTH = 0.05
 """Half the interval of a gap over alpha, at most; or 0.5 mrad where that is more."""
@@ -54,7 +58,8 @@ def from_strokes(
         return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about, estimate=half)
     if fit.alpha < _NONE:
         return _one_border(name, seen, max(fit.alpha, 0.0) + fit.confidence)
-    return _judged(name, fit, strokes)
+    off = seen.phi - middle - drift * seen.time_s
+    return _judged(name, fit, strokes, _floats(name, fit, off, half, seen.follows))
 
 
 def _comes_along(seen: Samples) -> bool:
@@ -81,6 +86,21 @@ def _span(seen: Samples) -> tuple[float, float, float]:
     return drift, 0.5 * float(low + high), 0.5 * float(high - low)
 
 
+def _floats(name: str, fit: StrokeFit, phi: Vector, half: float, follows: Vector) -> list[Limit]:
+    """Limits that a link breaks which nothing holds or pulls: it drifts in its gap while another
+    would cross it as fast as its motor turns, or faster; it rests at no border, and goes beyond
+    what the fit takes for one. phi (N,) about its middle, half its range [rad]."""
+    cause = ("neither friction nor gravity holds the link in its gap, or it was touched: "
+             f"`contactd identify gap {name} --by-hand`")  # fmt: skip
+    inside = (np.abs(phi) < 0.5 * fit.alpha) & (np.abs(follows) < _DRIFTS)
+    floats = [Limit("share of the time in which the link floats in its gap", float(inside.mean()),
+                    _FLOATS, "", cause)]  # fmt: skip
+    if half - fit.bent > (1.0 + _BEYOND) * fit.alpha:
+        most = 1e3 * (_LOOSE * fit.alpha + _LOOSELY)
+        floats.append(Limit("scatter of phi as it floats", 1e3 * fit.scatter, most, "mrad", cause))
+    return floats
+
+
 def _one_border(name: str, seen: Samples, half: float) -> GapResult:
     """A link that always came along, phi within half [rad] about its middle: rigid, if its load
     changed side, or held at one border."""
@@ -99,7 +119,7 @@ def _one_border(name: str, seen: Samples, half: float) -> GapResult:
                      "one border")  # fmt: skip
 
 
-def _judged(name: str, fit: StrokeFit, strokes: int) -> GapResult:
+def _judged(name: str, fit: StrokeFit, strokes: int, floats: list[Limit]) -> GapResult:
     confidence = fit.confidence
     reason = (f"{strokes} strokes, phi scatters by {1e3 * fit.scatter:.2g} mrad at the borders; "
               f"the gear bent by {1e3 * fit.bent:.2g} mrad")  # fmt: skip
@@ -111,9 +131,13 @@ def _judged(name: str, fit: StrokeFit, strokes: int) -> GapResult:
         confidence=confidence,
         compliance=fit.compliance,
         crossings=strokes,
-        harmonics=fit.harmonics,
+        # One that the scatter may make is no encoder's error.
+        harmonics=tuple(h for h in fit.harmonics if h.amplitude > fit.scatter),
         coulomb=fit.coulomb,
     )
+    found = refused(found, GapVerdict.UNCLEAR, floats)
+    if found.limit is not None:
+        return replace(found, harmonics=())
     one_side = Limit("share of the time at the more frequent border", 1.0 - fit.rarer, 1.0 - _RARE,
                      "", "gravity holds the link at one border: by hand")  # fmt: skip
     found = refused(found, GapVerdict.ONE_BORDER, [one_side])

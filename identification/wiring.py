@@ -11,19 +11,15 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from estimator.model import Model
 from identification.motion_log import MotionLog
+from identification.wiring_strokes import LEAST_MOTION, PIECE, between, follows_by, strokes_of
 
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
 _BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be off
-LEAST_MOTION = 0.005
-"""[rad] the motor must have turned."""
-_PIECE = 0.012  # [rad]: less than the link is to move
-_WHOLE = 0.75  # of the same
-_FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
-_STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 _PRODUCT = 0.02  # of two ratios, off 1, of gears that are swapped
 # Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
 _SURE, _ALIKE = 0.025, 0.06
+_ALIKE_CURRENT = 0.7  # correlation of a current with the way that is asked for
 
 
 OTHER_WAY = (
@@ -47,6 +43,8 @@ class WiringResult:
     """Checks that were not possible, with the reason"""
     follows: float = float("nan")
     """Link motion over motor motion while the gear is engaged: 1"""
+    moved_by: float = float("nan")
+    """Link motion over motor motion where it did not follow both ways"""
     friction: float = float("nan")
     """Half the difference of the torques both ways [Nm]; positive"""
     held: float = float("nan")
@@ -68,26 +66,26 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     theta = np.cumsum(velocity * steps)
     turned = float(np.ptp(theta))
     if turned < LEAST_MOTION:
-        about = (f"the motor turned only {1e3 * turned:.2g} mrad at the link: does the drive get "
-                 "its setpoints, is the unit of motor_velocity right?")  # fmt: skip
-        return WiringResult(joint=name, problems=(about,))
-    problems = [*_position_disagrees(log, joint, theta)]
-    strokes = _strokes(q, velocity, steps)
+        return _did_not_turn(log, joint, turned, torque_constant)
+    problems = [*_current_stays(log.current[:, joint]), *_position_disagrees(log, joint, theta)]
+    strokes = strokes_of(q, velocity, steps)
     if not follows_both_ways(log, joint):
         moved = np.ptp(log.link_position, axis=0)
         other = int(np.argmax(moved))
         about = (f"the motor turned {1e3 * turned:.3g} mrad, and its link did not follow it both "
                  f"ways (it moved {1e3 * moved[joint]:.2g} mrad)")  # fmt: skip
-        if other != joint and moved[other] > _PIECE:
+        if other != joint and moved[other] > PIECE:
             about += f"; {log.joints[other]} moved {1e3 * moved[other]:.3g}: are they swapped?"
         else:
             about += (f": wrong gear, link_position object or scale, or a half-gap of more than "
-                      f"{1e3 * (0.5 * turned - _PIECE):.0f} mrad")  # fmt: skip
-        return WiringResult(joint=name, problems=(*problems, about))
+                      f"{1e3 * (0.5 * turned - PIECE):.0f} mrad")  # fmt: skip
+        share, against = share_of_motor(log, joint)
+        moved_by = float("nan") if against else share
+        return WiringResult(joint=name, problems=(*problems, about), moved_by=moved_by)
     engaged = np.zeros(len(q), dtype=np.bool_)
     for stroke in strokes:
         engaged[stroke.rows] |= stroke.carried
-    follows, (least, most) = _follows(strokes), _between(strokes)
+    follows, (least, most) = follows_by(strokes), between(strokes)
     notes, undetermined = list[str](), list[str]()
     if follows < 0.0:
         problems.append(OTHER_WAY)
@@ -137,6 +135,40 @@ def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:
     return [(a, b) for a, b in pairs if abs(off[a] * off[b] - 1.0) < _PRODUCT]
 
 
+def _did_not_turn(log: MotionLog, joint: int, turned: float, constant: float) -> WiringResult:
+    """Result for a motor that turned by so little [rad]: its drive, or what holds it."""
+    about = f"the motor turned only {1e3 * turned:.2g} mrad at the link"
+    name, pressed = log.joints[joint], _held_by_friction(log, joint)
+    if pressed > 0.0:
+        about += (f", but pressed with {in_Nm(constant * pressed)} the way of its setpoints: its "
+                  "drive obeys, and friction holds it, or a brake that is closed: raise the gains "
+                  "of its velocity loop by the maker's tool (docs/porting.md, step 8)")  # fmt: skip
+        return WiringResult(joint=name, problems=(), undetermined=(about,))
+    about += ": does the drive get its setpoints, is the unit of motor_velocity right?"
+    return WiringResult(joint=name, problems=(about,))
+
+
+def _held_by_friction(log: MotionLog, joint: int) -> float:
+    """Current [A] with which a motor that stands pressed the way of its setpoints; 0 where its link
+    moved, or the current shows nothing of them."""
+    if log.setpoint is None or np.ptp(log.link_position[:, joint]) > LEAST_MOTION:
+        return 0.0
+    steps = np.diff(log.time_s, prepend=log.time_s[0])
+    asked, current = np.cumsum(log.setpoint[:, joint] * steps), log.current[:, joint]
+    if not np.ptp(asked) or not np.ptp(current):
+        return 0.0
+    alike = np.corrcoef(asked, current)[0, 1]
+    return float(0.5 * np.ptp(current)) if alike > _ALIKE_CURRENT else 0.0
+
+
+def _current_stays(current: Vector) -> list[str]:
+    """A current that does not change while the motor turns to and fro."""
+    if np.ptp(current) > 0.0:
+        return []
+    return [f"the current read {current[0]:.3g} A all the time, also as the motor turned: its "
+            "object is a limit, a rated or another set value, no measurement"]  # fmt: skip
+
+
 def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
     """The motor's own position against its velocity."""
     if log.motor_position is None:
@@ -149,30 +181,10 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
     return [f"motor_position changes {scale:.3g} times as much as by motor_velocity: a scale"]
 
 
-@dataclass(frozen=True, slots=True)
-class _Stroke:
-    """Piece of one way of the motor in which the gear carries: a link without load may bounce ahead
-    of the motor and wait for it, and friction may hold one that fell to the other border."""
-
-    rows: slice
-    turned: float
-    """by the motor [rad], > 0"""
-    way: float
-    """of the link in the direction of the motor [rad]"""
-    steady: bool
-    """The link moved alike in both halves"""
-    upward: bool
-
-    @property
-    def carried(self) -> bool:
-        """True where the gear took the link along, whatever sign or scale is configured."""
-        return self.steady and abs(self.way) > 0.5 * self.turned
-
-
 def follows_both_ways(log: MotionLog, joint: int) -> bool:
     """True where the motor went so far in both directions that its link came along."""
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
-    strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    strokes = strokes_of(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
     return {s.upward for s in strokes if s.carried} == {True, False}
 
 
@@ -180,26 +192,10 @@ def scale_unsure(log: MotionLog, joint: int) -> bool:
     """True where the link followed by a share that an encoder's error over so short a way, or a
     link that bounces or floats, may make, or by another one each way: move it once more."""
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
-    strokes = _strokes(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
-    least, most = _between(strokes)
-    off = abs(_follows(strokes) - 1.0)
+    strokes = strokes_of(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    least, most = between(strokes)
+    off = abs(follows_by(strokes) - 1.0)
     return _SURE < off < _BOUNCES or (off <= _SURE and most - least > _ALIKE)
-
-
-def _between(strokes: list["_Stroke"]) -> tuple[float, float]:
-    """Least and largest motion of the link over that of the motor on whole ways on which the gear
-    carried; all of them where none was whole."""
-    carried = [s for s in strokes if s.carried]
-    ratios = [s.way / s.turned for s in carried if s.turned > _WHOLE * _PIECE]
-    ratios = ratios or [s.way / s.turned for s in carried]
-    return min(ratios, default=float("nan")), max(ratios, default=float("nan"))
-
-
-def _follows(strokes: list["_Stroke"]) -> float:
-    """Motion of the link over that of the motor where the gear carried; NaN where it never did."""
-    carried = [s for s in strokes if s.carried]
-    turned = sum(s.turned for s in carried)
-    return sum(s.way for s in carried) / turned if turned else float("nan")
 
 
 def in_Nm(torque: float) -> str:
@@ -217,46 +213,6 @@ def share_of_motor(log: MotionLog, joint: int) -> tuple[float, bool]:
     against = way * np.sign(turned) < -_MOVES * np.abs(turned)
     share = float(way @ np.sign(turned)) / whole
     return share, bool(np.abs(turned[against]).sum() > _AGAINST * whole)
-
-
-def _strokes(q: Vector, velocity: Vector, steps: Vector) -> list[_Stroke]:
-    """The last piece of `_PIECE` that was carried of every way, or its end if none was."""
-    fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
-    direction = np.where(fast, np.sign(velocity), 0.0)
-    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
-    ways = []
-    for a, b in itertools.pairwise(edges):
-        if direction[a] and b - a >= 10:
-            turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
-            ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
-    longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
-    strokes = []
-    for a, turned, way in ways:
-        whole = float(turned[-1])
-        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
-            continue
-        piece = min(0.5 * whole, _PIECE)
-        found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
-                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
-        strokes.append(next((s for s in found if s.carried), found[0]))
-    return strokes
-
-
-def _stroke(
-    first: int, turned: Vector, way: Vector, begin: float, end: float, upward: bool
-) -> _Stroke:
-    """Motion of motor and link while the motor turned from `begin` to `end`."""
-    a, middle, b = np.searchsorted(turned, [begin, 0.5 * (begin + end), end]).tolist()
-    b = min(b, len(turned) - 1)
-    early = (way[middle] - way[a]) / max(turned[middle] - turned[a], 1e-9)
-    late = (way[b] - way[middle]) / max(turned[b] - turned[middle], 1e-9)
-    return _Stroke(
-        rows=slice(first + a, first + b + 1),
-        turned=float(turned[b] - turned[a]),
-        way=float(way[b] - way[a]),
-        steady=bool(abs(late - early) < _STEADY),
-        upward=upward,
-    )
 
 
 def _torques(

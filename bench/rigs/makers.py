@@ -33,7 +33,7 @@ _CIA: dict[str, Object | None] = {"motor_velocity": (0x606C, 0), "link_position"
 _TORQUE: dict[str, Object | None] = {"torque": (0x6077, 0), **_CIA}
 _CURRENT: dict[str, Object | None] = {"current": (0x6078, 0), **_CIA}
 RIGHT: dict[str, dict[str, Object | None]] = {
-    "maxon_epos4": {**_CURRENT, "current": (0x30D1, 1), "motor_position": ASK},
+    "maxon_epos4": {**_CURRENT, "current": (0x30D1, 2), "motor_position": ASK},
     "nanotec_cl4e": {**_TORQUE, "motor_position": ASK},
     "elmo_gold": {**_CURRENT, "motor_position": None},
     "zeroerr_edriver": {**_CURRENT, "motor_position": (0x2240, 0)},

@@ -2,12 +2,19 @@
 warnings and are not refused: see `mistakes`."""
 
 import math
+import re
 from collections.abc import Iterator
 
 from daemon.config.problem import Keys, Problem, agree, figure
 from daemon.config.schema import Configuration
-from drivers.canopen.boot.data_sheet import DataSheet, counts_per_motor_turn, find_object
-from drivers.canopen.codec import quantity
+from drivers.canopen.boot.data_sheet import (
+    DataSheet,
+    Variable,
+    counts_per_motor_turn,
+    find_object,
+    value_range,
+)
+from drivers.canopen.codec import quantity, type_limits
 from drivers.canopen.settings import CanopenProfile, Quantity
 
 TURN = 2.0 * math.pi
@@ -29,6 +36,8 @@ NOT_MEASURED = {
     0x607A: "the target position", 0x60F4: "the following error", 0x60FA: "the control effort",
     0x60FF: "the target velocity", 0x6071: "the target torque", 0x60FD: "digital inputs",
     0x6079: "the voltage of the DC link",
+    0x6072: "the largest torque", 0x6073: "the largest current", 0x6075: "the rated current",
+    0x6076: "the rated torque", 0x607F: "the largest velocity", 0x6080: "the largest speed",
 }  # fmt: skip
 """Objects of CiA 402 that are not a measurement that contactd needs."""
 MEASURES = {
@@ -41,12 +50,25 @@ KIND_OF = {
     "current": "effort", "torque": "effort",
 }  # fmt: skip
 
+_SETPOINTS = "demand demanded target command commanded set setpoint reference"
+_LIMITS = "limit limits max maximum maximal min minimum minimal rated nominal threshold"
+NO_MEASUREMENT = frozenset(f"{_SETPOINTS} {_LIMITS}".split())
+"""Words in the names of objects that are a setpoint, a limit or a rated value."""
+AVERAGED = frozenset(("averaged", "average", "filtered", "smoothed", "mean"))
+
+
+def words_of(name: str) -> frozenset[str]:
+    """Words of an object's name, in lower case."""
+    found = re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+", name)
+    return frozenset(word.lower() for word in found)
+
 
 def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Problem]:
     """Likely mistakes in one profile of CANopen drives."""
     profile = c.drives[name]
     assert isinstance(profile, CanopenProfile)
-    gears = sorted({j.wiring.gear for j in c.joints if j.wiring.profile == name})
+    joints = [joint for joint in c.joints if joint.wiring.profile == name]
+    gears = sorted({joint.wiring.gear for joint in joints})
     by_object: dict[tuple[int, int], str] = {}
     for entry, kind in KIND_OF.items():
         where: Quantity | None = getattr(profile, entry)
@@ -67,6 +89,9 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
                 f"{object_name} ({variable.name}) can be written (access {variable.access_type}): "
                 "a parameter, not a measurement, unless the manual says otherwise",
             )
+        elif variable is not None and (why := _not_measured(sheet, variable, kind)):
+            name_given = "".join(c for c in variable.name if c.isprintable())
+            yield Problem(*place, f"{object_name} ({name_given}) {why}")
         other = by_object.setdefault((where.object, where.subindex), entry)
         if other != entry:
             yield Problem(
@@ -89,14 +114,31 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
             "synchronous velocity): contactd refuses a drive that reports this; a newer firmware "
             "may have the mode",
         )
-    yield from _positions(name, profile, sheet, gears)
+    travel = max((j.limits.upper - j.limits.lower for j in joints), default=0.0)
+    yield from _positions(name, profile, sheet, gears, travel)
     yield from _velocities(name, profile)
 
 
+def _not_measured(sheet: DataSheet, variable: Variable, kind: str) -> str:
+    """Reason why an object is no measurement, or not the best; empty without one."""
+    words = words_of(variable.name)
+    if variable.index not in STANDARD and (other := words & NO_MEASUREMENT):
+        return f"is no measurement by its name (`{min(other)}`); {WANTED[kind]} is wanted"
+    low, high = value_range(variable)
+    if kind != "position" and 0 <= low < high:
+        return f"cannot be negative ({low} to {high}); {WANTED[kind]} has a sign"
+    for one in getattr(sheet[variable.index], "subindices", {}).values():
+        if words & AVERAGED and words_of(one.name) == words - AVERAGED and not one.writable:
+            actual = f"0x{one.index:04X}:{one.subindex:02X} ({one.name})"
+            return f"is delayed, as it is averaged; {actual} is not"
+    return ""
+
+
 def _positions(
-    name: str, profile: CanopenProfile, sheet: DataSheet, gears: list[float]
+    name: str, profile: CanopenProfile, sheet: DataSheet, gears: list[float], travel: float
 ) -> Iterator[Problem]:
-    """Scales of encoders: whole counts per turn."""
+    """Scales of encoders: whole counts per turn, as many as the EDS gives. travel: the widest range
+    of the joints' limits [rad]."""
     for entry in ("link_position", "motor_position"):
         where: Quantity | None = getattr(profile, entry)
         if where is None:
@@ -107,13 +149,31 @@ def _positions(
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
-        in_eds = counts_per_motor_turn(sheet)
-        if entry == "motor_position" and in_eds and not agree(counts, in_eds, AGREES):
+        second = entry == "link_position" and where.object == 0x60E4
+        objects = (0x60E6, 0x60EB, where.subindex) if second else (0x608F, 0x608F, 0)
+        in_eds = counts_per_motor_turn(sheet, *objects)
+        # A second encoder is given by its own turn, or by that of the motor.
+        allowed = [in_eds, *(in_eds * gear for gear in gears if second)]
+        stated = in_eds > 0.0 and (second or entry == "motor_position")
+        if stated and not any(agree(counts, one, AGREES) for one in allowed):
             yield Problem(
                 *place,
-                f"{per_turn}, and the EDS has {in_eds:g} per motor turn (0x608F): scale would be "
-                f"{figure(TURN / in_eds)}",
+                f"{per_turn}, and the EDS has {in_eds:g} per {'turn' if second else 'motor turn'} "
+                f"(0x{objects[0]:04X}): scale would be {figure(TURN / in_eds)}",
             )
+    where = profile.link_position
+    variable = find_object(sheet, where.object, where.subindex)
+    if variable is None or value_range(variable) == type_limits(where.type):
+        return
+    low, high = value_range(variable)
+    turn, span = TURN / max(high - low + 1, 1), where.scale * (high - low + 1)
+    if low < high and (span < travel or (2.0 <= span / TURN <= 64.0 and is_encoder(turn))):
+        yield Problem(
+            *_of_drive(name, "link_position", "scale"),
+            f"{figure(where.scale)} rad makes {figure(span)} rad of the range {low} to {high} in "
+            f"the EDS, and limits span {figure(travel)}: if the range is one turn, scale would be "
+            f"{figure(turn)}",
+        )
 
 
 def _meant(scale: float, gears: list[float]) -> str:

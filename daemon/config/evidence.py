@@ -6,8 +6,8 @@ configuration of them, and without the parameters that must be known.
 
 from typing import get_args
 
-from daemon.config.identified import ENTRIES, Identified, used_entries
-from daemon.config.marks import fingerprint, marks
+from daemon.config.identified import ENTRIES, Entry, Identified, used_entries
+from daemon.config.marks import fingerprint, marks, marks_of
 from daemon.config.schema import ArmingStep, Configuration
 from daemon.protocol.text import printable
 
@@ -24,7 +24,8 @@ def objections(
     if names := outdated("wiring", found, c, urdf):
         reasons.append(
             f"the wiring of {', '.join(names)} in {c.identified} belongs to another configuration: "
-            f"{ENTRIES['wiring'].depends} were changed since (`contactd identify wiring` again)"
+            f"{ENTRIES['wiring'].depends} were changed since (`contactd identify wiring "
+            f"{' '.join(names)}` again)"
         )
     if names := outdated("zero", found, c, urdf):
         reasons.append(
@@ -65,16 +66,29 @@ def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -
     otherwise."""
     if found is None:
         return []
-    mark = marks(c, urdf)[ENTRIES[step].depends]
-    of_all = found.configuration == fingerprint(c, urdf)
     entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
     return [
         joint.name
         for joint in c.joints
         if step not in joint.known
         and (entry := entries.get(joint.name)) is not None
-        and not (entry.of == mark if entry.of else of_all)
+        and not in_force(entry, joint.name, found, c, urdf)
     ]
+
+
+def in_force(entry: Entry, name: str, found: Identified, c: Configuration, urdf: str) -> bool:
+    """True if nothing that an entry of this joint depends on was changed; older files have a mark
+    of the whole arm for it, the oldest one for all entries."""
+    part = entry.depends
+    if not entry.of:
+        return found.configuration == fingerprint(c, urdf)
+    return entry.of in (marks_of(c, urdf, name)[part], marks(c, urdf)[part])
+
+
+def due(step: ArmingStep, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
+    """Joints that have not passed a step, or that a change since has voided."""
+    names = {*unidentified(step, found, c), *outdated(step, found, c, urdf)}
+    return [name for name in c.joint_names if name in names]
 
 
 def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str]:

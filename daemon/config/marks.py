@@ -1,10 +1,13 @@
 """Marks of what identified values depend on: a change voids only the values that it affects.
 
+Of wiring and constants a joint's values depend on its own drive and profile, with the period and
+the URDF's joints; masses, friction and levels on those of all joints, as all of them move its load.
 Limits, gains, corrections of the encoders and the URDF's pictures void none.
 """
 
 import hashlib
 from enum import StrEnum
+from functools import lru_cache
 
 import msgspec
 
@@ -21,6 +24,11 @@ class Dependence(StrEnum):
     MASSES = "drives, wiring, torque constants, period or URDF"
     BODIES = "drives, wiring, torque constants, period, URDF or identified masses"
 
+    @property
+    def of_all(self) -> bool:
+        """True where any joint's change voids the values of all."""
+        return self in (Dependence.MASSES, Dependence.BODIES)
+
 
 _JOINT = ("origin", "axis", "parent", "child", "mimic")
 
@@ -32,9 +40,19 @@ def fingerprint(c: Configuration, urdf: str) -> str:
     return _digest((_drives(c), joints, c.period_ms, urdf))
 
 
+def marks_of(c: Configuration, urdf: str, name: str) -> dict[Dependence, str]:
+    """SHA-256 of each part that values of one joint depend on."""
+    (joint,) = (one for one in c.joints if one.name == name)
+    profile = joint.wiring.profile
+    alone = msgspec.structs.replace(c, joints=[joint], drives={profile: c.drives[profile]})
+    of_joint, of_all = marks(alone, urdf), marks(c, urdf)
+    return {part: (of_all if part.of_all else of_joint)[part] for part in Dependence}
+
+
 def marks(c: Configuration, urdf: str) -> dict[Dependence, str]:
-    """SHA-256 of each part. Other values found before are not part of it; nor is the product of a
-    drive, which is identified by its serial number."""
+    """SHA-256 of each part of the whole arm, also the marks of joints in older files. Other values
+    found before are not part of it; nor is the product of a drive, which is identified by its
+    serial number."""
     geometry, masses = _urdf(urdf)
     wiring = [(joint.name, _wiring(joint)) for joint in c.joints]
     everything = (_drives(c), wiring, c.period_ms, geometry)
@@ -66,6 +84,7 @@ def _drives(c: Configuration) -> object:
     return drives
 
 
+@lru_cache(maxsize=2)
 def _urdf(text: str) -> tuple[object, object]:
     """Joints and frames, and masses, of a URDF that was loaded before."""
     root, _ = parsed(text)

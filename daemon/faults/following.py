@@ -26,6 +26,8 @@ PRESSING_SHARE: Final = 0.5
 SAG_TICKS: Final = 50
 #: Least change of that current since enabling, as a share of its limit.
 HEARD_SHARE: Final = 0.02
+#: Change of a current from which on the message says that the drive pressed the right way.
+PRESSED_SHARE: Final = 0.005
 #: Ticks from a setpoint until the samples of a drive without any lag show all of it: latched at the
 #: next SYNC, interpolated until the one after, and sampled there.
 LATENCY_TICKS: Final = 3
@@ -53,7 +55,7 @@ class Following:
         self._next = 0
         self._in_row = np.zeros(n, dtype=np.int64)
         self._too_slow, self._too_fast = np.zeros((2, n), dtype=np.bool_)
-        self._off, self._first = np.zeros((2, n))
+        self._off, self._first, self._begun, self._current = np.zeros((4, n))
         self._since = 0  # ticks since enabling
 
     def restart(self) -> None:
@@ -90,10 +92,21 @@ class Following:
             # If the first current is not a number, nothing is excused.
             self._too_slow &= ~(current >= self._first + self._heard)
             self._too_fast &= ~(current <= self._first - self._heard)
+        self._current[:] = current
+        np.copyto(self._begun, current, where=self._in_row == 0)
         self._in_row += fresh
         self._in_row *= self._too_slow | self._too_fast | ~fresh
         return np.flatnonzero(self._in_row >= TICKS).tolist()
 
     def figures(self, joint: int) -> str:
-        """Printed deviation of a joint from the nearest of its setpoints, and its bound."""
-        return f"by {self._off[joint]:.3f} rad/s, at most {self._settings.deviation[joint]:.3f}"
+        """Printed deviation of a joint from the nearest of its setpoints, and its bound; and what
+        speaks against a drive that gets no setpoints: friction holds a motor of a soft loop."""
+        off = f"by {self._off[joint]:.3f} rad/s, at most {self._settings.deviation[joint]:.3f}"
+        pressed = float(self._current[joint] - self._begun[joint]) / self._settings.current[joint]
+        pressed *= 1.0 if self._too_slow[joint] else -1.0
+        if not pressed >= PRESSED_SHARE:  # neither where it is no number
+            return off
+        return (
+            f"{off}; its current went the right way by {pressed:.1%} of its limit: it obeys, and "
+            "friction holds it, or its velocity loop is soft"
+        )

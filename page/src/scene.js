@@ -15,11 +15,16 @@ const FRAME_EVERY_MS = 500;
 const LEAST_LINK = 0.02; // m: shorter ones are balls
 const UP = new Vector3(0, 1, 0);
 const ARC = 1.6 * Math.PI; // of the torque's arrow
+const LARGEST_ARROW = 2; // times its size
+const POSES = 240; // of which the picture is to have all
+const AWAY = new Vector3(1, 0.5, 0.8).normalize(); // from the arm to the camera
+const RIGHT = new Vector3().crossVectors(UP, AWAY).normalize();
+const ABOVE = new Vector3().crossVectors(AWAY, RIGHT);
 
 export class Scene {
   #host; #url; #say; #renderer; #space = new Space(); #camera; #controls; #robot = null;
   #joints = []; #touched = ""; #carried = null; #load = null; #drawn_ms = 0; #size = 1; #names;
-  #seen = new Box3(); #framed_ms = 0; #turned = false;
+  #seen = new Box3(); #corners = []; #framed_ms = 0; #turned = false;
 
   constructor(host, url, say) {
     this.#host = host;
@@ -68,7 +73,7 @@ export class Scene {
   draw(tick) {
     const now = performance.now();
     if (this.#robot === null || now - this.#drawn_ms < EVERY_MS || this.#host.clientWidth === 0) return;
-    if (now - this.#framed_ms > FRAME_EVERY_MS) this.#frame(now);
+    if (now - this.#framed_ms > FRAME_EVERY_MS) this.#follow(now);
     const names = this.#names;
     names.forEach((name, i) => this.#robot.setJointValue(name, tick.link_position[i]));
     for (const joint of this.#joints) {
@@ -127,23 +132,66 @@ export class Scene {
     this.grid.material.opacity = 0.25;
     this.#space.add(this.grid);
     this.#carry();
-    this.#seen.makeEmpty();
-    this.#framed_ms = -Infinity;
+    this.#survey();
     this.#recolour();
     this.#resize();
   }
 
-  /** Have all of the arm in the picture, wherever it has been; whoever turns it has it as it is. */
-  #frame(now) {
+  /** Note the corners of all that is drawn in poses at and within the limits, with the largest arrows. */
+  #survey() {
+    this.#corners = [];
+    this.#seen.makeEmpty();
+    const shares = sequence();
+    for (const joint of this.#joints) joint.arrow.scale.setScalar(LARGEST_ARROW);
+    for (let k = 0; k < POSES; k++) {
+      for (const { joint } of this.#joints) {
+        const turns = joint.jointType === "continuous";
+        const [lower, upper] = turns ? [-Math.PI, Math.PI] : [joint.limit.lower, joint.limit.upper];
+        // Often at an end: there an arm reaches furthest.
+        const share = Math.min(Math.max(1.6 * shares.next().value - 0.3, 0), 1);
+        joint.setJointValue(k === 0 ? 0 : lower + share * (upper - lower));
+      }
+      this.#robot.updateMatrixWorld(true);
+      this.#robot.traverse((part) => part.isMesh && this.#note(part));
+    }
+    for (const { joint, arrow } of this.#joints) {
+      joint.setJointValue(0);
+      arrow.scale.setScalar(1);
+    }
+    this.#frame();
+  }
+
+  #note(mesh) {
+    if (mesh.geometry.boundingBox === null) mesh.geometry.computeBoundingBox();
+    for (const corner of cornersOf(mesh.geometry.boundingBox)) {
+      this.#corners.push(corner.applyMatrix4(mesh.matrixWorld));
+      this.#seen.expandByPoint(corner);
+    }
+  }
+
+  /** Have a pose beyond all that was surveyed in the picture, too. */
+  #follow(now) {
     this.#framed_ms = now;
-    const box = new Box3().setFromObject(this.#robot).union(this.#seen);
-    if (this.#turned || this.#seen.containsBox(box)) return;
-    this.#seen.copy(box).expandByScalar(0.05 * this.#size);
-    const middle = this.#seen.getCenter(new Vector3());
-    const radius = 0.5 * this.#seen.getSize(new Vector3()).length();
-    const far = (0.72 * radius) / Math.sin((0.5 * this.#camera.fov * Math.PI) / 180);
-    this.#camera.position.set(1, 0.5, 0.8).setLength(far).add(middle);
-    this.#controls.target.copy(middle);
+    const box = new Box3().setFromObject(this.#robot);
+    if (this.#seen.containsBox(box)) return;
+    this.#seen.union(box);
+    this.#corners.push(...cornersOf(box));
+    this.#frame();
+  }
+
+  /** Move the camera so near that all corners are just in the picture; whoever turned it has it as it is. */
+  #frame() {
+    if (this.#turned || this.#corners.length === 0) return;
+    const high = Math.tan((0.5 * this.#camera.fov * Math.PI) / 180);
+    const wide = high * this.#camera.aspect;
+    const seen = new Box3().setFromPoints(this.#corners.map(ofCamera));
+    const middle = seen.getCenter(new Vector3());
+    const needs = ({ x, y, z }) =>
+      z - middle.z + Math.max(Math.abs(x - middle.x) / wide, Math.abs(y - middle.y) / high);
+    const far = 1.05 * this.#corners.reduce((most, corner) => Math.max(most, needs(ofCamera(corner))), 0);
+    this.#controls.target.set(0, 0, 0).addScaledVector(RIGHT, middle.x).addScaledVector(ABOVE, middle.y)
+      .addScaledVector(AWAY, middle.z);
+    this.#camera.position.copy(AWAY).multiplyScalar(far).add(this.#controls.target);
     this.#controls.update();
     this.grid.position.y = this.#seen.min.y;
   }
@@ -153,6 +201,7 @@ export class Scene {
     if (!width || !height) return;
     this.#camera.aspect = width / height;
     this.#camera.updateProjectionMatrix();
+    this.#frame();
     this.#renderer.setSize(width, height);
     this.#now();
   }
@@ -166,6 +215,22 @@ export class Scene {
     }
     this.#now();
   }
+}
+
+/** The eight corners of a box. */
+function cornersOf({ min, max }) {
+  return [0, 1, 2, 3, 4, 5, 6, 7].map(
+    (k) => new Vector3(k & 1 ? max.x : min.x, k & 2 ? max.y : min.y, k & 4 ? max.z : min.z));
+}
+
+/** A point along the camera's axes. */
+function ofCamera(point) {
+  return new Vector3(point.dot(RIGHT), point.dot(ABOVE), point.dot(AWAY));
+}
+
+/** Numbers from 0 to 1, the same for every arm (a linear congruential generator). */
+function* sequence() {
+  for (let state = 1; ; state = (1664525 * state + 1013904223) % 2 ** 32) yield state / 2 ** 32;
 }
 
 /** XML document at `url`, null where there is none. Parsed on the way: texts are trusted by no sink. */
@@ -212,7 +277,7 @@ class Joint {
   feel(share) {
     this.arrow.visible = share !== 0;
     if (share === 0) return;
-    const scale = Math.min(1 + 0.25 * (Math.abs(share) - 1), 2);
+    const scale = Math.min(1 + 0.25 * (Math.abs(share) - 1), LARGEST_ARROW);
     this.arrow.scale.set(scale, scale, scale * Math.sign(share));
   }
 }

@@ -1,11 +1,15 @@
 """Motion of one joint of a live arm for the check of its wiring."""
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 
 from common.arrays import Vector
 from common.errors import ContactdError, ControlError
+from daemon.config.problem import agree, figure
+from daemon.config.schema import Configuration
 from daemon.faults.conditions import Condition
+from drivers.canopen.settings import CanopenProfile
 from identification.wiring import OTHER_WAY, follows_both_ways, scale_unsure, share_of_motor
 from programs.identify.contact_warnings import wiring_spoiled
 from programs.identify.live_arm import LiveArm
@@ -14,6 +18,7 @@ from programs.identify.motions import WIDEST_GUESS, WIRING_TRAVEL, wiring_motion
 from programs.identify.session import InterruptedStepError
 
 _TOO_FAR = "its gear or a scale is wrong, or its gap is larger than half_gap says"
+_LEAST_SHARE = 0.03
 
 
 class ApartError(InterruptedStepError):
@@ -81,5 +86,25 @@ def _apart(arm: LiveArm, i: int, joint: str) -> str:
         log = arm.read(f"wiring-{joint}").log
         share, against = share_of_motor(log, i)
         words = f"{_TOO_FAR} (the link moved {share:.2f} times as far as the motor reports)"
-        return OTHER_WAY if against else words
+        return OTHER_WAY if against else words + would_fit(arm.configuration, i, share)
     return f"{OTHER_WAY}; else {_TOO_FAR}"
+
+
+def would_fit(c: Configuration, i: int, share: float) -> str:
+    """Gear, or scale of the link's encoder, with which link i would follow its motor, in words;
+    empty where it moved too little of the motor's way to say, or both are the motor's own. Counts
+    far off are by powers of two.
+    """
+    wiring = c.joints[i].wiring
+    profile = c.drives[wiring.profile]
+    if share < _LEAST_SHARE or not isinstance(profile, CanopenProfile):
+        return ""
+    scale = profile.link_position.scale
+    twos = 2.0 ** round(math.log2(share))
+    off = share if agree(share, 1.0, 2.5) else twos
+    return (
+        f"; by this wiring.gear, {wiring.gear:g}, would be about {wiring.gear / share:.3g}, or "
+        f"drives.{wiring.profile}.link_position.scale, {figure(scale)} "
+        f"({math.tau / scale:.0f} counts per turn), {figure(scale / off)} "
+        f"({math.tau / scale * off:.0f} counts)"
+    )

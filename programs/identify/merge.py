@@ -3,8 +3,9 @@
 import msgspec
 
 from daemon.config import identified as file
+from daemon.config.evidence import in_force
 from daemon.config.load import Robot
-from daemon.config.marks import Dependence, fingerprint, marks
+from daemon.config.marks import marks_of
 
 
 def merged(
@@ -15,9 +16,9 @@ def merged(
     Entries of another drive are dropped. Those of another configuration stay, known by their mark,
     in case that it comes back; of a file of before, whose entries have none, they are dropped.
     """
-    of = marks(robot.configuration, robot.urdf)
-    joints = _marked(robot, of)
+    joints = _marked(robot)
     for name, found in entries.items():
+        of = marks_of(robot.configuration, robot.urdf, name)
         entry = msgspec.structs.replace(found, of=of[found.depends])
         known = joints.get(name, file.IdentifiedJoint(serial=serials.get(name)))
         if name in serials and known.serial != serials[name]:
@@ -28,20 +29,22 @@ def merged(
     return file.Identified(joints=order, payloads=kept)
 
 
-def _marked(robot: Robot, of: dict[Dependence, str]) -> dict[str, file.IdentifiedJoint]:
-    """Entries of the file by joint, each with a mark of its own."""
+def _marked(robot: Robot) -> dict[str, file.IdentifiedJoint]:
+    """Entries of the file by joint, those in force with the mark of today's format."""
     old = robot.identified or file.Identified()
-    valid = old.configuration == fingerprint(robot.configuration, robot.urdf)
+    c, urdf = robot.configuration, robot.urdf
 
-    def marked(joint: file.IdentifiedJoint) -> file.IdentifiedJoint:
-        changes = {
-            step: msgspec.structs.replace(entry, of=of[entry.depends]) if valid else None
-            for step, entry in file.entries_of(joint).items()
-            if not entry.of
-        }
+    def marked(name: str, joint: file.IdentifiedJoint) -> file.IdentifiedJoint:
+        changes: dict[str, file.Entry | None] = {}
+        for step, entry in file.entries_of(joint).items():
+            if name in c.joint_names and in_force(entry, name, old, c, urdf):
+                of = marks_of(c, urdf, name)[entry.depends]
+                changes[step] = msgspec.structs.replace(entry, of=of)
+            elif not entry.of:
+                changes[step] = None
         return msgspec.structs.replace(joint, **changes)
 
-    return {name: marked(joint) for name, joint in old.joints.items()}
+    return {name: marked(name, joint) for name, joint in old.joints.items()}
 
 
 def merged_payloads(robot: Robot, found: dict[str, file.IdentifiedPayload]) -> file.Identified:

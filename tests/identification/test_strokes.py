@@ -81,6 +81,26 @@ def test_errors_of_the_motor_encoder_are_found_and_told():
     assert harmonic.amplitude == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2, 4, 7])
+@pytest.mark.parametrize("held", [False, True])
+def test_a_link_that_floats_is_for_the_hand_and_no_encoder_is_blamed(seed, held):
+    rng = np.random.default_rng(seed)
+    plenty = (random_joint(rng, SETTINGS) for _ in range(500))
+    one = next(one for one in plenty if one.gravity == 0.0 and one.has_motor_position)
+    rub = {"coulomb": [0.1 * held, one.plant.coulomb[1]], "viscous": [0.0, one.plant.viscous[1]]}
+    values = {"half_gap": [0.006], **rub}
+    plant = replace(one.plant, **{name: np.array(value) for name, value in values.items()})
+    right = {"link_error": 0.0 * one.link_error, "motor_error": 0.0 * one.motor_error}
+    [(found, _)] = searched([replace(one, plant=plant, **right)], GUESS, SETTINGS)
+    assert found.usable is held, found
+    assert not found.harmonics
+    if held:
+        assert found.half_gap == pytest.approx(0.006, abs=found.confidence)
+    else:
+        assert "floats" in found.limit.name
+        assert f"`contactd identify gap {found.joint} --by-hand`" in found.limit.cause
+
+
 def concluded(steps: Search, record: Callable[[Strokes], MotionLog]) -> GapResult:
     """Result of a search."""
     asked = next(steps)

@@ -204,3 +204,29 @@ def test_gears_that_are_each_others_name_the_pair(
     follows: dict[str, float], pairs: list[tuple[str, str]]
 ) -> None:
     assert swapped_pairs(follows) == pairs
+
+
+@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
+@pytest.mark.parametrize("held", [0.0, 1.0])
+def test_a_current_that_never_changes_is_no_measurement(wired, check, joint, held):
+    set_value = wired.current.copy()
+    set_value[:, joint] = held
+    found = check(replace(wired, current=set_value), joint)
+    assert any("all the time" in problem for problem in found.problems)
+
+
+@pytest.mark.parametrize(("way", "kept"), [(1.0, True), (-1.0, False), (0.0, False)])
+def test_a_motor_that_friction_holds_is_no_deaf_drive(wired, check, way: float, kept: bool):
+    """The integral of its loop rises the way of the setpoints."""
+    asked = np.cumsum(wired.motor_velocity[:, WRIST])
+    current, velocity = wired.current.copy(), wired.motor_velocity.copy()
+    noise = np.random.default_rng(1).normal(0.0, 0.01, len(asked))
+    current[:, WRIST] = way * 0.3 * asked / np.ptp(asked) + noise
+    velocity[:, WRIST] = 0.0
+    link = wired.link_position.copy()
+    link[:, WRIST] = link[0, WRIST]
+    log = replace(wired, current=current, motor_velocity=velocity, link_position=link)
+    found = check(replace(log, setpoint=wired.motor_velocity), WRIST)
+    assert (bool(found.undetermined), bool(found.problems)) == (kept, not kept)
+    moved = replace(log, setpoint=wired.motor_velocity, link_position=wired.link_position)
+    assert check(moved, WRIST).problems  # its velocity is in another unit

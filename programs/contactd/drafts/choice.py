@@ -1,11 +1,11 @@
 """Choice of a drive's objects for each quantity: by index, name, access and PDO mapping alone. A
 parameter that can be written is never taken for a measurement."""
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from common.errors import ConfigurationError
+from daemon.config.drive_mistakes import AVERAGED, NO_MEASUREMENT, words_of
 from drivers.canopen.boot.data_sheet import DataSheet, Variable, find_object, type_name
 from drivers.canopen.codec import STRUCT_CODES
 
@@ -31,10 +31,9 @@ _MEASURED = _any("actual measured measurement feedback")
 _PLACE = _any("position encoder angle")
 _LINK = _any("link load output joint")
 _SECOND = _any("auxiliary auxilary aux second secondary external additional")
-_NO_MEASUREMENT = _any(
-    "demand demanded target command commanded set setpoint reference limit limits max maximum "
-    "maximal min minimum minimal rated nominal gain kp ki threshold window offset error following "
-    "mode homing home config configuration time timeout filter difference resolution factor index "
+_NO_MEASUREMENT = NO_MEASUREMENT | _any(
+    "gain kp ki window offset error following mode homing home config configuration time timeout "
+    "filter difference resolution factor index "
     "status function settings captured capture edge probe number type bias test correction range"
 )
 """Words in the names of objects that are a setpoint, a limit or a parameter."""
@@ -154,8 +153,9 @@ def _of_rule(sheet: DataSheet, rule: Rule) -> Iterator[Variable]:
         if (variable := find_object(sheet, *place)) is not None:
             yield variable
     if rule.words:
-        for variable in _own(sheet):
-            words = _words(variable.name)
+        # A stable sort: of two alike the one that is not delayed.
+        for variable in sorted(_own(sheet), key=lambda one: bool(words_of(one.name) & AVERAGED)):
+            words = words_of(variable.name)
             if all(words & group for group in rule.words) and not words & _NO_MEASUREMENT:
                 yield variable
 
@@ -181,14 +181,8 @@ def _alike(sheet: DataSheet, quantity: str) -> Iterator[Variable]:
     first = {"current": "current", "torque": "torque", "motor_velocity": "velocity",
              "link_position": "position", "motor_position": "position"}  # fmt: skip
     for variable in _own(sheet):
-        if variable.index in _MAKERS_OWN and first.get(quantity) in _words(variable.name):
+        if variable.index in _MAKERS_OWN and first.get(quantity) in words_of(variable.name):
             yield variable
-
-
-def _words(name: str) -> Words:
-    return frozenset(
-        word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+", name)
-    )
 
 
 def _found(variable: Variable, doubt: str = "") -> Found:

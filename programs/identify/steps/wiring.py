@@ -11,6 +11,7 @@ from programs.identify.step import JOINTS, Line, Outcome, now, step
 
 if TYPE_CHECKING:
     from daemon.config.load import Robot
+    from daemon.config.schema import Configuration
     from identification.wiring import WiringResult
     from programs.identify.identification import Identification
     from programs.identify.live_wiring import ApartError
@@ -19,10 +20,14 @@ if TYPE_CHECKING:
 
 @step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}")
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
-    """Check signs and scales by a small motion of each joint."""
+    """Check signs and scales by a small motion of each joint: those named, else those that were not
+    checked since a change, or all."""
+    from daemon.config.evidence import due
     from programs.identify.live_wiring import ApartError, move_to_and_fro
 
-    outcomes, left = list[bool](), identification.joints(joints)
+    robot = identification.robot
+    again = tuple(due("wiring", robot.identified, robot.configuration, robot.urdf))
+    outcomes, left = list[bool](), identification.joints(joints or again)
     wrong: dict[str, str] = {}
     follows: dict[str, float] = {}
     while left:
@@ -40,7 +45,7 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
         else:
             found = _checked(identification.robot, measured, name)
             follows[name] = found.follows
-            outcome = _outcome(measured, name, found, now())
+            outcome = _outcome(measured, name, found, now(), identification.robot.configuration)
             outcomes.append(identification.conclude("wiring", outcome, f"wiring-{name}"))
             left = left[1:]
     _show_swapped(identification, follows)
@@ -110,15 +115,21 @@ def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
     return check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
 
 
-def _outcome(measured: "Measured", name: str, found: "WiringResult", date: str) -> Outcome:
+def _outcome(
+    measured: "Measured", name: str, found: "WiringResult", date: str, c: "Configuration"
+) -> Outcome:
     """Outcome of a check, with its entry if it passed."""
     from daemon.config.identified import Entry, WiringEntry
-    from identification.wiring import in_Nm
+    from identification.wiring import SCALE_TOLERANCE, in_Nm
+    from programs.identify.live_wiring import would_fit
 
     figures = f"link/motor {found.follows:.3f}" if math.isfinite(found.follows) else ""
     if math.isfinite(found.held):
         figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
-    reason = "; ".join([*found.problems, *found.undetermined, *found.notes])
+    share = found.follows if figures else found.moved_by
+    off = found.problems and not found.undetermined and abs(share - 1.0) > SCALE_TOLERANCE
+    fits = would_fit(c, c.joint_names.index(name), share) if off and share > 0.0 else ""
+    reason = "; ".join([*found.problems, *found.undetermined, *found.notes]) + fits
     verdict = "good" if found.passed else "wrong" if found.problems else "undetermined"
     entries = dict[str, Entry]()
     if found.passed:

@@ -2,12 +2,16 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
+import yaml
 
+from bench.rigs.generated_arms import in_yaml
 from bench.rigs.lockstep import ROMEO
-from daemon.config.evidence import outdated, parameters_missing
+from daemon.config.evidence import objections, outdated, parameters_missing
 from daemon.config.identified import (
     Entry,
     FrictionEntry,
@@ -16,10 +20,11 @@ from daemon.config.identified import (
     MassesEntry,
     ThresholdsEntry,
     WiringEntry,
+    ZeroEntry,
     write_identified,
 )
 from daemon.config.load import Robot, load_robot
-from daemon.config.marks import fingerprint
+from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import ArmingStep, Friction, Levels
 from estimator.body_inertia import BodyInertia
 from programs.identify.merge import merged
@@ -59,9 +64,9 @@ def void(robot: Robot) -> set[str]:
     return {step for step in ENTRIES if outdated(step, robot.identified, c, urdf)}
 
 
-def edit(path: Path, pattern: str, new: str) -> None:
-    text, count = re.subn(pattern, new, path.read_text(), count=1)
-    assert count == 1, pattern
+def edit(path: Path, pattern: str, new: str, count: int = 1) -> None:
+    text, done = re.subn(pattern, new, path.read_text(), count=count)
+    assert done >= 1, pattern
     path.write_text(text)
 
 
@@ -120,3 +125,106 @@ def test_a_file_of_before_is_valid_as_a_whole_and_marked_when_it_is_written(plac
     assert void(changed) == ALL
     left = merged(changed, "gap", {"joint": ENTRIES["gap"]}, {"joint": 1}).joints["joint"]
     assert (left.wiring, left.friction, left.thresholds) == (None, None, None)
+
+
+def commissioned(folder: Path) -> Path:
+    """Romeo's arm, on which all steps but masses passed."""
+    place = folder / "arm"
+    shutil.copytree(ROMEO, place)
+    (place / "identified.yaml").unlink()
+    edit(place / "config.yaml", r"(?m)^ *known:.*\n", "", count=0)
+    low, rub = Levels(contact=0.2, collision=0.4), Friction(motor_coulomb=0.01)
+    for step, entry in {
+        "zero": ZeroEntry(**DAY, link_sign=1, link_offset=0.0),
+        "wiring": ENTRIES["wiring"],
+        "gap": GapEntry(**DAY, half_gap=0.01, confidence=0.001),
+        "friction": FrictionEntry(**DAY, friction=rub, errors={}, r2=1.0, condition=1.0),
+        "thresholds": ThresholdsEntry(**DAY, thresholds=low, per_hour=1.0, largest=0.3),
+    }.items():
+        robot = load_robot(place)
+        names = robot.configuration.joint_names
+        found = merged(robot, step, dict.fromkeys(names, entry), dict.fromkeys(names, 1))
+        write_identified(place / "identified.yaml", found)
+    return place
+
+
+WIRED, MOVED, JOINT = ("zero", "wiring", "gap"), ("friction", "thresholds"), "LShoulderYaw"
+
+
+@pytest.mark.parametrize(
+    ("path", "new", "voids"),
+    [
+        ("wiring.motor_sign", -1, {"wiring", "gap"}),
+        ("wiring.gear", 77.0, {"wiring", "gap"}),
+        ("wiring.max_current_A", 2.5, {"wiring", "gap"}),
+        ("wiring.rated_current_A", 3.3, {"wiring", "gap"}),
+        ("wiring.node", 99, {"zero", "wiring", "gap"}),
+        (".torque_constant", 3.3, {"wiring"}),
+    ],
+)
+def test_a_change_at_one_joint_voids_the_wiring_of_that_joint_alone(
+    tmp_path: Path, path: str, new: float, voids: set[str]
+) -> None:
+    place = commissioned(tmp_path)
+    robot = load_robot(place)
+    drives = dict.fromkeys(robot.configuration.joint_names, 1)
+    assert not objections(robot.identified, robot.configuration, robot.urdf, drives)
+    text = yaml.safe_load((place / "config.yaml").read_text())
+    (joint,) = (one for one in text["joints"] if one["name"] == JOINT)
+    part, _, field = path.partition(".")
+    (joint[part] if part else joint)[field] = new
+    (place / "config.yaml").write_text(in_yaml(text))
+    robot = load_robot(place)
+    c, urdf = robot.configuration, robot.urdf
+    assert {step: outdated(step, robot.identified, c, urdf) for step in (*WIRED, *MOVED)} == {
+        **{step: [JOINT] if step in voids else [] for step in WIRED},
+        **dict.fromkeys(MOVED, c.joint_names),
+    }
+    against = " ".join(objections(robot.identified, c, urdf, drives))
+    assert f"`contactd identify wiring {JOINT}` again" in against
+    again = merged(robot, "wiring", {JOINT: ENTRIES["wiring"]}, drives)
+    assert outdated("wiring", again, c, urdf) == []
+
+
+@pytest.mark.parametrize(
+    ("file", "pattern", "new", "steps"),
+    [
+        ("config.yaml", r"(period_ms: )[\d.]+", r"\g<1>8", WIRED[1:]),  # a zero has no period
+        ("config.yaml", r"(link_position: .*scale: )[\d.e+-]+", r"\g<1>2.4e-05", WIRED),
+        ("arm.urdf", r'(<axis xyz=")[^"]+', r"\g<1>1 0 0", WIRED),
+    ],
+)
+def test_what_all_joints_share_voids_all(
+    tmp_path: Path, file: str, pattern: str, new: str, steps: tuple[str, ...]
+) -> None:
+    place = commissioned(tmp_path)
+    edit(place / file, pattern, new)
+    robot = load_robot(place)
+    for step in (*steps, *MOVED):
+        void = outdated(step, robot.identified, robot.configuration, robot.urdf)
+        assert void == robot.configuration.joint_names
+
+
+def test_older_marks_of_the_whole_arm_hold_until_a_change_and_become_marks_of_joints(
+    tmp_path: Path,
+) -> None:
+    place = commissioned(tmp_path)
+    robot = load_robot(place)
+    assert robot.identified is not None
+    of = marks(robot.configuration, robot.urdf)[WiringEntry.depends]
+    wiring = WiringEntry(**DAY, follows=1.0, of=of)
+    joints = {
+        name: msgspec.structs.replace(joint, wiring=wiring)
+        for name, joint in robot.identified.joints.items()
+    }
+    old = Identified(joints=joints)
+    before = replace(robot, identified=old)
+    assert outdated("wiring", old, robot.configuration, robot.urdf) == []
+    gap = robot.identified.joints[JOINT].gap
+    assert gap is not None
+    later = merged(before, "gap", {JOINT: gap}, {})
+    assert later.joints == robot.identified.joints
+    edit(place / "config.yaml", r"(gear: )[\d.]+", r"\g<1>77.0")
+    c = load_robot(place).configuration
+    assert outdated("wiring", old, c, robot.urdf) == c.joint_names
+    assert outdated("wiring", later, c, robot.urdf) == c.joint_names[:1]

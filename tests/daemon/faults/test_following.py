@@ -154,3 +154,20 @@ def test_the_figures_are_from_the_nearest_setpoint_that_it_may_still_obey(sign: 
     following.not_following(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2), BOTH)
     assert following.figures(0) == "by 0.250 rad/s, at most 0.200"
     assert following.figures(1) == "by 0.400 rad/s, at most 0.300"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("rise", "obeys"), [(0.0, False), (0.004, False), (0.006, True), (-0.1, False)]
+)
+def test_a_current_that_went_the_right_way_is_named_beside_the_fault(
+    following: Following, sign: int, rise: float, obeys: bool
+) -> None:
+    ticks(following, SAG_TICKS + WINDOW, 0.0, 0.0, 0.1)
+    for k in range(TICKS):
+        share = 0.1 + sign * rise * k / (TICKS - 1)
+        astray = ticks(following, 1, sign * 0.5, 0.0, share)
+        following.record(np.full(2, sign * 0.5))
+    while not astray[-1]:
+        astray = ticks(following, 1, sign * 0.5, 0.0, share)
+    assert ("it obeys" in following.figures(1)) is obeys

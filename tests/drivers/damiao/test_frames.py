@@ -22,10 +22,11 @@ from drivers.damiao.frames import (
     read,
     refresh,
     register_of,
+    scaled,
     setpoint,
+    setpoint_of,
     status_of,
     value_of,
-    velocity_of,
     write,
 )
 
@@ -49,19 +50,39 @@ def test_commands_are_byte_equal_to_those_of_public_clients(frame, wanted) -> No
     assert (frame[0], bytes(frame[1]).hex().upper()) == wanted
 
 
+# Position, velocity, stiffness, damping and torque as clients give them, and their frame.
 @pytest.mark.parametrize(
-    ("velocity", "wanted"), [(0.0, "00000000"), (1.0, "0000803F"), (-2.5, "000020C0")]
+    ("asked", "wanted"),
+    [
+        ((0x7FFF, 0x7FF, 0, 0), "7FFF7FF0000007FF"),
+        ((0xFFFF, 0x7FF, 0xFFF, 0xFFF), "FFFF7FFFFFFFF7FF"),
+        ((0x8000, 0x801, 0x333, 0x0CC), "80008013330CC7FF"),
+    ],
 )
-def test_a_setpoint(velocity: float, wanted: str) -> None:
-    data = bytearray(4)
-    setpoint(data, velocity)
+def test_a_setpoint(asked: tuple[int, int, int, int], wanted: str) -> None:
+    data = bytearray(8)
+    position, velocity, *gains = asked
+    setpoint(data, position, velocity, (gains[0], gains[1]))
     assert data.hex().upper() == wanted
-    assert velocity_of(data) == velocity
-    assert velocity_of(bytes(data) + bytes(4)) == velocity  # clients that fill the frame up
+    assert setpoint_of(data) == asked
+
+
+@given(*(st.integers(0, most) for most in (0xFFFF, 0xFFF, 0xFFF, 0xFFF)))
+def test_a_setpoint_is_unpacked_as_it_was_packed(p: int, v: int, kp: int, kd: int) -> None:
+    data = bytearray(8)
+    setpoint(data, p, v, (kp, kd))
+    assert setpoint_of(data) == (p, v, kp, kd)
 
 
 def test_a_command_is_no_setpoint() -> None:
-    assert [velocity_of(each) for each in (ENABLE, DISABLE, CLEAR_ERROR, b"\0\0")] == [None] * 4
+    assert [setpoint_of(each) for each in (ENABLE, DISABLE, CLEAR_ERROR, b"\0\0")] == [None] * 4
+
+
+@given(st.floats(-100.0, 100.0), st.sampled_from((12, 16)))
+def test_a_scaled_value_is_the_nearest_that_there_is(value: float, bits: int) -> None:
+    step = 2.0 * 12.5 / ((1 << bits) - 1)
+    found = scaled(value, 12.5, bits) * step - 12.5
+    assert abs(found - min(max(value, -12.5), 12.5)) <= 0.5 * step + 1e-9
 
 
 def test_a_feedback_of_a_public_client() -> None:

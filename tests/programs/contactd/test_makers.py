@@ -92,10 +92,10 @@ def test_a_usable_drive_is_drafted_checked_and_rehearsed(maker, tmp_path):
 def test_a_current_is_no_threshold_and_runners_up_are_shown(tmp_path):
     assert new(tmp_path, ALL["maxon_epos4"]).exit_code == 0
     line = line_of(tmp_path, "current")
-    assert "object: 0x30D1, subindex: 1, type: INTEGER32" in line
+    assert "object: 0x30D1, subindex: 2, type: INTEGER32" in line
     assert "mA, which 32 bits suggest, are 0.001 / rated_current_A" in line
     assert line.endswith(
-        "not taken: 0x30D1:02 'Current actual value', 0x6077:00 'Torque actual value'"
+        "not taken: 0x30D1:01 'Current actual value averaged', 0x6077:00 'Torque actual value'"
     )
     assert "0x60E4:02 'Position actual value sensor 2'" in line_of(tmp_path, "link_position")
 
@@ -180,7 +180,7 @@ def test_the_check_says_that_a_measurement_can_be_written_and_that_modes_are_unk
     assert new(tmp_path, ALL["maxon_epos4"]).exit_code == 0
     config = tmp_path / "mine" / "config.yaml"
     text, found = re.subn(
-        r"current: {object: 0x30D1, subindex: 1, type: INTEGER32",
+        r"current: {object: 0x30D1, subindex: 2, type: INTEGER32",
         "current: {object: 0x30B2, type: UNSIGNED16", config.read_text(),
     )  # fmt: skip
     assert found == 1

@@ -18,6 +18,9 @@ WRONG_GEAR = (
     r"shoulder: its gear or a scale is wrong, or its gap is larger than half_gap says "
     r"\(the link moved -?0\.\d+ times as far as the motor reports\)"
 )
+COUNTS = (
+    r"link_position\.scale, 5\.992e-06 \(1048576 counts per turn\), 9\.587e-05 \(65536 counts\)"
+)
 
 
 @pytest.mark.parametrize(
@@ -25,6 +28,7 @@ WRONG_GEAR = (
     [
         ("motor_sign", -1, "shoulder: the link goes the other way than the motor: link_sign or m"),
         ("gear", 0.1, WRONG_GEAR),
+        ("scale", 0.0625, COUNTS),
     ],
 )
 def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
@@ -33,8 +37,8 @@ def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
     folder = generate(3).write(tmp_path / "arm")
     path = folder / "config.yaml"
     written = yaml.safe_load(path.read_text())
-    shoulder = written["joints"][1]["wiring"]
-    shoulder[field] *= times
+    link = written["drives"]["servo"]["link_position"]
+    (link if field == "scale" else written["joints"][1]["wiring"])[field] *= times
     path.write_text(in_yaml(written))
     with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
         served.rig.enable()
@@ -111,3 +115,30 @@ def test_a_wrong_gear_is_found_at_a_link_that_floats(
     said = said_of_a_free_link(tmp_path, seed, gear)
     reported = rf"the link moves {told} times as far as the motor reports: gear, or"
     assert re.search(reported, said), said
+
+
+@pytest.mark.parametrize(
+    ("velocity", "told"),
+    [(1.0, "undetermined wrist: the motor turned only"), (0.1, "drive does not follow: wrist")],
+)
+def test_a_light_wrist_held_by_friction_is_no_deaf_drive(
+    tmp_path: Path, velocity: float, told: str
+) -> None:
+    """Stiction of several times gravity, and a velocity loop that is slow against it."""
+    folder = generate(4).write(tmp_path / "arm")
+    path, truth = folder / "config.yaml", folder / "simulation.yaml"
+    written, true = yaml.safe_load(path.read_text()), yaml.safe_load(truth.read_text())
+    written["joints"][-1]["limits"]["velocity"] = velocity
+    written["trajectory"] = {}
+    true["joints"][-1]["friction"]["motor_coulomb"] = 0.7
+    true["settings"] |= {"friction": "dahl", "stribeck": 1.6}
+    path.write_text(in_yaml(written))
+    truth.write_text(in_yaml(true))
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        served.rig.enable()
+        result = served.contactd("identify", "wiring", "wrist", "--yes")
+    said = " ".join(result.output.split())
+    assert result.exit_code == 1
+    assert told in said
+    assert "it obeys" in said or "its drive obeys, and friction holds it" in said
+    assert "does the drive get its setpoints" not in said

@@ -1,16 +1,21 @@
 """The page in a real browser: what a person sees, in every state, on a phone and on a wall."""
 
+import io
 import signal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from matplotlib.image import imread
 
+from bench.rigs.generated_arms import Body, urdf_of
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.page import Page, page_of
+from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Permit, StreamState
-from tests.programs.web.screens import AXE, DESKTOP, PHONE, WALL, Screens
+from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
@@ -283,3 +288,33 @@ def test_an_arm_is_drawn_whatever_its_visuals_are(
         screen.live()
         screen.until("document.querySelector('#scene').dataset.arrows !== undefined")
         screen.reads("#scene-note", "")
+
+
+@pytest.mark.parametrize("size", [(1000, 800), PHONE], ids=["desk", "phone"])
+def test_an_upright_arm_is_in_the_picture_in_any_pose(
+    screens: Screens, arm: FakeDaemon, size: tuple[int, int]
+) -> None:
+    """Colours of links and arrows never touch the picture's edge; those of the grid may."""
+    names, levels = load_robot(ROMEO).configuration.joint_names, arm.states(0).threshold
+    n = len(names)
+    axes, bodies, ranges = ["0 0 1", *["0 1 0"] * 6], [Body(1.0, 0.25)] * n, [(-1.5, 1.5)] * n
+    arm.urdf = urdf_of(names, axes, bodies, ranges)
+    poses = {
+        "up": [0.0] * n,
+        "flat": [0.0, 1.5, *[0.0] * (n - 2)],
+        "behind": [1.5, -1.5, *[0.0] * (n - 2)],
+        "front": [-1.0, 1.5, *[0.0] * (n - 2)],
+    }
+    with page_of(arm.path) as shown:
+        screen = screens.open(f"{shown.url}?scene=on", size)
+        for name, pose in poses.items():
+            arm.changes = {"link_position": pose, "residual": [10.0 * x for x in levels]}
+            screen.live()
+            screen.until(f"document.querySelector('#scene').dataset.arrows === '{n}'")
+            screen.page.wait_for_timeout(1500)
+            shot = screen.page.locator("#scene canvas").screenshot(path=PICTURES / f"{name}.png")
+            pixels = imread(io.BytesIO(shot))[..., :3]
+            coloured = np.ptp(pixels, axis=-1) > 0.1
+            edge = np.concatenate([coloured[[0, -1]].ravel(), coloured[:, [0, -1]].ravel()])
+            assert coloured.any()
+            assert not edge.any(), name

@@ -115,7 +115,10 @@ def test_in_lockstep_the_frames_of_one_motor_are_the_clock() -> None:
     one = One(DamiaoMake("DM4340", MASTER_ID))
     with virtual_line() as bus:
         one.arm._send = bus.far.send
-        lockstep = Lockstep(one.arm, bus.far, clock=0x200 + CAN_ID)
+        clock = 0x200 + CAN_ID
+        lockstep = Lockstep(
+            one.arm, bus.far, lambda message: 0.0 if message.arbitration_id == clock else None
+        )
         for asked in range(1, 4):
             bus.near.wire.send([(0x200 + CAN_ID, bytes(4)), (0x7FF, bytes([CAN_ID, 0, 0xCC, 0]))])
             assert lockstep.pump() == 2

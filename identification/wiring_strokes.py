@@ -1,0 +1,92 @@
+"""Ways of a motor in the check of its wiring, and their pieces in which the gear carries."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.arrays import Vector
+
+LEAST_MOTION = 0.005
+"""[rad] the motor must have turned."""
+PIECE = 0.012
+"""Less than the link is to move [rad]"""
+_WHOLE = 0.75  # of the same
+_FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
+_STEADY = 0.08  # change of the ratio of link and motor while the gear carries
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """Piece of one way of the motor in which the gear carries: a link without load may bounce ahead
+    of the motor and wait for it, and friction may hold one that fell to the other border."""
+
+    rows: slice
+    turned: float
+    """by the motor [rad], > 0"""
+    way: float
+    """of the link in the direction of the motor [rad]"""
+    steady: bool
+    """The link moved alike in both halves"""
+    upward: bool
+
+    @property
+    def carried(self) -> bool:
+        """True where the gear took the link along, whatever sign or scale is configured."""
+        return self.steady and abs(self.way) > 0.5 * self.turned
+
+
+def strokes_of(q: Vector, velocity: Vector, steps: Vector) -> list[Stroke]:
+    """The last piece of `PIECE` that was carried of every way, or its end if none was."""
+    fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
+    direction = np.where(fast, np.sign(velocity), 0.0)
+    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]
+    ways = []
+    for a, b in itertools.pairwise(edges):
+        if direction[a] and b - a >= 10:
+            turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
+    longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
+    strokes = []
+    for a, turned, way in ways:
+        whole = float(turned[-1])
+        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
+            continue
+        piece = min(0.5 * whole, PIECE)
+        found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
+                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
+        strokes.append(next((s for s in found if s.carried), found[0]))
+    return strokes
+
+
+def _stroke(
+    first: int, turned: Vector, way: Vector, begin: float, end: float, upward: bool
+) -> Stroke:
+    """Motion of motor and link while the motor turned from `begin` to `end`."""
+    a, middle, b = np.searchsorted(turned, [begin, 0.5 * (begin + end), end]).tolist()
+    b = min(b, len(turned) - 1)
+    early = (way[middle] - way[a]) / max(turned[middle] - turned[a], 1e-9)
+    late = (way[b] - way[middle]) / max(turned[b] - turned[middle], 1e-9)
+    return Stroke(
+        rows=slice(first + a, first + b + 1),
+        turned=float(turned[b] - turned[a]),
+        way=float(way[b] - way[a]),
+        steady=bool(abs(late - early) < _STEADY),
+        upward=upward,
+    )
+
+
+def between(strokes: list[Stroke]) -> tuple[float, float]:
+    """Least and largest motion of the link over that of the motor on whole ways on which the gear
+    carried; all of them where none was whole."""
+    carried = [s for s in strokes if s.carried]
+    ratios = [s.way / s.turned for s in carried if s.turned > _WHOLE * PIECE]
+    ratios = ratios or [s.way / s.turned for s in carried]
+    return min(ratios, default=float("nan")), max(ratios, default=float("nan"))
+
+
+def follows_by(strokes: list[Stroke]) -> float:
+    """Motion of the link over that of the motor where the gear carried; NaN where it never did."""
+    carried = [s for s in strokes if s.carried]
+    turned = sum(s.turned for s in carried)
+    return sum(s.way for s in carried) / turned if turned else float("nan")
