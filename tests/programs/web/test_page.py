@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.page import Page, page_of
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Permit, StreamState
+from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, WALL, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py
