@@ -130,12 +130,7 @@ def main(
     reaction = ContactReaction.RETRACT if retract else ContactReaction.ADMITTANCE
     seeds = range(first, first + arms)
     jobs = [Job(seed, kind or KINDS[seed % len(KINDS)], reaction) for seed in seeds]
-    results: list[Result] = []
-    for result in spread(run, jobs, processes, "arms"):
-        results.append(result)
-        if not as_json:
-            click.echo("  ".join(f"{name} {value}" for name, value in row_of(result).items()))
-    results.sort(key=lambda result: result.job.seed)
+    results = sorted(spread(run, jobs, processes, "arms"), key=lambda result: result.job.seed)
     data = {"arms": [row_of(result) for result in results]}
     print_report("alone", first, targets(results), data, as_json=as_json)
 

@@ -10,7 +10,7 @@ to border while the motors stand. Simulated without a bus; an arm takes some ten
 time.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -198,23 +198,6 @@ def targets(found: Found) -> list[Target]:
     ]  # fmt: skip
 
 
-def lines(data: dict[str, Any]) -> Iterator[str]:
-    """A block for each case, a line for each coefficient."""
-
-    def row(name: str, one: dict[str, list[float | None]]) -> str:
-        pairs = zip(one["median"], one["p95"], strict=True)
-        cells = (f"{m:.2f}/{p:.2f}" if m is not None else "-" for m, p in pairs)
-        return f"  {name:14}" + "".join(f"{cell:>13}" for cell in cells)
-
-    heads = "".join(f"{i:>13}" for i in range(1, len(data["joints"]) + 1))
-    for case, by_coefficient in data["errors_percent"].items():
-        yield f"\n{case}: size of the errors over {data['arms']} arms, median/95 %"
-        yield f"  {'joint':14}{heads}"
-        yield from (row(f"{name} [%]", one) for name, one in by_coefficient.items())
-    yield "\na hand at each link"
-    yield row("alpha [mrad]", data["half_gap_mrad"])
-
-
 @command(__doc__)
 @click.option("--arms", default=50)
 @click.option("--seconds", default=20.0)
@@ -237,8 +220,6 @@ def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) ->
         },
         "half_gap_mrad": summary(1e3 * (found.half_gap - found.true_half_gap)),
     }
-    if not as_json:
-        click.echo("\n".join(lines(data)))
     print_report("identification", seed, targets(found), data, as_json=as_json)
 
 

@@ -14,17 +14,11 @@ where that is missing a sleeping thread of ours; real-time priorities need root 
 `ulimit -r`. At the end the resident memory of `contactd run`, and how much it grows.
 """
 
-from collections.abc import Mapping
-
 import click
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from bench.options import command
 from bench.report import Target, print_report
 from bench.study.loop_run import Run, measure, resident
-from bench.study.wakeups import Distribution
 from daemon.modes.table import Mode
 
 RESIDENT_S = 30
@@ -64,48 +58,6 @@ def _of_wakeups(run: Run, at: str, period_us: float) -> list[Target]:
     ]
 
 
-def show(run: Run) -> None:
-    """Wake-up lateness beside the rival's, and what the ticks took."""
-    console = Console(highlight=False)
-    ticks = int(run.lateness_us.counts.sum())
-    joints = f"{run.joints} {'joint' if run.joints == 1 else 'joints'}"
-    console.print(
-        f"\n[bold]{joints} at {run.hz} Hz[/], {ticks} ticks, {run.missed} deadlines missed"
-    )
-    console.print(Text(", ".join(run.realtime), "dim"))
-    columns = {"CPU of tick": run.cpu_us}
-    if run.waited:
-        beside = {} if run.rival_us is None else {run.rival: run.rival_us}
-        columns = {"woken late": run.lateness_us, **beside, **columns}
-        columns["last frame"] = run.work_us
-    columns["to setpoint"] = run.setpoint_us
-    console.print(percentiles(columns))
-    if run.waited:
-        console.print(f"deadlines missed: {run.missed}; by {run.rival}: {run.rivals_missed:g}")
-    if run.repeated:
-        console.print(f"turns repeated, as the machine stalled and the arm stopped: {run.repeated}")
-
-
-def show_resident(memory: Mapping[str, float], seconds: float) -> None:
-    """Memory of `contactd run`."""
-    resident, anonymous = memory["resident_kB"] / 1024, memory["anonymous_kB"] / 1024
-    print(
-        f"run: {resident:.0f} MB resident, of it {anonymous:.0f} MB anonymous; grown in "
-        f"{seconds:g} s of serving by {memory['resident_kB grown']:.0f} and "
-        f"{memory['anonymous_kB grown']:.0f} kB"
-    )
-
-
-def percentiles(columns: dict[str, Distribution]) -> Table:
-    """Median and worst cases of each."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in ("us", *columns):
-        table.add_column(name, justify="right", no_wrap=True)
-    for percent, label in ((50, "median"), (99, "99 %"), (99.9, "99.9 %"), (100, "worst")):
-        table.add_row(label, *(f"{d.at(percent):.0f}" for d in columns.values()))
-    return table
-
-
 @command(__doc__)
 @click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, 250, 1000]")
 @click.option("--seconds", type=click.IntRange(2, 3600), default=60)
@@ -122,11 +74,7 @@ def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool
         run = measure(each, seconds, load=load, waits=not in_a_row)
         targets += targets_of(run, load=load)
         data[f"{each}_Hz"] = run.data()
-        if not as_json:
-            show(run)
     memory = {} if in_a_row else resident(min(seconds, RESIDENT_S))
-    if memory and not as_json:
-        show_resident(memory, min(seconds, RESIDENT_S))
     about = {"load": load, "in_a_row": in_a_row, "memory": memory}
     print_report("loop", 1, targets, {**about, **data}, as_json=as_json)
 

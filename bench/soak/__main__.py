@@ -36,7 +36,7 @@ from bench.options import command
 from bench.report import print_report
 from bench.soak.real_time import run_real_time
 from bench.soak.record import Progress
-from bench.soak.report import failures, show, targets_of
+from bench.soak.report import failures, targets_of
 from bench.soak.simulated import simulate_hours
 
 OUT = Path("bench/out")
@@ -63,13 +63,9 @@ def main(minutes: float, hours: float, jobs: int, seed: int, as_json: bool) -> N
     if minutes:
         # Alone: how punctual it is would otherwise say what the lockstep part takes.
         parts.append(run_real_time(seed, 60.0 * minutes, Progress("real time")))
-    if not as_json:
-        for part in parts:
-            show(part)
-        click.echo()
     data = {part.name: part.data() for part in parts}
     OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / "soak.json").write_text(json.dumps(data))
+    (OUT / "soak.json").write_text(json.dumps({p.name: p.data() | p.sampled() for p in parts}))
     print_report("soak", seed, targets_of(parts), data, as_json=as_json)
     found = failures(parts)
     for line in found:

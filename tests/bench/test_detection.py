@@ -1,14 +1,12 @@
 """Detection bench, from the population to its figures."""
 
-import io
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from bench.detection import alarmed, joint_table, table, targets, worth
+from bench.detection import alarmed, targets, worth
 from bench.rigs.arm_without_bus import Harness, Recording
 from bench.rigs.lockstep import ROMEO
 from bench.study import population, world
@@ -139,13 +137,6 @@ def test_scores_and_targets_of_few_runs(
     assert math.isnan(best.smallest_rest_nm[0])
     found = {target.name: target for target in targets({"smooth": by_name}, configuration)}
     assert found["false alarms in 0.000833 h, backlash, smooth"].met
-    shown = Console(record=True, width=80, file=io.StringIO())
-    many = {**by_name, "classical": replace(classical, alarms=9999, tried_moving=999)}
-    shown.print(table("smooth", many, "title"), joint_table("smooth", many, configuration))
-    text = shown.export_text()
-    assert "…" not in text
-    row = next(line.split() for line in text.splitlines() if line.startswith("classical "))
-    assert row[1:3] == ["9999", str(1200 * classical.alarms)]
     noisy = replace(free, alarms=np.eye(*free.alarms.shape, dtype=np.int64))
     first = configuration.joints[0].name
     assert alarmed([free, moving], configuration.joint_names) == []
