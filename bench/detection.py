@@ -6,18 +6,17 @@
                               [--no-link-encoder] [--json]
 
 Simulated minutes per kind of friction: --minutes without contact, --step-minutes with steps of
-torque on single joints in motion, half as many with steps at rest, half as many with forces on
-links. A new arm comes every minute, of those of `bench.false_contacts`: masses 5 %, centres of mass
-5 mm, friction 40 % and drifting by 20 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms late,
-drives that filter and quantise, and some that step; motor velocities are off by 0.2 % and 1 mrad/s.
-Each has been at work for ten minutes before, which it learned from.
+torque on single joints in motion, half as many with steps at rest. A new arm comes every minute, of
+those of `bench.false_contacts`: masses 5 %, centres of mass 5 mm, friction 40 % and drifting by
+20 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms late, drives that filter and quantise, and
+some that step; motor velocities are off by 0.2 % and 1 mrad/s. Each has been at work for ten
+minutes before, which it learned from.
 Simulated without a bus, with the samples that a bus would bring. The residual that decides has its
 levels in force; rivals those of the configuration, raised as if nothing was learned, and their
 smallest step is that at the lowest levels for which the contact-free minutes raise no alarm.
 """
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final, Literal
@@ -35,7 +34,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from programs.command_line.options import Range
 
-LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0, "link": 30.0}
+LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0}
 MotorPosition = Literal["measured", "integrated"]
 
 
@@ -143,7 +142,6 @@ def main(
     results.sort(key=lambda result: (result.job.seed, result.job.kind))
     by_law = {f: [r for r in results if r.job.friction == f] for f in laws}
     found = {f: {n: score(rs, n, c) for n in rs[0].names} for f, rs in by_law.items()}
-    links = {f: Counter(named for r in rs for named in r.named) for f, rs in by_law.items()}
     alarms = {f: alarmed(rs, c.joint_names) for f, rs in by_law.items()}
     data = {
         "minutes": len(seeds),
@@ -155,7 +153,6 @@ def main(
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,
         "alarms": alarms,
-        "links": links,
         "scores": {f: {n: asdict(s) for n, s in by_name.items()} for f, by_name in found.items()},
     }
     print_report("detection", seed, targets(found, c), plain(data, 3), as_json=as_json)

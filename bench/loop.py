@@ -9,9 +9,9 @@ taken in lockstep just before: they answer each SYNC inside its sending, and the
 out. "To setpoint" is the time from their last answer to the last setpoint of the tick.
 
 --load puts two CPU hogs on every CPU. --in-a-row leaves the waiting out: what the same ticks cost
-when the processor's caches are warm. The thread beside it is cyclictest (Debian's rt-tests), or
-where that is missing a sleeping thread of ours; real-time priorities need root or a high
-`ulimit -r`. At the end the resident memory of `contactd run`, and how much it grows.
+when the processor's caches are warm. The thread beside it is cyclictest (Debian's rt-tests), left
+out where it is missing; real-time priorities need root or a high `ulimit -r`. At the end the
+resident memory of `contactd run`, and how much it grows.
 """
 
 import click
@@ -42,6 +42,7 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
     if run.hz == 250 and load:
         late = run.work_us.at(99)
         targets.append(Target(at + "tick, p99", late, 0.5 * period_us, "us"))
+    if run.hz == 250 and load and run.rival_us is not None:
         name = f"deadlines missed, at most the {run.rival}'s"
         targets.append(Target(at + name, run.missed, run.rivals_missed))
     return targets
@@ -72,6 +73,8 @@ def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool
             how = ", with CPU hogs" if load else ", in a row" if in_a_row else ""
             click.echo(f"{each} Hz for {seconds} s{how} ...", err=True)
         run = measure(each, seconds, load=load, waits=not in_a_row)
+        if run.waited and not run.rival:
+            click.echo("no cyclictest beside it: missing (rt-tests), or without rights", err=True)
         targets += targets_of(run, load=load)
         data[f"{each}_Hz"] = run.data()
     memory = {} if in_a_row else resident(min(seconds, RESIDENT_S))

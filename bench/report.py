@@ -67,7 +67,8 @@ def print_report(
         click.echo(json.dumps(plain(report)))
         return
     if data:
-        click.echo(yaml.safe_dump(plain(data, 4), sort_keys=False, default_flow_style=None))
+        as_plain = json.loads(json.dumps(plain(data, 4)))
+        click.echo(yaml.safe_dump(as_plain, sort_keys=False, default_flow_style=None))
     for target in targets:
         sign = "<=" if target.better == "lower" else ">="
         met = "met" if target.met else "NOT MET"
