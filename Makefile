@@ -4,7 +4,6 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
-MUTMUT := build/mutants/venv/bin/mutmut
 
 # Where `make install` puts things; DESTDIR in front of it all, for packages and images.
 PREFIX  ?= /opt/contactd
@@ -29,7 +28,7 @@ PUBLIC  := umask 022;
 # Not empty where it is this machine's own systemd that gets the service.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
-.PHONY: help compiled demo web built picture test test-slow test-all fuzz check commissioning units soak mutants system dist deb release install install-env install-files install-service uninstall verify reference lerobot uplot lock clean
+.PHONY: help compiled demo web built picture test test-slow test-all fuzz check units soak system dist deb release install install-env install-files install-service uninstall verify reference lerobot uplot lock clean
 .DEFAULT_GOAL := help
 
 help:  ## this list
@@ -103,9 +102,6 @@ page/node_modules/.package-lock.json: page/package.json page/package-lock.json
 picture: $(STAMP) compiled  ## docs/page/push.png: the page in chromium, while the demo's hand pushes
 	$(BIN)/python docs/page/picture.py
 
-commissioning: $(STAMP) compiled  ## docs/commissioning.md on a simulated arm, from zero to armed, some minutes
-	$(BIN)/python -m bench.commissioning
-
 house: $(STAMP)  ## sizes, words and other limits of the sources, with their goals
 	@$(BIN)/python tests/house.py
 
@@ -158,13 +154,6 @@ soak: $(STAMP) compiled  ## MINUTES=20 in real time and HOURS=3 simulated: what 
 
 system: $(STAMP)  ## the installed service under systemd on a virtual CAN bus (root; a test machine)
 	$(BIN)/python -m pytest -q -rs tests/system --system
-
-mutants: $(STAMP) compiled $(MUTMUT)  ## break what judges and bounds, a bit at a time, and see tests fail, 30 min
-	$(BIN)/python -m bench.mutants --python $(dir $(MUTMUT))python
-
-$(MUTMUT):
-	$(PYTHON) -m venv --clear build/mutants/venv
-	build/mutants/venv/bin/pip install --quiet --disable-pip-version-check mutmut==2.5.1
 
 dist: $(STAMP) compiled  ## wheel and source archive, into dist
 	$(BIN)/python -m hatchling build -c

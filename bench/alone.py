@@ -22,13 +22,12 @@ beginning where it lasts: other friction needs another level.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import click
 
 from bench.options import JOBS, command
-from bench.report import Target, print_report
+from bench.report import Target, plain, print_report
 from bench.study import changes
 from bench.study.alone import Job, arm_of, course
 from bench.study.changes import KINDS, LASTING, Change, Kind
@@ -99,25 +98,6 @@ def targets(results: Sequence[Result]) -> list[Target]:
     ]
 
 
-def row_of(r: Result) -> dict[str, Any]:
-    """It in a row."""
-    return {
-        "seed": r.job.seed,
-        "kind": r.job.kind,
-        "joint": r.change.joint,
-        "size": round(r.change.torque, 3),
-        "seconds": round(r.change.seconds),
-        "own_gain": r.own,
-        "alone_s": round(r.alone_s, 2),
-        "alone_rad": round(r.alone_rad, 4),
-        "false": r.false,
-        "missed": r.missed,
-        "touched": r.touched,
-        "level": round(r.level, 2),
-        "faults": r.faults,
-    }
-
-
 @command(__doc__)
 @click.option("--arms", type=click.IntRange(min=1), default=36)
 @click.option("--first", type=click.IntRange(min=0), default=1)
@@ -130,13 +110,8 @@ def main(
     reaction = ContactReaction.RETRACT if retract else ContactReaction.ADMITTANCE
     seeds = range(first, first + arms)
     jobs = [Job(seed, kind or KINDS[seed % len(KINDS)], reaction) for seed in seeds]
-    results: list[Result] = []
-    for result in spread(run, jobs, processes, "arms"):
-        results.append(result)
-        if not as_json:
-            click.echo("  ".join(f"{name} {value}" for name, value in row_of(result).items()))
-    results.sort(key=lambda result: result.job.seed)
-    data = {"arms": [row_of(result) for result in results]}
+    results = sorted(spread(run, jobs, processes, "arms"), key=lambda result: result.job.seed)
+    data = {"arms": [plain(asdict(result), 4) for result in results]}
     print_report("alone", first, targets(results), data, as_json=as_json)
 
 

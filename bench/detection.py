@@ -6,29 +6,26 @@
                               [--no-link-encoder] [--json]
 
 Simulated minutes per kind of friction: --minutes without contact, --step-minutes with steps of
-torque on single joints in motion, half as many with steps at rest, half as many with forces on
-links. A new arm comes every minute, of those of `bench.false_contacts`: masses 5 %, centres of mass
-5 mm, friction 40 % and drifting by 20 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms late,
-drives that filter and quantise, and some that step; motor velocities are off by 0.2 % and 1 mrad/s.
-Each has been at work for ten minutes before, which it learned from.
+torque on single joints in motion, half as many with steps at rest. A new arm comes every minute, of
+those of `bench.false_contacts`: masses 5 %, centres of mass 5 mm, friction 40 % and drifting by
+20 %, K_c 3 %, alpha and B 10 %, link encoder up to 1 ms late, drives that filter and quantise, and
+some that step; motor velocities are off by 0.2 % and 1 mrad/s. Each has been at work for ten
+minutes before, which it learned from.
 Simulated without a bus, with the samples that a bus would bring. The residual that decides has its
 levels in force; rivals those of the configuration, raised as if nothing was learned, and their
 smallest step is that at the lowest levels for which the contact-free minutes raise no alarm.
 """
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final, Literal
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from bench.options import FRICTION, GEAR, JOBS, SEED, command
-from bench.report import NARROW, Target, joints_table, plain, print_report
+from bench.report import Target, plain, print_report
 from bench.rigs.lockstep import ROMEO
 from bench.study.detection_score import Score, score
 from bench.study.monte_carlo import Job, Kind, Result, run, spread
@@ -37,7 +34,7 @@ from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from programs.command_line.options import Range
 
-LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0, "link": 30.0}
+LENGTHS_S: Final[dict[Kind, float]] = {"free": 60.0, "moving": 60.0, "rest": 31.0}
 MotorPosition = Literal["measured", "integrated"]
 
 
@@ -115,56 +112,6 @@ def targets(found: Mapping[Law, dict[str, Score]], c: Configuration) -> list[Tar
     return rows
 
 
-def table(friction: str, by_name: dict[str, Score], title: str) -> Table:
-    """One row per residual; delays as p50/p95."""
-    shown = Table(title=f"{friction} friction: {title}", header_style="bold", **NARROW)
-    shown.add_column("residual", no_wrap=True)
-    times = ("delay\n[ms]", "through\ngap", "at\nrest")
-    for heading in ("alarms", "per h", *times, "missed\nmoving", "missed\nat rest"):
-        shown.add_column(heading, justify="right", no_wrap=True)
-    for name, s in by_name.items():
-        pairs = (s.delay_ms, s.delay_travel_ms, s.delay_rest_ms)
-        shown.add_row(
-            name,
-            f"{s.alarms}",
-            f"{s.alarms_per_hour:.0f}",
-            *("-" if math.isnan(p50) else f"{p50:.0f}/{p95:.0f}" for p50, p95 in pairs),
-            f"{s.missed_moving}/{s.tried_moving}",
-            f"{s.missed_rest}/{s.tried_rest}",
-        )
-    return shown
-
-
-def joint_table(friction: str, by_name: dict[str, Score], c: Configuration) -> Table:
-    """Torques per joint [Nm]."""
-    shown = joints_table(f"{friction} friction: joints [Nm]", len(c.joints))
-    first = next(iter(by_name.values()))
-    for title, values in (
-        ("configured threshold", [j.thresholds.contact for j in c.joints]),
-        ("in force in motion, median", first.in_force_nm),
-        ("hidden by friction at rest", first.hidden_rest_nm),
-        ("may be hidden by it", first.stiction_rest_nm),
-    ):
-        shown.add_row(title, *map(_number, values))
-    rows = (
-        ("lowest quiet threshold", "quiet_nm"),
-        ("smallest step, in motion", "smallest_moving_nm"),
-        ("smallest step, while it turns", "smallest_turning_nm"),
-        ("smallest step, at rest", "smallest_rest_nm"),
-        ("rms error, engaged", "rms_nm"),
-    )
-    for title, field in rows:
-        shown.add_row("")
-        shown.add_row(title, style="bold")
-        for name, s in by_name.items():
-            shown.add_row(f"  {name}", *map(_number, getattr(s, field)))
-    return shown
-
-
-def _number(x: float) -> str:
-    return "-" if math.isnan(x) else f"{x:.2f}"
-
-
 @command(__doc__)
 @click.option("--minutes", type=Range(1, 600), default=10.0, help="Contact-free, per friction.")
 @click.option("--step-minutes", type=Range(1, 600), show_default="as --minutes", help="With steps.")
@@ -195,21 +142,7 @@ def main(
     results.sort(key=lambda result: (result.job.seed, result.job.kind))
     by_law = {f: [r for r in results if r.job.friction == f] for f in laws}
     found = {f: {n: score(rs, n, c) for n in rs[0].names} for f, rs in by_law.items()}
-    links = {f: Counter(named for r in rs for named in r.named) for f, rs in by_law.items()}
     alarms = {f: alarmed(rs, c.joint_names) for f, rs in by_law.items()}
-    if not as_json:
-        filter_ms = 1000 * math.log(2) / c.estimator.gain
-        title = (
-            f"arms of seeds {seeds[0]} to {seeds[-1]}, a minute each without contact, "
-            f"{stepped} with steps, theta {motor_position}, ln 2 / K = {filter_ms:.1f} ms"
-        )
-        console = Console()
-        for f, by_name in found.items():
-            console.print(table(f, by_name, title))
-            console.print(joint_table(f, by_name, c))
-            verdicts = ", ".join(f"{count} {named}" for named, count in links[f].most_common())
-            click.echo(f"link touched, {links[f].total()} forces of 5 to 30 N: {verdicts}")
-            click.echo(f"false alarms of {next(iter(by_name))}: {', '.join(alarms[f]) or 'none'}\n")
     data = {
         "minutes": len(seeds),
         "step_minutes": stepped,
@@ -220,7 +153,6 @@ def main(
         "ln2_over_K_ms": 1000 * math.log(2) / c.estimator.gain,
         "joints": c.joint_names,
         "alarms": alarms,
-        "links": links,
         "scores": {f: {n: asdict(s) for n, s in by_name.items()} for f, by_name in found.items()},
     }
     print_report("detection", seed, targets(found, c), plain(data, 3), as_json=as_json)

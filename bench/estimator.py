@@ -177,14 +177,7 @@ def kept(step: Callable[[], None]) -> int:
 @command(__doc__)
 @click.option("--repetitions", type=click.IntRange(min=1), default=200, help="Turns of 20 steps.")
 def main(repetitions: int, as_json: bool) -> None:
-    rows = []
-    for subject in subjects():
-        rows.append(measure(subject, repetitions))
-        if not as_json:
-            click.echo(
-                "{arm:>9}: step {step_us:6.1f} us, pinocchio alone {pinocchio_us:5.1f} us, "
-                "ratio {ratio:.2f}".format(**rows[-1])
-            )
+    rows = [measure(subject, repetitions) for subject in subjects()]
     targets = [
         Target(f"step over bare pinocchio calls, {row['arm']}", row["ratio"], 4, "x")
         for row in rows

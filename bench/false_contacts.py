@@ -27,11 +27,9 @@ from typing import Any, Final, Literal
 import click
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 
 from bench.options import FIRST_SEED, FRICTION, GEAR, JOBS, command
-from bench.report import NARROW, Target, joints_table, print_report
+from bench.report import Target, print_report
 from bench.rigs.arm_without_bus import Recording, Scenario, recordings
 from bench.rigs.lockstep import ROMEO
 from bench.study import courses, world
@@ -41,7 +39,6 @@ from bench.study.scores import count_alarms
 from bench.study.world import Gears, Law
 from common.arrays import Matrix
 from daemon.config.load import load_robot
-from daemon.config.schema import Configuration
 from estimator.motor_position import Side
 from programs.command_line.options import Range
 
@@ -134,29 +131,6 @@ def targets(found: dict[Law, Tally], deciding: str) -> list[Target]:
     ]
 
 
-def by_residual(law: Law, whole: Tally, names: Sequence[str]) -> Table:
-    """False contacts of every residual, by kind of motion."""
-    title = f"{law} friction: false contacts in {whole.hours:.3g} h"
-    shown = Table(title=title, header_style="bold", **NARROW)
-    shown.add_column("residual", no_wrap=True)
-    for part in PARTS:
-        shown.add_column(part.replace(" ", "\n", 1), justify="right")
-    shown.add_column("per hour", justify="right")
-    for name, counts in zip(names, whole.alarms.sum(axis=2), strict=True):
-        shown.add_row(name, *map(str, counts), f"{counts.sum() / whole.hours:.0f}")
-    return shown
-
-
-def by_joint(law: Law, whole: Tally, c: Configuration) -> Table:
-    """The residual that decides, joint by joint."""
-    shown = joints_table(f"{law} friction: joints", len(c.joints))
-    shown.add_row("false contacts", *map(str, whole.alarms[0].sum(axis=0)))
-    shown.add_row("ticks called gap under load", *map(str, whole.gap_under_load))
-    medians = np.median(whole.thresholds, axis=1)
-    shown.add_row("threshold in motion, of the level", *(f"{x:.2f}" for x in medians))
-    return shown
-
-
 @command(__doc__)
 @click.option("--arms", type=click.IntRange(min=1), default=2)
 @click.option("--minutes", type=click.FloatRange(0.1, 600.0), default=12.0)
@@ -182,7 +156,6 @@ def main(
     as_json: bool,
 ) -> None:
     changes = {"motor_position": motor_position, "learning": learning}
-    c = load_robot(ROMEO).configuration
     todo = [
         Job(ROMEO, law, arm, 60.0 * minutes, changes, gears, load_known)
         for arm in range(seed, seed + arms)
@@ -191,12 +164,6 @@ def main(
     done = sorted(spread(run, todo, processes, "arms"), key=lambda one: one[0].seed)
     names = done[0][1]
     found = {law: reduce(add, [whole for job, _, whole in done if job.law == law]) for law in laws}
-    if not as_json:
-        console = Console()
-        for law, whole in found.items():
-            console.print(by_residual(law, whole, names))
-            console.print(by_joint(law, whole, c))
-            console.print()
     data: dict[str, Any] = {
         "arms": arms,
         "minutes": minutes,

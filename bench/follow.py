@@ -30,9 +30,6 @@ from typing import Any, Final
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from bench.options import JOBS, SEED, help_of
 from bench.report import Target, print_report
@@ -188,22 +185,6 @@ def tick_ratio(done: Sequence[tuple[Job, Any]]) -> float:
     return float(stream / trajectory)
 
 
-def table(found: Sequence[Followed]) -> Table:
-    """Each motion and rate, by contactd and its rivals."""
-    title = Text("delay [ms], rms error beside it [mrad], rms jerk [rad/s3]")
-    shown = Table(title=title, box=None)
-    shown.add_column("motion", no_wrap=True)
-    for name in (OURS, *RIVALS):
-        shown.add_column(name, justify="right", no_wrap=True)
-    for f in found:
-        cells = [
-            f"{q.delay_ms:.0f} {q.error_mrad:6.2f} {q.jerk:5.0f}" if q else "NOT TRIED"
-            for q in f.by.values()
-        ]
-        shown.add_row(f"{f.robot}, {f.motion}, {f.rate_hz:.0f} Hz", *cells)
-    return shown
-
-
 def in_words(done: Sequence[tuple[Job, Any]]) -> dict[str, Any]:
     """Other figures."""
     stops = {job.rate_hz: r for job, r in done if job.kind == "stops"}
@@ -239,10 +220,6 @@ def main(minutes: float, arms: int, hours: float, processes: int, seed: int, as_
     done = sorted(spread(run, todo, processes, "pieces"), key=lambda one: todo.index(one[0]))
     followed = _of(done, "quality")
     figures = in_words(done)
-    if not as_json:
-        Console(width=110).print(table(followed))
-        for name, figure in figures.items():
-            click.echo(f"  {name}: {figure}")
     data = {"followed": [asdict(f) for f in followed], **figures}
     print_report("follow", seed, targets(done), data, as_json=as_json)
 

@@ -4,13 +4,12 @@
 
 Every arm has friction up to 1.5 times more or less than the nominal one, half-gaps 1.3, rotors
 1.25, torque constants 1.02, masses and centres of mass 1.03 times. All move along one excitation;
-their sensors report it with the usual noise, with four times as much, and without the drives'
-filter of the current. Half of the motion is fitted, too. Then a hand leads every link from border
-to border while the motors stand. Simulated without a bus; an arm takes some ten seconds of CPU
-time.
+their sensors report it with and without the drives' filter of the current. Then a hand leads every
+link from border to border while the motors stand. Simulated without a bus; an arm takes some ten
+seconds of CPU time.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,14 +37,9 @@ from simulator.mismatch import PlantParameters
 TOGETHER = 5  # Arms that one process simulates at once: few enough to see how far it is
 HAND_S = 17.0
 FILTER_MS = 3.0
-SENSORS: dict[str, dict[str, float]] = {
-    "usual noise": {"current_filter_ms": FILTER_MS},
-    "four times the noise": {
-        "current_filter_ms": FILTER_MS,
-        "velocity_noise": 0.004,
-        "current_noise_permille": 8.0,
-    },
-    "unfiltered current": {"current_filter_ms": 0.0},
+SENSORS = {
+    "usual": {"current_filter_ms": FILTER_MS},
+    "unfiltered": {"current_filter_ms": 0.0},
 }
 SUMS = ("K_theta_s", "K_theta_v", "B")  # Of motor and link together, and the rotor
 COEFFICIENTS = (*SUMS, "K_q_s", "K_q_v")
@@ -62,20 +56,14 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Relative errors of COEFFICIENTS by case, (arms, 5, n), NaN without an answer; of how many
-    joints the rotor was trusted, by case; half-gaps found (NaN likewise) and true, (arms, n)."""
+    """Relative errors of COEFFICIENTS by sensors, (arms, 5, n), NaN without an answer; of how many
+    joints the rotor was trusted, by sensors; half-gaps found (NaN likewise) and true, (arms, n)."""
 
     job: Job
     errors: dict[str, Vector]
     trusted: dict[str, int]
     half_gap: Vector
     true_half_gap: Vector
-
-
-def cases(seconds: float) -> dict[str, tuple[str, float]]:
-    """Sensors and length of motion, by name."""
-    lengths = [("usual noise", seconds / 2), *((sensors, seconds) for sensors in SENSORS)]
-    return {f"{sensors}, {length:g} s": (sensors, length) for sensors, length in lengths}
 
 
 class Study(Fleet):
@@ -143,12 +131,10 @@ def examine(job: Job) -> Found:
     study = Study(job)
     logs = study.excited()
     errors, trusted = {}, {}
-    for name, (sensors, length) in cases(job.seconds).items():
-        rows = slice(0, round(length / study.c.period_s))
-        delay = SENSORS[sensors]["current_filter_ms"]
+    for name, sensors in SENSORS.items():
         fitted = [
-            study.friction_errors(log.select(rows), arm, delay)
-            for log, arm in zip(logs[sensors], study.arms, strict=True)
+            study.friction_errors(log, arm, sensors["current_filter_ms"])
+            for log, arm in zip(logs[name], study.arms, strict=True)
         ]
         errors[name] = np.array([of_arm for of_arm, _ in fitted])
         trusted[name] = sum(joints for _, joints in fitted)
@@ -172,12 +158,7 @@ def joined(parts: Sequence[Found]) -> Found:
 
 def targets(found: Found) -> list[Target]:
     """Targets of the project."""
-    usual, unfiltered = (
-        next(name for name, case in cases(found.job.seconds).items()
-             if case == (sensors, found.job.seconds))
-        for sensors in ("usual noise", "unfiltered current")
-    )  # fmt: skip
-    size = 100.0 * np.abs(found.errors[usual])
+    size = 100.0 * np.abs(found.errors["usual"])
 
     def worst(coefficient: str) -> float:
         k = COEFFICIENTS.index(coefficient)
@@ -191,28 +172,11 @@ def targets(found: Found) -> list[Target]:
         Target("viscous, 95 % of arms, worst joint", worst("K_theta_v"), 15, "%"),
         Target("rotor inertia, 95 % of arms, worst joint", worst("B"), 10, "%"),
         Target("joints without an answer, friction", 100.0 * float(np.isnan(sums).mean()), 2, "%"),
-        Target("rotors trusted though the current is unfiltered", found.trusted[unfiltered], 0),
+        Target("rotors trusted though the current is unfiltered", found.trusted["unfiltered"], 0),
         Target("error of alpha over 5 % or 0.5 mrad, 95 % of answers",
                float(np.nanpercentile(share, 95.0)), 1),
         Target("joints without an answer, alpha", 100.0 * float(np.isnan(share).mean()), 5, "%"),
     ]  # fmt: skip
-
-
-def lines(data: dict[str, Any]) -> Iterator[str]:
-    """A block for each case, a line for each coefficient."""
-
-    def row(name: str, one: dict[str, list[float | None]]) -> str:
-        pairs = zip(one["median"], one["p95"], strict=True)
-        cells = (f"{m:.2f}/{p:.2f}" if m is not None else "-" for m, p in pairs)
-        return f"  {name:14}" + "".join(f"{cell:>13}" for cell in cells)
-
-    heads = "".join(f"{i:>13}" for i in range(1, len(data["joints"]) + 1))
-    for case, by_coefficient in data["errors_percent"].items():
-        yield f"\n{case}: size of the errors over {data['arms']} arms, median/95 %"
-        yield f"  {'joint':14}{heads}"
-        yield from (row(f"{name} [%]", one) for name, one in by_coefficient.items())
-    yield "\na hand at each link"
-    yield row("alpha [mrad]", data["half_gap_mrad"])
 
 
 @command(__doc__)
@@ -237,8 +201,6 @@ def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) ->
         },
         "half_gap_mrad": summary(1e3 * (found.half_gap - found.true_half_gap)),
     }
-    if not as_json:
-        click.echo("\n".join(lines(data)))
     print_report("identification", seed, targets(found), data, as_json=as_json)
 
 

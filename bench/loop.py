@@ -9,22 +9,16 @@ taken in lockstep just before: they answer each SYNC inside its sending, and the
 out. "To setpoint" is the time from their last answer to the last setpoint of the tick.
 
 --load puts two CPU hogs on every CPU. --in-a-row leaves the waiting out: what the same ticks cost
-when the processor's caches are warm. The thread beside it is cyclictest (Debian's rt-tests), or
-where that is missing a sleeping thread of ours; real-time priorities need root or a high
-`ulimit -r`. At the end the resident memory of `contactd run`, and how much it grows.
+when the processor's caches are warm. The thread beside it is cyclictest (Debian's rt-tests), left
+out where it is missing; real-time priorities need root or a high `ulimit -r`. At the end the
+resident memory of `contactd run`, and how much it grows.
 """
 
-from collections.abc import Mapping
-
 import click
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from bench.options import command
 from bench.report import Target, print_report
 from bench.study.loop_run import Run, measure, resident
-from bench.study.wakeups import Distribution
 from daemon.modes.table import Mode
 
 RESIDENT_S = 30
@@ -48,6 +42,7 @@ def targets_of(run: Run, *, load: bool) -> list[Target]:
     if run.hz == 250 and load:
         late = run.work_us.at(99)
         targets.append(Target(at + "tick, p99", late, 0.5 * period_us, "us"))
+    if run.hz == 250 and load and run.rival_us is not None:
         name = f"deadlines missed, at most the {run.rival}'s"
         targets.append(Target(at + name, run.missed, run.rivals_missed))
     return targets
@@ -64,48 +59,6 @@ def _of_wakeups(run: Run, at: str, period_us: float) -> list[Target]:
     ]
 
 
-def show(run: Run) -> None:
-    """Wake-up lateness beside the rival's, and what the ticks took."""
-    console = Console(highlight=False)
-    ticks = int(run.lateness_us.counts.sum())
-    joints = f"{run.joints} {'joint' if run.joints == 1 else 'joints'}"
-    console.print(
-        f"\n[bold]{joints} at {run.hz} Hz[/], {ticks} ticks, {run.missed} deadlines missed"
-    )
-    console.print(Text(", ".join(run.realtime), "dim"))
-    columns = {"CPU of tick": run.cpu_us}
-    if run.waited:
-        beside = {} if run.rival_us is None else {run.rival: run.rival_us}
-        columns = {"woken late": run.lateness_us, **beside, **columns}
-        columns["last frame"] = run.work_us
-    columns["to setpoint"] = run.setpoint_us
-    console.print(percentiles(columns))
-    if run.waited:
-        console.print(f"deadlines missed: {run.missed}; by {run.rival}: {run.rivals_missed:g}")
-    if run.repeated:
-        console.print(f"turns repeated, as the machine stalled and the arm stopped: {run.repeated}")
-
-
-def show_resident(memory: Mapping[str, float], seconds: float) -> None:
-    """Memory of `contactd run`."""
-    resident, anonymous = memory["resident_kB"] / 1024, memory["anonymous_kB"] / 1024
-    print(
-        f"run: {resident:.0f} MB resident, of it {anonymous:.0f} MB anonymous; grown in "
-        f"{seconds:g} s of serving by {memory['resident_kB grown']:.0f} and "
-        f"{memory['anonymous_kB grown']:.0f} kB"
-    )
-
-
-def percentiles(columns: dict[str, Distribution]) -> Table:
-    """Median and worst cases of each."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in ("us", *columns):
-        table.add_column(name, justify="right", no_wrap=True)
-    for percent, label in ((50, "median"), (99, "99 %"), (99.9, "99.9 %"), (100, "worst")):
-        table.add_row(label, *(f"{d.at(percent):.0f}" for d in columns.values()))
-    return table
-
-
 @command(__doc__)
 @click.option("--hz", type=click.IntRange(10, 1000), help="Ticks per second.  [100, 250, 1000]")
 @click.option("--seconds", type=click.IntRange(2, 3600), default=60)
@@ -120,13 +73,11 @@ def main(hz: int | None, seconds: int, load: bool, in_a_row: bool, as_json: bool
             how = ", with CPU hogs" if load else ", in a row" if in_a_row else ""
             click.echo(f"{each} Hz for {seconds} s{how} ...", err=True)
         run = measure(each, seconds, load=load, waits=not in_a_row)
+        if run.waited and not run.rival:
+            click.echo("no cyclictest beside it: missing (rt-tests), or without rights", err=True)
         targets += targets_of(run, load=load)
         data[f"{each}_Hz"] = run.data()
-        if not as_json:
-            show(run)
     memory = {} if in_a_row else resident(min(seconds, RESIDENT_S))
-    if memory and not as_json:
-        show_resident(memory, min(seconds, RESIDENT_S))
     about = {"load": load, "in_a_row": in_a_row, "memory": memory}
     print_report("loop", 1, targets, {**about, **data}, as_json=as_json)
 

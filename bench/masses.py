@@ -101,11 +101,6 @@ def main(arms: int, seconds: float, processes: int, seed: int, as_json: bool) ->
         "loads_kg_m": found.loads.tolist(),
         "loads_others_kg_m": others.loads.tolist(),
     }
-    if not as_json:
-        click.echo(f"{'rms of r over that by exact masses, median of arms':52} by the URDF  found")
-        medians = np.nanmedian(found.by_urdf, axis=0), np.nanmedian(found.by_identified, axis=0)
-        for name, urdf, identified in zip(names, *medians, strict=True):
-            click.echo(f"  {name:50} {urdf:11.2f} {identified:6.2f}")
     print_report("masses", seed, targets(found, others), data, as_json=as_json)
 
 

@@ -28,7 +28,7 @@ from bench.rigs.generated_makes import MAKES
 from bench.rigs.makers import RIGHT, makers, verdict, wrong
 from bench.rigs.owner import Owner, Story
 from bench.study.mistakes import MISTAKES, checkable, told
-from bench.study.unrefused import Met, met
+from bench.study.unrefused import met
 
 LEAST = 57
 COMMANDS, FIELDS = 15, 10
@@ -48,7 +48,7 @@ def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
     return {"make": arm.make.name, "told": told_of, "refused": refused, "missed": missed}
 
 
-def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], dict[str, Any]]:
+def of_mistakes(folder: Path, arms: int) -> tuple[list[Target], dict[str, Any]]:
     """Targets and data of the planted mistakes, and of arms without one."""
     makes = range(len(MAKES))
     found = [planted(generate(seed), folder / f"planted{seed}") for seed in makes]
@@ -57,15 +57,6 @@ def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], 
         met(mistake, generate(k % len(MAKES)), folder / f"met{k}")
         for k, mistake in enumerate(MISTAKES)
     ]
-    if not quiet:
-        for one in found:
-            missed = "; ".join(one["missed"]) or "none"
-            click.echo(
-                f"{one['make']}: {one['told']} told, {one['refused']} refused; missed: {missed}"
-            )
-        for at_arm in at_arms:
-            if not at_arm.refused:
-                click.echo(_in_words(at_arm))
     warned = sum(bool(said.lines) for said in clean)
     targets = [
         Target("mistakes told at the right field, at least, of 60", min(f["told"] for f in found),
@@ -77,41 +68,15 @@ def of_mistakes(folder: Path, arms: int, *, quiet: bool) -> tuple[list[Target], 
     return targets, {"makes": found, "at arms": [asdict(one) for one in at_arms]}
 
 
-def _in_words(one: Met) -> str:
-    last = one.ended.strip().splitlines()[-1:] or ["wiring good"]
-    return f"{one.words}: {'warned of' if one.told else 'not told'}; at the arm: {last[0]}"
-
-
-def of_makers(folder: Path, *, quiet: bool) -> tuple[list[Target], dict[str, Any]]:
+def of_makers(folder: Path) -> tuple[list[Target], dict[str, Any]]:
     """Target and data of drives that are drafted from the EDS of their makers."""
     found = {name: wrong(maker, folder) for name, maker in makers().items()}
     verdicts = {name: verdict(maker, folder) for name, maker in makers().items()}
-    if not quiet:
-        for name, said in verdicts.items():
-            click.echo(f"{name}: {said}")
-        for name, objects in found.items():
-            for quantity, one in objects.items():
-                click.echo(f"{name}: {quantity} is not {one}, and nothing asks")
     of = sum(len(RIGHT[name]) for name in found)
     right = of - sum(map(len, found.values()))
     target = Target(f"drafted objects right or asked for, of {of} of {len(found)} makers",
                     100.0 * right / of, 100, "%", "higher")  # fmt: skip
     return [target], {"wrong": found, "verdicts": verdicts}
-
-
-def of_owners(seeds: Sequence[int], folder: Path, *, quiet: bool) -> list[Story]:
-    """What owners came to."""
-    stories = []
-    for seed in seeds:
-        story = Owner(generate(seed), folder / f"owner{seed}").go()
-        stories.append(story)
-        if not quiet:
-            came = "armed and led" if story.led else f"not led: {story.why.strip()[-200:]}"
-            click.echo(
-                f"owner {seed} ({story.make}, {story.joints} joints): {len(story.commands)} "
-                f"commands, {story.machine_s:.0f} s; {came}"
-            )
-    return stories
 
 
 def targets_of(stories: Sequence[Story]) -> list[Target]:
@@ -142,13 +107,13 @@ def targets_of(stories: Sequence[Story]) -> list[Target]:
 def main(owners: int, first: int, arms: int, *, mistakes: bool, as_json: bool) -> None:
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
-        targets, data["makers"] = of_makers(Path(name), quiet=as_json)
+        targets, data["makers"] = of_makers(Path(name))
         if mistakes:
-            of_planted, planted_data = of_mistakes(Path(name), arms, quiet=as_json)
+            of_planted, planted_data = of_mistakes(Path(name), arms)
             targets, data = [*targets, *of_planted], data | planted_data
         if owners:
             seeds = range(first, first + owners)
-            stories = of_owners(seeds, Path(name), quiet=as_json)
+            stories = [Owner(generate(seed), Path(name) / f"owner{seed}").go() for seed in seeds]
             targets = [*targets, *targets_of(stories)]
             data["owners"] = [asdict(story) for story in stories]
     print_report("newcomer", first, targets, data, as_json=as_json)

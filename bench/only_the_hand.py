@@ -160,9 +160,6 @@ def targets(day: Day) -> list[Target]:
 def main(minutes: float, presliding: float, seed: int, as_json: bool) -> None:
     day = run(minutes, presliding, seed)
     data: dict[str, Any] = {"minutes": minutes, "presliding": presliding, **vars(day)}
-    if not as_json:
-        for words in day.contacts:
-            click.echo(f"nobody's contact: {words}")
     print_report("only_the_hand", seed, targets(day), data, as_json=as_json)
 
 

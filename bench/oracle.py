@@ -6,17 +6,15 @@ line, without `timing`, which is the only part that differs between two runs. A 
 leave behaviour alone keeps the bytes:
 
     python -m bench.oracle build/before            # on the commit before
-    python -m bench.oracle build/after --against build/before [--renamed OLD=NEW ...]
+    python -m bench.oracle build/after --against build/before
 
-With `--renamed`, fields of the old States are renamed before the comparison. Events count by what
-they say, so a change of words is a difference, too.
+Events count by what they say, so a change of words is a difference, too.
 """
 
 import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 import msgspec
@@ -73,16 +71,9 @@ def session(rig: Rig) -> Iterator[bytes]:
         yield from during(seconds)
 
 
-def renamed(line: bytes, names: dict[str, str]) -> bytes:
-    """A State with other names for its fields."""
-    state: dict[str, Any] = json.loads(line)
-    return msgspec.json.encode({names.get(name, name): value for name, value in state.items()})
-
-
-def first_difference(before: list[bytes], after: list[bytes], names: dict[str, str]) -> str:
+def first_difference(before: list[bytes], after: list[bytes]) -> str:
     """First difference between the States, in words; empty if there is none."""
     for number, (old, new) in enumerate(zip(before, after, strict=False), 1):
-        old = renamed(old, names) if names else old  # noqa: PLW2901
         if old == new:
             continue
         a, b = json.loads(old), json.loads(new)
@@ -96,8 +87,7 @@ def first_difference(before: list[bytes], after: list[bytes], names: dict[str, s
 @click.command()
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--against", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--renamed", "names", multiple=True, metavar="OLD=NEW", help="A field of State.")
-def main(folder: Path, against: Path | None, names: tuple[str, ...]) -> None:
+def main(folder: Path, against: Path | None) -> None:
     """Write the States of both sessions into FOLDER; the status is 1 if they differ."""
     folder.mkdir(parents=True, exist_ok=True)
     same = True
@@ -112,7 +102,7 @@ def main(folder: Path, against: Path | None, names: tuple[str, ...]) -> None:
         click.echo(f"{robot.name}: {len(lines)} states, {digest[:16]}, {', '.join(modes)}")
         if against is not None:
             before = (against / file.name).read_bytes().splitlines()
-            where = first_difference(before, lines, dict(name.split("=", 1) for name in names))
+            where = first_difference(before, lines)
             same = same and not where
             click.echo(f"  {f'differs at {where}' if where else 'identical'}")
     raise SystemExit(0 if same else 1)

@@ -6,8 +6,8 @@ exception in the tick, and a daemon that dies.
 
     python -m bench.reaction [--part singles|pairs] [--sample N] [--seed S] [--json]
 
-Ticks count from the one in which the fault is made, which is the first. `found` is held against
-what the fault's row in `daemon.faults.table` says; the stop command against two ticks after that.
+Ticks, of 10 ms, count from the one in which the fault is made, which is the first. `found` is held
+against what its row in `daemon.faults.table` says; the stop command against two ticks after that.
 Where the bus takes no frame, its ticks count from when it does. `proved` is when every drive was
 seen to stand; `silence` where nothing can say so, and the drives are left to stop by themselves.
 `stands` is when no motor moves any more. `travel` is that of the joint that came nearest to what
@@ -51,7 +51,6 @@ from simulator.state_machine import State
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
 PATIENCE_TICKS = 100
-PERIOD_MS = 10  # of every make
 FULL_SPEED = 0.95  # of the velocity limit
 FAST = (all_frozen, encoder_frozen, samples_repeat, pdos_stale, stone_deaf, heartbeat_lost, runaway)
 # Made at nearly full speed, too. A drive that hears no setpoint any more is not among them: it goes
@@ -229,28 +228,6 @@ def row(on: BreakableArm, case: Case, **measured: float | None) -> dict[str, Any
     return {**stated, "stated_ticks": case.ticks, "mute_ticks": 0, **measured}
 
 
-def line(row: dict[str, Any]) -> str:
-    """One row of the printed table."""
-    stop = row["stop_ticks_after_found"]
-    words = "-" if stop is None else f"+{stop}"
-    if row["reaction"] == "fault exit" and stop is None:
-        words = "silence"
-    elif row["mute_ticks"]:
-        words += f", {row['mute_ticks']} mute"
-    proved, travel, reset = (row.get(k) for k in ("proved_tick", "travel_rad", "one_reset"))
-    shown = "-" if proved is None else f"{proved * PERIOD_MS} ms"
-    gone = "-" if travel is None else f"{travel:.3f} / {row['travel_printed_rad']:.3f}"
-    name = row["fault"] + (", fast" if row.get("speed") else "")
-    return (
-        f"{row['make']:8} {name:36} {row['condition']:29} {row['stated_ticks']:5} "
-        f"{row['found_tick']!s:>5}  {row['reaction']:10} {words:11} "
-        f"{'silence' if row.get('silenced') and proved is None else shown:>8} "
-        f"{'-' if row['stands_tick'] is None else str(row['stands_tick'] * PERIOD_MS) + ' ms':>8} "
-        f"{gone + ('*' if row.get('driven') else ' '):>15} "
-        f"{'-' if reset is None else 'yes' if reset else 'NO':>5}"
-    )
-
-
 def measured(place: MakeOnWire) -> list[dict[str, Any]]:
     """Every fault that can be shown at a place, each on an arm of its own."""
     rows = []
@@ -297,13 +274,6 @@ def _count(rows: list[dict[str, Any]], what: str) -> int:
 def singles(*, as_json: bool) -> None:
     """Every fault alone, on the drives of every make."""
     rows = [row for place in PLACES if place.wire == "virtual" for row in measured(place)]
-    if not as_json:
-        click.echo(
-            f"{'make':8} {'fault':36} {'found as':29} {'ticks':>5} {'found':>5}  {'reaction':10} "
-            f"{'told':11} {'proved':>8} {'stands':>8} {'travel / rad  ':>15} {'reset':>5}"
-        )
-        for row in rows:
-            click.echo(line(row))
     late = [r for r in rows if r["found_tick"] is None or r["found_tick"] > r["stated_ticks"]]
     waits = [r["stop_ticks_after_found"] for r in rows if r["reaction"] in ("hold", "quick stop")]
     moving = [r for r in rows if r["reaction"] != "continue" and r["stands_tick"] is None]

@@ -1,14 +1,13 @@
 """Speed of working on recordings: replay, what-ifs and plots.
 
-    python -m bench.recordings [--minutes N] [--rounds N] [--seed N] [--no-many] [--json]
+    python -m bench.recordings [--minutes N] [--rounds N] [--seed N] [--no-long] [--json]
 
 Both shipped arms are recorded in lockstep, so many minutes of robot time each: set in motion,
 pushed every six seconds; then replayed. Times are CPU times.
 
 Then 200 levels of one joint of the Romeo arm are asked for, with an empty cache and from it, and a
-page. With --no-many it ends there; otherwise it cuts 100 files of a minute out of that recording
-for one and two workers in turns, and puts twelve together, to see how much more memory a recording
-of twelve times the length takes.
+page. Without --no-long it puts twelve of that recording together, to see how much more memory a
+recording of twelve times the length takes.
 """
 
 import statistics
@@ -23,7 +22,7 @@ from bench.options import SEED, command
 from bench.report import Target, print_report
 from bench.rigs.lockstep import DESK_ARM, ROMEO
 from bench.rigs.recorded_arm import made
-from bench.study.recording_answers import cut, growth_mb, messages_of, times, worker_speed, write
+from bench.study.recording_answers import growth_mb, messages_of, times, write
 from programs.clients.replay import replay
 
 PERIOD_S: Final = 0.01
@@ -42,7 +41,7 @@ def replayed_us(path: Path) -> float:
 
 
 def answers_of(
-    path: Path, replay_us: float, folder: Path, rounds: int, many: bool
+    path: Path, replay_us: float, folder: Path, rounds: int, long: bool
 ) -> tuple[dict[str, Any], list[Target]]:
     """Figures of the answers from one recording, and their targets."""
     real_time = 1e6 * PERIOD_S / replay_us
@@ -55,20 +54,13 @@ def answers_of(
         Target("plot as a page", middle["plot_s"], 5.0, "s"),
         Target("page", middle["page_mb"], 5.0, "MB"),
     ]
-    if many:
+    if long:
         snapshot, states = messages_of(path)
-        long = folder / "long.mcap"
-        write(long, [(snapshot, states)] * LONGER)
-        data["growth_mb"] = growth_mb(path, long, JOINT, folder)
+        longer = folder / "long.mcap"
+        write(longer, [(snapshot, states)] * LONGER)
+        data["growth_mb"] = growth_mb(path, longer, JOINT, folder)
         worst = max(data["growth_mb"].values())
         targets.append(Target(f"memory of {LONGER} times the length", worst, 50, "MB"))
-        long.unlink()
-        cuts = folder / "cuts"
-        cuts.mkdir()
-        cut(path, cuts)
-        data["two_workers"] = worker_speed(cuts, JOINT, folder, max(rounds // 2, 1))
-        speed = statistics.median(data["two_workers"])
-        targets.append(Target("100 files, two workers over one", speed, 1.6, "x", "higher"))
     return data, targets
 
 
@@ -76,16 +68,14 @@ def answers_of(
 @click.option("--minutes", type=click.FloatRange(0.02, 60.0), default=10.0, help="Of each arm.")
 @click.option("--rounds", type=click.IntRange(min=1), default=6, help="Replays of each.")
 @SEED
-@click.option("--many/--no-many", default=True, help="Files and workers, and memory, too.")
-def main(minutes: float, rounds: int, seed: int, many: bool, as_json: bool) -> None:
+@click.option("--long/--no-long", default=True, help="Memory, too.")
+def main(minutes: float, rounds: int, seed: int, long: bool, as_json: bool) -> None:
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory(prefix="recordings-") as folder:
         for arm in (DESK_ARM, ROMEO):
             path = made(Path(folder) / f"{arm.name}.mcap", arm, 60.0 * minutes, seed)
             data[arm.name] = statistics.median(replayed_us(path) for _ in range(rounds))
-            if not as_json:
-                click.echo(f"replay, {arm.name}: {data[arm.name]:.1f} us per State")
-        answers, targets = answers_of(path, data[ROMEO.name], Path(folder), rounds, many)
+        answers, targets = answers_of(path, data[ROMEO.name], Path(folder), rounds, long)
     measured = {"minutes": minutes, "rounds": rounds, "replay_us": data, "answers": answers}
     print_report("recordings", seed, targets, measured, as_json=as_json)
 

@@ -1,4 +1,4 @@
-"""Report of a bench: targets with their measured figures, as a table or as one JSON line."""
+"""Report of a bench: targets with their measured figures, as text or as one JSON line."""
 
 import json
 import math
@@ -9,12 +9,9 @@ from typing import Any, Literal
 
 import click
 import numpy as np
-from rich.table import Table
+import yaml
 
 from common.arrays import Matrix
-
-NARROW: dict[str, Any] = {"box": None, "padding": (0, 1, 0, 0), "title_justify": "left"}
-"""Style of tables that fit into 80 columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +29,6 @@ class Target:
         """True where the figure is on the good side of its limit; NaN, nothing measured, is not."""
         value = float(self.value)  # a numpy number would give a numpy bool, which JSON lacks
         return value <= self.limit if self.better == "lower" else value >= self.limit
-
-
-def joints_table(title: str, n: int, first: str = "") -> Table:
-    """Table with a column for each of n joints behind a first one; it fits into 80 columns."""
-    shown = Table(title=title, header_style="bold", **NARROW)
-    shown.add_column(first, no_wrap=True)
-    for i in range(n):
-        shown.add_column(str(i + 1), justify="right", no_wrap=True)
-    return shown
 
 
 def summary(errors: Matrix) -> dict[str, list[float | None]]:
@@ -71,13 +59,16 @@ def plain(value: Any, digits: int | None = None) -> Any:
 def print_report(
     bench: str, seed: int, targets: Sequence[Target], data: dict[str, Any], *, as_json: bool
 ) -> None:
-    """Targets as lines, or everything as one object on the last line."""
+    """Data in YAML to four decimals and targets as lines, or everything as one object in JSON."""
     if as_json:
         rows = [asdict(target) | {"met": target.met} for target in targets]
         machine = f"{platform.machine()} {platform.python_version()}"
         report = {"bench": bench, "seed": seed, "machine": machine, "targets": rows, "data": data}
         click.echo(json.dumps(plain(report)))
         return
+    if data:
+        as_plain = json.loads(json.dumps(plain(data, 4)))
+        click.echo(yaml.safe_dump(as_plain, sort_keys=False, default_flow_style=None))
     for target in targets:
         sign = "<=" if target.better == "lower" else ">="
         met = "met" if target.met else "NOT MET"

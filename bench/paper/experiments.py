@@ -8,6 +8,7 @@ from typing import Literal
 import msgspec
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
+from bench.study.estimates import VARIANTS
 from bench.study.recording import Recorder, Recording
 from bench.study.rivals import KALMAN, KALMAN_BELIEF, kalman
 from daemon.config.load import load_robot
@@ -15,19 +16,12 @@ from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.modes.table import Event, Mode
 from daemon.protocol.state import State
 from daemon.service.status import context_of
-from estimator.settings import Variant
 from programs.demo.demo_story import Story, touch_of
 from simulator.description import Mismatch, SimulationSettings
 from simulator.events import Happening
 from simulator.hand_script import Push, read_script
 
-CLASSICAL = Variant(kind="classical", friction=False, rotor_inertia=False, label="classical")
-BESIDE = (
-    CLASSICAL,
-    Variant(kind="classical", friction=True, rotor_inertia=False, label="classical+friction"),
-    Variant(kind="classical", friction=True, rotor_inertia=True, label="classical+friction+rotor"),
-    Variant(kind="two_mass", label="two_mass"),
-)
+BESIDE = tuple(variant for variant in VARIANTS if not variant.name.startswith("backlash"))
 
 FIRST_JOINT = {"LShoulderPitch": Sinusoid(amplitude=0.35, frequency_Hz=0.15)}
 # Joints 1, 3, 4 and 7, as the paper moves them in its second experiment.

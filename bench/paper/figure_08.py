@@ -28,15 +28,13 @@ SHOWN_S = (5.0, 30.0)
 
 
 def make(seed: int) -> Made:
-    """Figure 8 with smooth friction and with stiction; the pictures show stiction."""
+    """Figure 8 with smooth friction and with stiction; the picture shows stiction."""
     table, targets = {}, []
     for friction in ("smooth", "dahl"):
         recording = contact_free(Conditions(seed, friction))
         table[friction] = numbers(recording)
         targets += held_against(table[friction], friction)
-    shown = recording.part(*SHOWN_S)
-    pictures = {"figure_08": first_joint(shown), "figure_08_joints": other_joints(shown)}
-    return Made(table, targets, pictures)
+    return Made(table, targets, {"figure_08": first_joint(recording.part(*SHOWN_S))})
 
 
 def numbers(recording: Recording) -> dict[str, Any]:
@@ -82,26 +80,6 @@ def first_joint(recording: Recording) -> Figure:
     middle.legend(loc="upper right", fontsize=8, ncols=4)
     bottom.legend(loc="upper right", fontsize=8, ncols=3)
     top.set_ylim(-0.026, 0.036)
-    return figure
-
-
-def other_joints(recording: Recording) -> Figure:
-    """The joints that hold, phi above the residuals."""
-    figure = canvas(11.0, 7.4, "Fig. 8, the other joints: they hold while joint 1 moves")
-    rows = figure.subplots(4, 3, sharex=True, height_ratios=(0.7, 1.0, 0.7, 1.0))
-    for i, name in enumerate(recording.joints[1:], start=1):
-        block, column = divmod(i - 1, 3)
-        above, below = rows[2 * block, column], rows[2 * block + 1, column]
-        draw_phi(above, recording, i)
-        above.set_title(f"joint {i + 1}, {name}", fontsize=9)
-        draw_thresholds(below, recording, i)
-        draw_residual(below, recording, "classical", i)
-        draw_residual(below, recording, "backlash", i)
-        finish(above, "φ [rad]" if column == 0 else "", last=False)
-        finish(below, "r [Nm]" if column == 0 else "", last=block == 1)
-    for axes, place in ((rows[0, 0], "lower left"), (rows[1, 0], "lower right")):
-        handles, labels = axes.get_legend_handles_labels()
-        figure.legend(handles, labels, loc=f"outside {place}", fontsize=8, ncols=3)
     return figure
 
 

@@ -100,15 +100,6 @@ class Push:
     torque: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class Carried:
-    """A point mass [kg] in the hand from a time on, at a place in the hand's frame (3,) [m]."""
-
-    at_s: float
-    mass: float
-    place: Vector
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
     """Motion and pushes of the arm from the moment it stands."""
@@ -116,9 +107,6 @@ class Scenario:
     seconds: float
     motion: Motion | Course
     pushes: tuple[Push, ...] = ()
-    carried: tuple[Carried, ...] = ()  # in the order of time
-    torque: Matrix | None = None  # on the links besides the pushes (ticks, n) [Nm]
-    phi: Vector | None = None  # of the links when the drives come on [rad]; None: the middle
     settling_s: float = 1.5  # from switching on until the arm stands and the recording begins
     begin_s: float = 0.0  # time at which it begins, for the drift of friction
 
@@ -249,10 +237,10 @@ def recordings(
     period_s, per_tick, n = harness.period_s, harness.per_tick, harness.plant.n
     ticks, drift = round(scenario.seconds / period_s), _Drift(subject, n)
     course = scenario.motion.course(ticks, period_s)
-    still, carried = np.zeros((per_tick, n)), list(scenario.carried)
+    still = np.zeros((per_tick, n))
     harness.plant.scale_friction(drift.at(scenario.begin_s))
     start, velocity = course.q[0], np.zeros(n)
-    harness.plant.place(start, scenario.phi)
+    harness.plant.place(start)
     harness.energise()
     for _ in range(round(scenario.settling_s / period_s)):
         harness.period(still)
@@ -263,16 +251,12 @@ def recordings(
     for first in range(0, ticks, round(chunk_s / period_s)):
         chunk = range(first, min(first + round(chunk_s / period_s), ticks))
         external = _external(scenario.pushes, chunk.start * per_tick, len(chunk) * per_tick, n)
-        if scenario.torque is not None:
-            external += np.repeat(scenario.torque[chunk.start : chunk.stop], per_tick, axis=0)
         samples = np.empty((len(chunk), 4, n))
         phi, gear_torque = np.empty((2, len(chunk), per_tick, n))
         for row, tick in enumerate(chunk):
             t = tick * period_s
             if tick % 100 == 0:
                 harness.plant.scale_friction(drift.at(scenario.begin_s + t))
-            while carried and t >= carried[0].at_s:
-                harness.plant.carry(carried[0].mass, carried.pop(0).place)
             harness.period(external[row * per_tick : (row + 1) * per_tick])
             samples[row] = harness.sample()
             phi[row], gear_torque[row] = harness.phi, harness.gear_torque

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from bench.rigs.lockstep import Rig, lockstep_rig
+from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from daemon.protocol.state import Snapshot, State
 from daemon.service.status import snapshot_of
@@ -37,18 +38,17 @@ class LockstepClient:
 def made(path: Path, folder: Path, seconds: float, seed: int) -> Path:
     """A recording in lockstep: enabled and set in motion in it, pushed every six seconds."""
     rng = np.random.default_rng(seed)
-    with lockstep_rig(folder) as rig:
-        joints = rig.robot.configuration.joint_names
-        hand = tuple(
-            Push(
-                at_s=float(at_s),
-                joint=joints[rng.integers(len(joints))],
-                torque=float(rng.choice((-1.0, 1.0)) * rng.uniform(1.0, 4.0)),
-                duration_s=0.5,
-                shape="pulse",
-            )
-            for at_s in np.arange(3.0, seconds, PUSHES_APART_S)
+    joints = load_robot(folder).configuration.joint_names
+    hand = tuple(
+        Push(
+            at_s=float(at_s),
+            joint=joints[rng.integers(len(joints))],
+            torque=float(rng.choice((-1.0, 1.0)) * rng.uniform(1.0, 4.0)),
+            duration_s=0.5,
+            shape="pulse",
         )
+        for at_s in np.arange(3.0, seconds, PUSHES_APART_S)
+    )
     with lockstep_rig(
         folder, simulate=lambda s: msgspec.structs.replace(s, seed=seed), hand=hand
     ) as rig:

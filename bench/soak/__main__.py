@@ -21,7 +21,7 @@ comes back after each fault.
 Memory, descriptors, helpers, theta's uncertainty, lateness and the time of a tick must not
 grow: Theil-Sen's slope over the second half, 95 % sure, against a stated tolerance.
 
-Writes bench/out/soak.png and soak.json. Exit status 1 when a rule was broken, or when memory,
+Writes bench/out/soak.json. Exit status 1 when a rule was broken, or when memory,
 descriptors, helpers or (in 15 minutes or more) uncertainty grow; lateness and times are reported
 only, for the machine may be to blame. 0 minutes, or 0 hours, leave that part out.
 """
@@ -34,10 +34,9 @@ import click
 
 from bench.options import command
 from bench.report import print_report
-from bench.soak.plot import plot
 from bench.soak.real_time import run_real_time
 from bench.soak.record import Progress
-from bench.soak.report import failures, show, targets_of
+from bench.soak.report import failures, targets_of
 from bench.soak.simulated import simulate_hours
 
 OUT = Path("bench/out")
@@ -64,20 +63,15 @@ def main(minutes: float, hours: float, jobs: int, seed: int, as_json: bool) -> N
     if minutes:
         # Alone: how punctual it is would otherwise say what the lockstep part takes.
         parts.append(run_real_time(seed, 60.0 * minutes, Progress("real time")))
-    if not as_json:
-        for part in parts:
-            show(part)
-        click.echo()
     data = {part.name: part.data() for part in parts}
     OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / "soak.json").write_text(json.dumps(data))
-    picture = plot(parts, OUT / "soak.png")
+    (OUT / "soak.json").write_text(json.dumps({p.name: p.data() | p.sampled() for p in parts}))
     print_report("soak", seed, targets_of(parts), data, as_json=as_json)
     found = failures(parts)
     for line in found:
         click.echo(f"FAILED: {line}", err=True)
     if not as_json:
-        click.echo(f"{picture} and {OUT / 'soak.json'} written; {len(found)} failures")
+        click.echo(f"{OUT / 'soak.json'} written; {len(found)} failures")
     sys.exit(1 if found else 0)
 
 

@@ -12,19 +12,10 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
 
 
-def _status(pid: int) -> dict[str, str]:
-    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return dict(line.split(":", 1) for line in lines)
-
-
-def peak_mb(pid: int) -> float:
-    """Most memory that it has had [MB]."""
-    return int(_status(pid)["VmHWM"].split()[0]) / 1e3
-
-
 def held(pid: int) -> dict[str, float]:
     """Memory [kB], open files, threads and children, by the names of the samples."""
-    folder, status = Path(f"/proc/{pid}"), _status(pid)
+    folder = Path(f"/proc/{pid}")
+    status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
     children = (folder / "task" / str(pid) / "children").read_text().split()
     return {
         "memory (anonymous)": float(status["RssAnon"].split()[0]),

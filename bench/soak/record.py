@@ -78,7 +78,7 @@ class Part:
         return [trend(name, BOUNDS[name], *self.settled(name)) for name in self.samples]
 
     def data(self) -> dict[str, Any]:
-        """Everything but the samples of each tick, for JSON."""
+        """Everything but the samples, for JSON."""
         return {
             "seed": self.seed,
             "seconds": self.seconds,
@@ -88,6 +88,11 @@ class Part:
             "cases": self.ledger.cases,
             "counts": dict(sorted(self.counts.items())),
             "trends": {each.name: each.data() for each in self.trends()},
+        }
+
+    def sampled(self) -> dict[str, Any]:
+        """The samples, for JSON."""
+        return {
             "times_s": [round(t, 2) for t in self.times_s],
             "samples": {
                 name: [float(f"{value:.5g}") for value in values]

@@ -2,44 +2,8 @@
 
 from collections.abc import Sequence
 
-from rich.console import Console
-from rich.table import Table
-
 from bench.report import Target
 from bench.soak.record import Part
-
-
-def show(part: Part) -> None:
-    """Print a part."""
-    console = Console(highlight=False)
-    console.print(
-        f"\n[bold]{part.name}[/]: {part.seconds / 60:.1f} min in {part.took_s / 60:.1f} min"
-    )
-    rules = Table("rule", "checked", "broken", box=None, padding=(0, 2, 0, 0))
-    for rule, count in part.ledger.checked.items():
-        broken = part.ledger.broken[rule]
-        rules.add_row(rule, f"{count}", f"[red]{broken}[/]" if broken else "0")
-    console.print(rules)
-    for case in part.ledger.cases:
-        console.print(f"[red]broken[/] at {case}", soft_wrap=True, markup=True)
-    console.print()
-    growths = Table("in the second half", "median", "grows by", "surely", "allowed", box=None)
-    for column in growths.columns[1:]:
-        column.justify = "right"
-    for each in part.trends():
-        style = ("red" if each.binding else "yellow") if each.grows else ""
-        growths.add_row(
-            f"{each.name} [{each.unit}]" if each.unit else each.name,
-            f"{each.median:.4g}",
-            f"{each.growth:+.3g}",
-            f"{each.surely:+.3g}",
-            f"{each.allowed:.3g}",
-            style=style,
-        )
-    console.print(growths)
-    console.print()
-    happened = [f"{what} {part.counts[what]}" for what in sorted(part.counts)]
-    console.print(", ".join(happened), style="dim")
 
 
 def targets_of(parts: Sequence[Part]) -> list[Target]:

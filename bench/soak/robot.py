@@ -3,12 +3,11 @@ integrated from velocities, brakes that hold what is not energised."""
 
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import yaml
 
-from bench.rigs.all_joints import MOTION
 from bench.rigs.lockstep import ROMEO
 from common.arrays import Vector
 from daemon.config.load import Robot
@@ -19,6 +18,16 @@ from simulator.hand_script import AnyAct, Guide, Hold, Push, Release
 from simulator.mismatch import true_parameters
 from simulator.servo import Servo
 
+# Amplitude [rad] and frequency [Hz] per joint: incommensurable, so that all poses are met.
+MOTION: Final = {
+    "LShoulderPitch": (0.35, 0.15),
+    "LShoulderYaw": (0.15, 0.23),
+    "LElbowRoll": (0.5, 0.19),
+    "LElbowYaw": (0.3, 0.29),
+    "LWristRoll": (0.6, 0.13),
+    "LWristYaw": (0.2, 0.31),
+    "LWristPitch": (0.4, 0.37),
+}
 AMPLITUDE = 0.5  # of MOTION's
 
 

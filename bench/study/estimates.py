@@ -34,7 +34,6 @@ class Estimates:
     residuals: dict[str, Matrix]  # by variant, the one that decides first, Kalman last [Nm]
     threshold: Matrix  # in force, with its raise near rest [Nm]
     side: NDArray[np.int8]
-    touched_link: NDArray[np.int64]  # (ticks,): joint whose link is touched, or -1
     delay_s: float
 
 
@@ -71,6 +70,5 @@ def estimates(estimator: Estimator, recording: Recording) -> Estimates:
         residuals=residuals,
         threshold=rows.threshold,
         side=rows.side,
-        touched_link=rows.touched_link,
         delay_s=estimator.delay_s,
     )

@@ -17,7 +17,7 @@ from bench.rigs.lockstep import ROMEO
 from bench.rigs.processes import pair
 from bench.soak.process import held
 from bench.study.loop_session import FIGURES, Session
-from bench.study.wakeups import Distribution, Rival, a_rival
+from bench.study.wakeups import Cyclictest, Distribution, a_rival
 from daemon.modes.table import Mode
 from daemon.tick.loop import deadlines_left_out
 
@@ -126,7 +126,7 @@ def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
     return run_of(hz, turns, rival=name, threads=threads, waited=waits)
 
 
-def _turn(session: Session, seconds: int, hz: int, rival: Rival | None, missed: int) -> Turn:
+def _turn(session: Session, seconds: int, hz: int, rival: Cyclictest | None, missed: int) -> Turn:
     if rival is not None:
         rival.begin(seconds)
     answer = session.ask(seconds * hz)

@@ -9,6 +9,7 @@ CPU time is left out. It runs in a process of its own, which has the daemon's re
 import contextlib
 import logging
 import math
+import multiprocessing
 import os
 import tempfile
 import time
@@ -23,7 +24,6 @@ import numpy as np
 from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
-from bench.study.wakeups import Spawned
 from daemon.assembly import build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
@@ -126,17 +126,31 @@ def in_a_row() -> Clock:
     return Clock(lambda: now, jump, lambda: now)
 
 
-class Session(Spawned):
-    """Process in which the loop runs."""
+class Session:
+    """Process in which the loop runs. Raises EOFError if it ends before it is ready, having said
+    why on stderr."""
 
     def __init__(self, hz: int, *, waits: bool) -> None:
         self._options = (hz, waits)
-        super().__init__(_serve, *self._options)
+        self._begin()
+
+    def _begin(self) -> None:
+        spawned = multiprocessing.get_context("spawn")
+        self.connection, theirs = spawned.Pipe()
+        self._process = spawned.Process(target=_serve, args=(theirs, *self._options), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.connection.recv()
+
+    def close(self) -> None:
+        """End it and wait."""
+        self.connection.close()
+        self._process.join()
 
     def begin_anew(self) -> None:
         """Put a new process in its place."""
         self.close()
-        super().__init__(_serve, *self._options)
+        self._begin()
 
     def ask(self, ticks: int) -> dict[str, Any]:
         """Figures of so many ticks. Raises EOFError if the process ends before it, having said why

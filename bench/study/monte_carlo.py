@@ -21,19 +21,17 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench.rigs.arm_without_bus import Push, Recording, Scenario, record, recordings
+from bench.rigs.arm_without_bus import Recording, Scenario, record, recordings
 from bench.study import courses, population, scores, world
 from bench.study.estimates import Estimates, build, estimates
-from bench.study.population import STEP_MS, Step, Touch
+from bench.study.population import STEP_MS, Step
 from bench.study.scores import Errors, Trial, count_alarms, quiet_threshold
 from bench.study.world import Gears, Law
 from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 
-Kind = Literal["free", "moving", "rest", "link"]
-Named = Literal["right", "further in", "further out", "cannot tell", "not felt"]
-"""Verdict on the touched link of an estimate."""
+Kind = Literal["free", "moving", "rest"]
 MOVING = 0.05  # [rad/s]
 SMOOTH = 10  # ticks over which a motor's torque is averaged
 GRACE_S = 1.0  # Alarms count from here on: an arm that was just switched on is not armed yet.
@@ -67,7 +65,6 @@ class Result:
     level: Matrix  # (n,): median in motion, in force after the work before [Nm]
     errors: tuple[Errors, ...]  # by variant: against the filtered truth while link and rotor touch
     trials: tuple[Trial, ...]
-    named: tuple[Named, ...]
 
 
 def run(job: Job) -> Result:
@@ -86,7 +83,7 @@ def run(job: Job) -> Result:
         seen = before if job.link_encoder else motors_alone(before)
         level = _in_motion(seen, estimates(estimator, seen), level)
     estimator.restart()
-    scenario, steps, touches = _scenario(job, robot, level, estimator.levels_at(0.0 * contact))
+    scenario, steps = _scenario(job, c, level, estimator.levels_at(0.0 * contact))
     recording = record(subject, scenario)
     if not job.link_encoder:
         recording = motors_alone(recording)
@@ -109,7 +106,6 @@ def run(job: Job) -> Result:
         level=level,
         errors=tuple(Errors.of(r - truth, touching & armed[:, np.newaxis]) for r in residuals),
         trials=tuple(_trial(step, recording, found, raised, c) for step in steps),
-        named=tuple(named_link(touch, recording, found) for touch in touches),
     )
 
 
@@ -137,13 +133,12 @@ def _in_motion(recording: Recording, found: Estimates, otherwise: Vector) -> Vec
 
 
 def _scenario(
-    job: Job, robot: Robot, moving: Vector, resting: Vector
-) -> tuple[Scenario, list[Step], list[Touch]]:
+    job: Job, c: Configuration, moving: Vector, resting: Vector
+) -> tuple[Scenario, list[Step]]:
     """moving, resting: levels in force (n,) [Nm]; the usual step is twice as large."""
-    seed, seconds, c = job.seed, job.seconds, robot.configuration
+    seed, seconds = job.seed, job.seconds
     _, _, most = population.sizes(c)
     steps: list[Step] = []
-    touches: list[Touch] = []
     match job.kind:
         case "free":
             path = population.motion(c, seed, go_s=20.0, rest_s=3.0)
@@ -155,28 +150,8 @@ def _scenario(
             path = population.motion(c, seed, go_s=population.GO_S, rest_s=population.REST_S)
             onsets = population.onsets_at_rest(seconds, seed)
             steps = population.steps(c, seed, onsets, np.minimum(2.0 * resting, most))
-        case "link":
-            path = population.motion(c, seed, held=0.0)
-            onsets = population.onsets_in_motion(seconds, seed)
-            touches = population.touches(robot, seed, onsets, path)
     pushes = population.pushes(steps, len(c.joints))
-    pushes += tuple(Push(touch.onset_ms, STEP_MS, touch.torque) for touch in touches)
-    return Scenario(seconds=seconds, motion=path, pushes=pushes), steps, touches
-
-
-def named_link(touch: Touch, recording: Recording, found: Estimates) -> Named:
-    """Verdict on the touched link at the last SYNC of the touch, or the last before it at which any
-    residual was past its threshold."""
-    first = touch.onset_ms // recording.per_tick
-    ticks = slice(first, first + STEP_MS // recording.per_tick)
-    residual = next(iter(found.residuals.values()))
-    exceeded = np.abs(residual[ticks]) > found.threshold[ticks]
-    if not exceeded.any():
-        return "not felt"
-    link = int(found.touched_link[ticks][exceeded.any(axis=1)][-1])
-    if link < 0:
-        return "cannot tell"
-    return "right" if link == touch.joint else "further in" if link < touch.joint else "further out"
+    return Scenario(seconds=seconds, motion=path, pushes=pushes), steps
 
 
 def _trial(

@@ -1,15 +1,13 @@
-"""Motions, pushes and touches for arms of a population, drawn from a seed."""
+"""Motions and pushes for arms of a population, drawn from a seed."""
 
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import pinocchio as pin
 
 from bench.rigs.arm_without_bus import Motion, Push
 from bench.study.courses import Room
 from common.arrays import Matrix, Vector
-from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 
 DISPLACEMENT_M: Final = 0.005
@@ -99,35 +97,6 @@ def pushes(drawn: list[Step], n: int) -> tuple[Push, ...]:
     return tuple(
         Push(step.onset_ms, STEP_MS, step.torque * np.eye(n)[step.joint]) for step in drawn
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Touch:
-    """A force on one link, that behind the joint; its torque (n,) [Nm] is kept for STEP_MS."""
-
-    joint: int
-    torque: Vector
-    onset_ms: int
-
-
-def touches(robot: Robot, seed: int, onsets_ms: list[int], path: Motion) -> list[Touch]:
-    """A force at each onset: on any link, within 5 cm of its centre of mass in each direction, of
-    any direction and 5 to 30 N; torques are those of the pose that the path wants there."""
-    rng = np.random.default_rng((seed, 15))
-    model = pin.buildModelFromXML(robot.urdf)
-    data = model.createData()
-    drawn = []
-    for onset_ms in onsets_ms:
-        joint = int(rng.integers(model.nv))
-        lever = model.inertias[joint + 1].lever + rng.uniform(-0.05, 0.05, 3)
-        force = rng.normal(size=3)
-        force *= rng.uniform(5.0, 30.0) / np.linalg.norm(force)
-        q, _ = path.at(1e-3 * onset_ms - 0.5 * path.ramp_s, 1.0)
-        pin.computeJointJacobians(model, data, q)
-        J = pin.getJointJacobian(model, data, joint + 1, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        moment = np.cross(data.oMi[joint + 1].rotation @ lever, force)
-        drawn.append(Touch(joint, J.T @ np.concatenate((force, moment)), onset_ms))
-    return drawn
 
 
 def onsets_in_motion(seconds: float, seed: int) -> list[int]:

@@ -1,7 +1,5 @@
-"""Measurements of the commands that answer from recordings: time, memory, workers.
-
-Recordings are made of one that was recorded: cut into many, or put one after another.
-"""
+"""Measurements of the commands that answer from recordings: time and memory. Long
+recordings are one that was recorded, put one after another."""
 
 import os
 import shutil
@@ -25,8 +23,6 @@ from programs.recordings.view import read_view
 from programs.recordings.whatif import ask
 
 LEVELS: Final = 200
-FILES: Final = 100
-FILE_TICKS: Final = 6000
 _PEAK: Final = """
 import sys
 from programs.contactd.contactd import main
@@ -119,34 +115,3 @@ def growth_mb(short: Path, long: Path, joint: str, folder: Path) -> dict[str, fl
         name: peak_mb([*command, long], folder) - peak_mb([*command, short], folder)
         for name, command in commands.items()
     }
-
-
-def cut(path: Path, folder: Path) -> None:
-    """Write FILES recordings of FILE_TICKS each, no two the same."""
-    snapshot, states = messages_of(path)
-    room = max(len(states) - FILE_TICKS, 1)
-    for k in range(FILES):
-        begin = (k * 599) % room
-        write(folder / f"{k:03}.mcap", [(snapshot, states[begin : begin + FILE_TICKS])])
-
-
-def worker_speed(folder: Path, joint: str, scratch: Path, rounds: int) -> list[float]:
-    """How many times as fast `contactd whatif` is with two workers as with one, on all recordings
-    of a folder, each time with a new cache, in turns."""
-
-    def wall_s(workers: int) -> float:
-        cache = tempfile.mkdtemp(dir=scratch)
-        levels = f"{joint}=0.1:4:0.02"
-        command = ["whatif", str(folder), "--threshold", levels, "--workers", str(workers)]
-        begun = time.perf_counter()
-        subprocess.run(
-            [sys.executable, "-m", "programs.contactd.contactd", *command],
-            stdout=subprocess.DEVNULL,
-            env={**os.environ, "XDG_CACHE_HOME": cache},
-            check=True,
-        )
-        took = time.perf_counter() - begun
-        shutil.rmtree(cache)
-        return took
-
-    return [wall_s(1) / wall_s(2) for _ in range(rounds)]

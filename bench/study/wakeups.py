@@ -1,30 +1,22 @@
 """Wake-ups of control threads: how late they come, as histograms, and a rival of the daemon's loop
-that does nothing else than wake up.
-
-The rival is cyclictest of Debian's rt-tests. Where that is not installed, or lacks the rights that
-it needs, a sleeping thread with the daemon's own real-time set-up takes its place.
-"""
+that does nothing else than wake up: cyclictest of Debian's rt-tests."""
 
 import contextlib
 import json
-import multiprocessing
 import os
 import shutil
 import subprocess
 import tempfile
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from daemon.run import sleep_until
-from daemon.service.realtime import FIFO_PRIORITY, go_realtime
+from daemon.service.realtime import FIFO_PRIORITY
 
 LONGEST_US: Final = 100_000  # of cyclictest's histogram
 
@@ -62,71 +54,17 @@ class Distribution:
         return {f"p{p:g}": round(self.at(p), 1) for p in (50, 90, 99, 99.9, 100)}
 
 
-class Spawned:
-    """Process of its own that answers one request after the other, by a pipe."""
-
-    def __init__(self, serve: Callable[..., None], *arguments: object) -> None:
-        """`serve(connection, *arguments)` runs in it, and says once that it is ready. Raises
-        EOFError if it ends before that, having said why on stderr."""
-        spawned = multiprocessing.get_context("spawn")
-        self.connection, theirs = spawned.Pipe()
-        self._process = spawned.Process(target=serve, args=(theirs, *arguments), daemon=True)
-        self._process.start()
-        theirs.close()
-        self.connection.recv()
-
-    def close(self) -> None:
-        """End it and wait."""
-        self.connection.close()
-        self._process.join()
-
-
 @contextlib.contextmanager
-def a_rival(hz: int) -> Iterator["Rival"]:
-    """A control thread that only wakes up, as often as the loop, beside each turn: cyclictest, or
-    where it cannot be had a sleeping thread of ours."""
+def a_rival(hz: int) -> Iterator["Cyclictest | None"]:
+    """cyclictest, which wakes up as often as the loop, beside each turn; None where it is not
+    installed or lacks its rights."""
     with tempfile.TemporaryDirectory(prefix="cyclictest-") as folder:
-        if program := shutil.which("cyclictest"):
-            with contextlib.closing(Cyclictest(program, hz, Path(folder) / "json")) as cyclictest:
-                if cyclictest.works():
-                    yield cyclictest
-                    return
-        with contextlib.closing(Sleeper(hz)) as sleeper:
-            yield sleeper
-
-
-class Sleeper(Spawned):
-    """A process whose thread does nothing but wake up, with the daemon's real-time set-up."""
-
-    name, threads = "sleeper", 1
-
-    def __init__(self, hz: int) -> None:
-        super().__init__(_sleep, 1.0 / hz)
-
-    def begin(self, seconds: int) -> None:
-        self.connection.send(seconds)
-
-    def result(self) -> Distribution:
-        return Distribution.of(self.connection.recv())
-
-
-def _sleep(connection: Connection, period_s: float) -> None:
-    go_realtime()
-    connection.send(None)
-    with contextlib.suppress(EOFError):
-        while True:
-            connection.send(_lateness_us(connection.recv(), period_s))
-
-
-def _lateness_us(seconds: float, period_s: float) -> list[float]:
-    begun = time.monotonic()
-    k, late = 1, []
-    while k * period_s <= seconds:
-        sleep_until(begun + k * period_s)
-        woken_s = time.monotonic() - begun
-        late.append(1e6 * (woken_s - k * period_s))
-        k = max(k, int(woken_s / period_s)) + 1  # as cyclictest and the loop go on
-    return late
+        program = shutil.which("cyclictest")
+        if program is None:
+            yield None
+            return
+        with contextlib.closing(Cyclictest(program, hz, Path(folder) / "json")) as cyclictest:
+            yield cyclictest if cyclictest.works() else None
 
 
 class Cyclictest:
@@ -175,9 +113,6 @@ class Cyclictest:
         if self._process is not None and self._process.returncode is None:
             self._process.terminate()
             self._process.communicate()
-
-
-Rival = Cyclictest | Sleeper
 
 
 def histogram(report: dict[str, Any]) -> Distribution:

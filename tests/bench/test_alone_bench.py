@@ -1,13 +1,13 @@
 """What `bench.alone` counts: contacts without a person, and which targets a result meets."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bench.alone import Result, missed, row_of, targets
+from bench.alone import Result, missed, targets
 from bench.study.alone import Job, Watched, arm_of
 from bench.study.changes import Change
 from daemon.modes.table import Mode
@@ -70,4 +70,4 @@ def test_a_touch_is_missed_that_the_arm_without_the_change_feels(
     delays: list[float], usual: list[float], count: int
 ) -> None:
     assert missed(delays, usual) == count
-    json.dumps(row_of(replace(GOOD, missed=missed(delays, usual))))
+    json.dumps(asdict(replace(GOOD, missed=missed(delays, usual))))

@@ -1,21 +1,18 @@
 """Detection bench, from the population to its figures."""
 
-import io
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from bench.detection import alarmed, joint_table, table, targets, worth
-from bench.rigs.arm_without_bus import Harness, Recording
+from bench.detection import alarmed, targets, worth
+from bench.rigs.arm_without_bus import Harness
 from bench.rigs.lockstep import ROMEO
 from bench.study import population, world
 from bench.study.detection_score import score
-from bench.study.estimates import Estimates
-from bench.study.monte_carlo import Job, Result, named_link, run
-from bench.study.population import STEP_MS, Touch
+from bench.study.monte_carlo import Job, Result, run
+from bench.study.population import STEP_MS
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from simulator.description import Mismatch, SimulationSettings
@@ -70,52 +67,6 @@ def test_steps_do_not_overlap_and_rests_hold_theirs(seed: int) -> None:
         assert population.GO_S + 0.9 < 1e-3 * onset % cycle < cycle - 0.5
 
 
-def test_a_force_on_a_link_turns_no_joint_beyond_it(configuration: Configuration) -> None:
-    robot, path = load_robot(ROMEO), population.motion(configuration, 4)
-    drawn = population.touches(robot, 4, list(range(3000, 63_000, 1000)), path)
-    for touch in drawn:
-        assert not touch.torque[touch.joint + 1 :].any()
-        assert np.abs(touch.torque).max() < 30.0 * 1.0  # of an arm shorter than a metre
-    assert {touch.joint for touch in drawn} == set(range(7))
-
-
-@pytest.mark.parametrize(
-    ("said", "residual", "named"),
-    [
-        (2, 0.6, "right"),
-        (1, 0.6, "further in"),
-        (3, 0.6, "further out"),
-        (-1, 0.6, "cannot tell"),
-        (2, 0.4, "not felt"),
-    ],
-)
-def test_what_was_said_of_a_touched_link(said: int, residual: float, named: str) -> None:
-    """Felt at the first SYNC after the onset only; what was said then counts."""
-    ticks, n = 60, 4
-    exceeded = np.zeros((ticks, n))
-    exceeded[2] = residual
-    links = np.full(ticks, -1)
-    links[2] = said
-    truth = np.zeros((10 * ticks, n))
-    recording = Recording(
-        time_s=0.01 * np.arange(ticks),
-        samples=np.zeros((ticks, 4, n)),
-        phi=truth,
-        gear_torque=truth,
-        external=truth,
-        half_gap=np.zeros(n),
-        breakaway=np.zeros(n),
-    )
-    found = Estimates(
-        residuals={"backlash": exceeded},
-        threshold=np.full((ticks, n), 0.5),
-        side=np.zeros((ticks, n), dtype=np.int8),
-        touched_link=links,
-        delay_s=0.005,
-    )
-    assert named_link(Touch(2, np.zeros(n), 25), recording, found) == named
-
-
 def test_steps_in_motion_are_felt_when_they_act(moving: Result) -> None:
     backlash = moving.names.index("backlash")
     assert len(moving.trials) == 2
@@ -139,13 +90,6 @@ def test_scores_and_targets_of_few_runs(
     assert math.isnan(best.smallest_rest_nm[0])
     found = {target.name: target for target in targets({"smooth": by_name}, configuration)}
     assert found["false alarms in 0.000833 h, backlash, smooth"].met
-    shown = Console(record=True, width=80, file=io.StringIO())
-    many = {**by_name, "classical": replace(classical, alarms=9999, tried_moving=999)}
-    shown.print(table("smooth", many, "title"), joint_table("smooth", many, configuration))
-    text = shown.export_text()
-    assert "…" not in text
-    row = next(line.split() for line in text.splitlines() if line.startswith("classical "))
-    assert row[1:3] == ["9999", str(1200 * classical.alarms)]
     noisy = replace(free, alarms=np.eye(*free.alarms.shape, dtype=np.int64))
     first = configuration.joints[0].name
     assert alarmed([free, moving], configuration.joint_names) == []

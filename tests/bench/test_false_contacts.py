@@ -1,7 +1,6 @@
 """Counting of false contacts, and the population that makes them."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,13 +8,12 @@ from click.testing import CliRunner
 
 from bench import false_contacts
 from bench.false_contacts import PARTS, tally
-from bench.rigs.arm_without_bus import Harness, Recording
+from bench.rigs.arm_without_bus import Recording
 from bench.rigs.lockstep import ROMEO
 from bench.study import world
 from bench.study.estimates import Estimates
 from daemon.config.load import load_robot
 from estimator.motor_position import Side
-from simulator.description import Mismatch
 
 TICKS, N = 300, 2
 CONTACT = np.array([1.0, 0.5])
@@ -38,7 +36,6 @@ def estimated(residual: np.ndarray, side: int = Side.LEFT) -> Estimates:
         residuals={"ours": residual, "theirs": 2.0 * residual},
         threshold=np.tile(CONTACT, (TICKS, 1)),
         side=np.full((TICKS, N), side, dtype=np.int8),
-        touched_link=np.full(TICKS, -1),
         delay_s=0.0,
     )
 
@@ -88,16 +85,6 @@ def test_arms_of_the_world_differ_in_what_nobody_knows() -> None:
     smooth = world.subject(robot, "smooth", 7).settings
     assert (smooth.friction, smooth.stribeck) == ("smooth", 1.0)
     assert world.subject(robot, "dahl", 7).settings.presliding == smooth.presliding
-
-
-def test_their_friction_is_off_by_two_fifths() -> None:
-    robot = load_robot(ROMEO)
-    arm = world.subject(robot, "dahl", 3)
-    right = Mismatch(**dict.fromkeys(Mismatch.__struct_fields__, 0.0))
-    settings = type(arm.settings)(mismatch=right)
-    model = Harness(replace(arm, settings=settings, displacement_m=0.0)).parameters
-    off = Harness(arm).parameters.coulomb / np.where(model.coulomb > 0.0, model.coulomb, np.nan)
-    np.testing.assert_allclose(np.abs(off[np.isfinite(off)] - 1.0), 0.4)
 
 
 def test_the_report_is_of_every_law_residual_and_arm() -> None:

@@ -21,7 +21,7 @@ def turn(cpu_us: float, *, missed: int = 0, rival_us: tuple[float, ...] = (50.0,
 
 
 def run(hz: int, turns: list[Turn]) -> Run:
-    return run_of(hz, turns, rival="sleeper", waited=True)
+    return run_of(hz, turns, rival="cyclictest", waited=True)
 
 
 def met(of: Run, *, load: bool = False) -> dict[str, bool]:
@@ -53,7 +53,7 @@ def test_loaded_at_250_hz_no_more_deadlines_are_missed_than_the_rival_would(
     missed: int, rival_us: tuple[float, ...], good: bool
 ) -> None:
     found = run(250, [turn(100.0, missed=missed, rival_us=rival_us)])
-    assert met(found, load=True)["deadlines missed, at most the sleeper's"] is good
+    assert met(found, load=True)["deadlines missed, at most the cyclictest's"] is good
     assert not [name for name in met(found) if "missed" in name]
 
 

@@ -3,9 +3,11 @@
 import json
 import math
 
+import numpy as np
 import pytest
 
 from bench.report import Target, print_report
+from daemon.modes.table import Mode
 
 
 @pytest.mark.parametrize("better", ["lower", "higher"])
@@ -16,6 +18,9 @@ def test_what_was_not_measured_is_not_met_and_said(better, capsys) -> None:
     assert (
         capsys.readouterr().out == f"  smallest step: too few trials to tell ({sign} 6) NOT MET\n"
     )
+    data = {"a": {Mode.HOLDING: np.array([0.12346, math.nan]), "b": Mode.HOLDING}}
+    print_report("some", 1, [], data, as_json=False)
+    assert capsys.readouterr().out == "a:\n  holding: [0.1235, null]\n  b: holding\n\n"
     print_report("some", 1, [target], {}, as_json=True)
 
     def refuse(word: str) -> None:

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bench import commissioning, identification, masses, mutants, oracle, reaction, requests, web
-from bench.report import Target
+from bench import identification, masses, oracle, reaction
 from bench.rigs.faults import PLACES, SHOWN
-from bench.rigs.lockstep import DESK_ARM, SINGLE_JOINT
+from bench.rigs.lockstep import DESK_ARM
 from bench.study.masses import MassesFound, MassesJob
 
 
@@ -63,42 +62,6 @@ def test_masses(monkeypatch: pytest.MonkeyPatch) -> None:
     ]
 
 
-def test_commissioning(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An arm goes from zero to armed in tests/docs/test_first_arm.py."""
-    seen: list[tuple[str, int]] = []
-
-    def part(name: str, limit: float) -> Any:
-        def commission(folder: Path, seed: int, show: Any) -> tuple[list[Target], dict[str, Any]]:
-            assert folder.is_dir()
-            seen.append((name, seed))
-            return [Target(name, 1.0, limit)], {}
-
-        return commission
-
-    parts = {"romeo": part("romeo", 2.0), "upright": part("upright", 0.5)}
-    monkeypatch.setattr(commissioning, "PARTS", parts)
-    assert unmet(reported(commissioning.main, "--seed", "3")) == ["upright"]
-    assert unmet(reported(commissioning.main, "--part", "romeo")) == []
-    assert seen == [("romeo", 3), ("upright", 3), ("romeo", 1)]
-
-
-def test_requests(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(requests, "ROBOTS", (SINGLE_JOINT,))
-    report = reported(requests.main, "--seconds", "1")
-    (arm,) = report["data"]["arms"]
-    assert arm["requests"] > 0
-    assert (arm["missed"], arm["broken"], arm["ended"]) == ([], [], "")
-
-
-def test_web_without_a_browser(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(web, "chromium", lambda: None)
-    report = reported(web.main, "--rounds", "1", "--seconds", "1")
-    values = {target["name"]: target["value"] for target in report["targets"]}
-    assert report["data"]["states_read"] > 0
-    assert values["memory of the web process"] > 10.0
-    assert "first paint" not in values
-
-
 def test_oracle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(oracle, "HANDS", {DESK_ARM: oracle.HANDS[DESK_ARM]})
     before, after = tmp_path / "before", tmp_path / "after"
@@ -116,10 +79,3 @@ def test_oracle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert status == 1
     assert words.startswith("differs at line 14")
     assert words.endswith(": mode")
-
-
-def test_mutants_are_of_files_that_there_are() -> None:
-    for file, tests in mutants.TESTS.items():
-        assert all((mutants.ROOT / each).is_file() for each in (file, *tests))
-    listed = mutants.equivalent(tuple(mutants.TESTS))
-    assert {mutant.file for mutant in listed} <= set(mutants.TESTS)

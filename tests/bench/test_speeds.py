@@ -25,7 +25,7 @@ def names(report: dict[str, Any]) -> list[str]:
 
 
 def test_recordings() -> None:
-    report = reported(recordings.main, "--minutes", "0.03", "--rounds", "1", "--no-many")
+    report = reported(recordings.main, "--minutes", "0.03", "--rounds", "1", "--no-long")
     replay_us = report["data"]["replay_us"]
     assert replay_us.keys() == {"romeo_left_arm", "desk_arm"}
     assert all(0.0 < us < math.inf for us in replay_us.values())

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import served_daemon
 from daemon.config.load import load_robot
 from programs.clients.client import Client
 from programs.identify.identification import from_here
+from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import wired_joint
 
 

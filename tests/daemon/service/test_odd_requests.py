@@ -12,11 +12,11 @@ import msgspec
 import pytest
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
-from bench.rigs.odd_requests import OddRequests
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.modes.table import Event, Mode
 from daemon.protocol.requests import Request
 from programs.clients.client import Client
+from tests.daemon.service.odd_requests import OddRequests
 from tests.examples import scaled
 
 # `reload` sets the drives up anew, and `enable` reads them all: they are tried elsewhere.

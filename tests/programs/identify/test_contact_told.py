@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from bench.rigs.person import CommissionedArm
 from daemon.protocol.state import Contact, Notice
 from programs.identify.contact_warnings import (
     ContactWarning,
@@ -12,6 +11,7 @@ from programs.identify.contact_warnings import (
     other_joint_touched,
     wiring_spoiled,
 )
+from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import TypedCommand, wired_joint
 
 

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import yaml
 
-from bench.rigs import upright_arm
 from bench.rigs.lockstep import lockstep_rig
 from daemon.config.identified import samples_alike
 from daemon.config.load import load_robot
 from daemon.config.marks import marks
 from drivers.wiring import Harmonic
 from programs.simulate.simulated_robot import true_arm
+from tests.programs.identify import upright_arm
 
 SAID = [Harmonic(order=2, cosine=0.0004, sine=-0.0003)]
 

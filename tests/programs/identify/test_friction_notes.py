@@ -1,16 +1,17 @@
 """Notes on fits of friction: wide intervals, and gravity that does not fit."""
 
 import math
+import re
 from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
 
-from bench.rigs.person import LONGER
 from identification.friction_verdict import Verdict
 from programs.contactd.contactd import main
 from programs.identify.friction_notes import LONGEST_S, load_doubts, off_scale, wide_intervals
 
+LONGER = re.compile(r"`--seconds\s+(\d+)`\s+narrows")
 URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
 
 

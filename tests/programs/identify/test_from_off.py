@@ -12,7 +12,6 @@ import yaml
 
 from bench.rigs.generated_arms import generate, in_yaml
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ControlError
 from daemon.config.evidence import due
@@ -22,6 +21,7 @@ from programs.identify.identification import may_move, may_reset
 from programs.identify.session import Session
 from programs.identify.steps.wiring import how_to_go_on
 from programs.simulate.simulated_robot import true_arm
+from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import TypedCommand, stopped, wired_joint
 
 

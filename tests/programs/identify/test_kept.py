@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.config import identified as file
 from programs.clients.client import Client
 from programs.clients.recorder import record
+from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import TypedCommand, identify, stopped, wired_joint
 
 THRESHOLDS = ("thresholds", "--seconds", "40")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import CommissionedArm, Written
 from daemon.config import identified as file
 from daemon.config.load import Robot, load_robot
 from daemon.protocol.state import Snapshot, State
@@ -21,6 +20,7 @@ from programs.identify import session
 from programs.simulate.simulated_robot import describe
 from simulator.description import ArmDescription, EncoderError
 from simulator.truth import SimulationFile
+from tests.programs.identify.commissioned_arm import CommissionedArm, Written
 from tests.programs.identify.typed_session import identify
 
 ERROR = 0.002

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import CommissionedArm, Written
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from programs.clients.client import Client
 from programs.identify import session
+from tests.programs.identify.commissioned_arm import CommissionedArm, Written
 from tests.programs.identify.typed_session import identify
 
 ENTRY = {"date": "2026-01-02T03:04:05+00:00", "log": "0"}

@@ -9,7 +9,6 @@ import pytest
 from rich.console import Console
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
-from bench.rigs.person import CommissionedArm
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from estimator.model import Model
@@ -17,6 +16,7 @@ from programs.identify.identification import Identification
 from programs.identify.live_strokes import StrokesOfJoint, UnobservableError
 from programs.identify.motions import WIRING_SPEED, strokes
 from programs.identify.steps.gap import gap
+from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import TypedCommand, wired_joint
 
 

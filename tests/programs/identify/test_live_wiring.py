@@ -10,9 +10,9 @@ import yaml
 
 from bench.rigs.generated_arms import generate, in_yaml
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import served_daemon
 from programs.simulate.simulated_robot import true_arm
+from tests.programs.identify.commissioned_arm import CommissionedArm
 
 WRONG_GEAR = (
     r"shoulder: its gear or a scale is wrong, or its gap is larger than half_gap says "

@@ -15,7 +15,6 @@ import pytest
 from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
-from bench.rigs.person import CommissionedArm
 from bench.rigs.served_daemon import ServedDaemon
 from common.errors import LogError
 from daemon.config import identified as file
@@ -27,6 +26,7 @@ from programs.contactd import contactd
 from programs.identify.hand import Hand
 from programs.identify.measured import read_measured
 from programs.identify.session import followed
+from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import (
     MOTION_S,
     TypedCommand,

@@ -8,7 +8,6 @@ from pathlib import Path
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import SINGLE_JOINT
-from bench.rigs.person import CommissionedArm, Written
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.config import identified as file
 from daemon.config.load import load_robot
@@ -16,6 +15,7 @@ from daemon.config.schema import ArmingStep
 from daemon.modes.table import Mode
 from programs.contactd import contactd
 from programs.identify.merge import merged
+from tests.programs.identify.commissioned_arm import CommissionedArm, Written
 
 MOTION_S = 3.0
 """Motion after which a step has measured something [s]."""

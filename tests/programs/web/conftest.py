@@ -12,8 +12,8 @@ import pytest
 from msgspec.structs import replace
 
 from bench.rigs.browser import browser, chromium
-from bench.rigs.page import Page, page_of
 from daemon.protocol.state import State
+from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from bench.rigs.page import page_of
 from contactd_client.paths import view_socket_path
 from programs.web.contactd_web import main
 from programs.web.elsewhere import MOST_SHOWN, MOST_STOPS, Router, shown_of
 from programs.web.guard import COMMAND_HEADER
 from programs.web.words import Elsewhere, Other, Outcome
 from programs.zenoh.fleet import Arm
+from tests.programs.web.page_server import page_of
 from tests.programs.web.screens import PHONE, Screens
 from tests.programs.web.visitor import PATIENCE_S, visiting
 from tests.programs.zenoh.bridge import Bridge, until

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from bench.rigs.page import Page
 from tests.programs.web.firefox import Window, firefox, window
+from tests.programs.web.page_server import Page
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES
 
 FakeDaemon = Any  # of tests/fake_daemon.py

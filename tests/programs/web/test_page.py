@@ -11,10 +11,10 @@ from matplotlib.image import imread
 
 from bench.rigs.generated_arms import Body, urdf_of
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.page import Page, page_of
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Permit, StreamState
+from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py

@@ -10,13 +10,13 @@ import pytest
 from msgspec.structs import replace
 
 from bench.rigs.lockstep import ROMEO
-from bench.rigs.page import page_of
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.modes.table import Mode
 from daemon.protocol.requests import Arm
 from daemon.protocol.state import State
 from programs.clients.client import Client
 from simulator.hand_script import Guide, Push, Release
+from tests.programs.web.page_server import page_of
 from tests.programs.web.screens import PATIENCE_MS, PHONE, Screens
 
 # Those of the third experiment, when they are asked for.

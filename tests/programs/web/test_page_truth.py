@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from bench.rigs.page import Page, page_of
 from daemon.faults.conditions import Condition
 from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE
 from daemon.modes.table import Mode
 from daemon.protocol.state import Permit
 from tests.programs.web.network import Network, network
+from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, PATIENCE_MS, PHONE, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py

@@ -12,12 +12,12 @@ from typing import Any
 import aiohttp
 import pytest
 
-from bench.rigs.page import ticks_in
 from common.errors import ConfigurationError
 from contactd_client.paths import view_socket_path
 from programs.web import server
 from programs.web.guard import COOKIE
 from programs.web.serve import settings_of
+from tests.programs.web.page_server import ticks_in
 from tests.programs.web.visitor import PATIENCE_S, TOKEN, messages, token_file, visiting
 
 FakeDaemon = Any  # of tests/fake_daemon.py

@@ -1,4 +1,4 @@
-"""The page's server as a process, `contactd-web`, for tests and benches."""
+"""The page's server as a process, `contactd-web`, for tests."""
 
 import contextlib
 import re

@@ -6,7 +6,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.rigs import upright_arm
 from bench.rigs.lockstep import Rig, lockstep_rig
 from common.arrays import Vector
 from daemon.config.load import Robot, load_robot
@@ -19,6 +18,7 @@ from programs.identify.steps.friction import friction_outcome
 from programs.identify.swinging import SwingWatch
 from programs.simulate.simulated_robot import true_arm
 from simulator.mismatch import load_model, true_parameters
+from tests.programs.identify import upright_arm
 
 GAIN = 8.0
 
