@@ -97,9 +97,8 @@ class SimulatedArm:
             for joint, make in enumerate(makes)
         )
         self.drives = tuple(node for node in self._nodes if isinstance(node, Drive))
-        """Its CANopen drives, in the order of the joints."""
         self.motors = tuple(node for node in self._nodes if isinstance(node, DamiaoMotor))
-        """Its Damiao motors, likewise."""
+        """Its CANopen drives and its Damiao motors, each in the order of the joints."""
         self._by_node = {drive.node: drive for drive in self.drives}
         if len({joint.node for joint in description.joints}) != n:
             raise ConfigurationError("simulated arm: two joints share a node number")

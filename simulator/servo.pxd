@@ -2,10 +2,9 @@
 
 cdef class Servo:
     cdef Py_ssize_t _n
-    cdef readonly object damping, stiffness, target, reference, rate, fall, current
+    cdef readonly object damping, stiffness, target, reference, rate, current
     cdef double[::1] _targets, _references, _rates, _currents
-    cdef double[::1] _kp, _ki_step, _highest, _wanted, _integral, _energised
-    cdef double[::1] _falls
+    cdef double[::1] _kp, _ki_step, _highest, _wanted, _integral, _energised, _per_rise
 
     cpdef void energise(self, Py_ssize_t joint, double velocity) noexcept
     cpdef void release(self, Py_ssize_t joint) noexcept

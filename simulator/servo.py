@@ -37,18 +37,19 @@ class Servo:
         """stiffness with which a stop is held (n,) [Nm/rad], likewise"""
         self._kp, self._ki_step = kp, kp * INTEGRAL_RATE * SERVO_PERIOD_S
         self._highest = np.array([joint.max_current_A for joint in joints], dtype=np.float64)
-        self.target, self.reference, self.rate, self.fall, self.current = np.zeros((5, n))
+        self.target, self.reference, self.rate, self.current = np.zeros((4, n))
         # The same arrays, for others to read and write as such, and for `update`.
         self._targets, self._references = self.target, self.reference
-        self._rates, self._falls, self._currents = self.rate, self.fall, self.current
+        self._rates, self._currents = self.rate, self.current
         self._wanted, self._integral = np.zeros((2, n))
+        self._per_rise = np.ones(n)  # rate of a fall, over `rate`
         self._energised = np.zeros(n)
 
     def energise(self, joint: int, velocity: float) -> None:
         """Switch on at the present velocity: the current does not jump."""
         self._energised[joint] = 1.0
         self._references[joint] = self._targets[joint] = velocity
-        self._rates[joint] = self._falls[joint] = self._integral[joint] = 0.0
+        self._rates[joint] = self._integral[joint] = 0.0
 
     def release(self, joint: int) -> None:
         """No current: the motor is limp."""
@@ -71,16 +72,17 @@ class Servo:
         self._targets[joint] = velocity
         periods = max(1.0, over_s / SERVO_PERIOD_S)
         self._rates[joint] = abs(velocity - self._references[joint]) / periods
-        self._falls[joint] = self._rates[joint]
+        self._per_rise[joint] = 1.0
 
     def ramp(self, joint: int, velocity: float, acceleration: float) -> None:
         """Reach `velocity` at `acceleration` [rad/s^2]."""
-        self.slew(joint, velocity, acceleration, acceleration)
+        self._targets[joint] = velocity
+        self._rates[joint], self._per_rise[joint] = acceleration * SERVO_PERIOD_S, 1.0
 
     def slew(self, joint: int, velocity: float, rise: float, fall: float) -> None:
         """Reach `velocity` by other accelerations up and down [rad/s^2], both positive."""
-        self._targets[joint] = velocity
-        self._rates[joint], self._falls[joint] = rise * SERVO_PERIOD_S, fall * SERVO_PERIOD_S
+        self.ramp(joint, velocity, rise)
+        self._per_rise[joint] = fall / rise
 
     def arrived(self, joint: int) -> bool:
         """True when the ramp is over."""
@@ -95,7 +97,8 @@ class Servo:
         [A]."""
         for i in range(self._n):
             way = self._targets[i] - self._references[i]
-            self._references[i] += max(min(way, self._rates[i]), -self._falls[i])
+            rise = self._rates[i]
+            self._references[i] += max(min(way, rise), -rise * self._per_rise[i])
             error = self._references[i] - velocity[i]
             self._integral[i] += error * self._ki_step[i]
             wanted = (self._kp[i] * error + self._integral[i]) * self._energised[i]

@@ -45,7 +45,6 @@ class Reaching:
                 servo.rate[:] = np.abs(velocity - servo.reference)
             case "accelerates":
                 servo.rate[:] = self.acceleration * SERVO_PERIOD_S
-        servo.fall[:] = servo.rate
 
 
 RAMPING: Final = Reaching()
