@@ -78,8 +78,8 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 56_485, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 13_543, 12_500),
+        Measure("lines of the product", lines(PRODUCT, root), 56_423, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 13_517, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_320, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 59_200, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 2, 0, long),
