@@ -87,18 +87,19 @@ def _span(seen: Samples) -> tuple[float, float, float]:
 
 
 def _floats(name: str, fit: StrokeFit, phi: Vector, half: float, follows: Vector) -> list[Limit]:
-    """Limits that a link breaks which nothing holds or pulls: it drifts in its gap while another
-    would cross it as fast as its motor turns, or faster; it rests at no border, and goes beyond
-    what the fit takes for one. phi (N,) about its middle, half its range [rad]."""
+    """Limits that a link breaks which nothing holds or pulls: it drifts in its gap, which another
+    crosses as fast as its motor turns, and rests beyond what the fit takes for borders. phi (N,)
+    about its middle, half its range [rad]."""
     cause = ("neither friction nor gravity holds the link in its gap, or it was touched: "
              f"`contactd identify gap {name} --by-hand`")  # fmt: skip
     inside = (np.abs(phi) < 0.5 * fit.alpha) & (np.abs(follows) < _DRIFTS)
-    floats = [Limit("share of the time in which the link floats in its gap", float(inside.mean()),
-                    _FLOATS, "", cause)]  # fmt: skip
-    if half - fit.bent > (1.0 + _BEYOND) * fit.alpha:
-        most = 1e3 * (_LOOSE * fit.alpha + _LOOSELY)
-        floats.append(Limit("scatter of phi as it floats", 1e3 * fit.scatter, most, "mrad", cause))
-    return floats
+    beyond = half - fit.bent > (1.0 + _BEYOND) * fit.alpha
+    return [
+        Limit("share of the time in which the link floats in its gap", float(inside.mean()),
+              _FLOATS, "", cause),
+        Limit("scatter of phi as it floats", 1e3 * fit.scatter * beyond,
+              1e3 * (_LOOSE * fit.alpha + _LOOSELY), "mrad", cause),
+    ]  # fmt: skip
 
 
 def _one_border(name: str, seen: Samples, half: float) -> GapResult:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from estimator.model import Model
 from identification.motion_log import MotionLog
-from identification.wiring_strokes import LEAST_MOTION, PIECE, between, follows_by, strokes_of
+from identification.wiring_strokes import LEAST_MOTION, PIECE, between, follows_by, strokes_in
 
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
@@ -43,8 +43,6 @@ class WiringResult:
     """Checks that were not possible, with the reason"""
     follows: float = float("nan")
     """Link motion over motor motion while the gear is engaged: 1"""
-    moved_by: float = float("nan")
-    """Link motion over motor motion where it did not follow both ways"""
     friction: float = float("nan")
     """Half the difference of the torques both ways [Nm]; positive"""
     held: float = float("nan")
@@ -61,14 +59,13 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     """Check of one joint, by a log in which only this joint was driven, slowly, both ways, through
     its gap."""
     name = log.joints[joint]
-    q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
-    theta = np.cumsum(velocity * steps)
+    theta = np.cumsum(log.motor_velocity[:, joint] * steps)
     turned = float(np.ptp(theta))
     if turned < LEAST_MOTION:
         return _did_not_turn(log, joint, turned, torque_constant)
     problems = [*_current_stays(log.current[:, joint]), *_position_disagrees(log, joint, theta)]
-    strokes = strokes_of(q, velocity, steps)
+    strokes = strokes_in(log, joint)
     if not follows_both_ways(log, joint):
         moved = np.ptp(log.link_position, axis=0)
         other = int(np.argmax(moved))
@@ -79,10 +76,8 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         else:
             about += (f": wrong gear, link_position object or scale, or a half-gap of more than "
                       f"{1e3 * (0.5 * turned - PIECE):.0f} mrad")  # fmt: skip
-        share, against = share_of_motor(log, joint)
-        moved_by = float("nan") if against else share
-        return WiringResult(joint=name, problems=(*problems, about), moved_by=moved_by)
-    engaged = np.zeros(len(q), dtype=np.bool_)
+        return WiringResult(joint=name, problems=(*problems, about))
+    engaged = np.zeros(len(theta), dtype=np.bool_)
     for stroke in strokes:
         engaged[stroke.rows] |= stroke.carried
     follows, (least, most) = follows_by(strokes), between(strokes)
@@ -138,27 +133,24 @@ def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:
 def _did_not_turn(log: MotionLog, joint: int, turned: float, constant: float) -> WiringResult:
     """Result for a motor that turned by so little [rad]: its drive, or what holds it."""
     about = f"the motor turned only {1e3 * turned:.2g} mrad at the link"
-    name, pressed = log.joints[joint], _held_by_friction(log, joint)
-    if pressed > 0.0:
+    if pressed := _held_by_friction(log, joint):
         about += (f", but pressed with {in_Nm(constant * pressed)} the way of its setpoints: its "
                   "drive obeys, and friction holds it, or a brake that is closed: raise the gains "
                   "of its velocity loop by the maker's tool (docs/porting.md, step 8)")  # fmt: skip
-        return WiringResult(joint=name, problems=(), undetermined=(about,))
+        return WiringResult(joint=log.joints[joint], problems=(), undetermined=(about,))
     about += ": does the drive get its setpoints, is the unit of motor_velocity right?"
-    return WiringResult(joint=name, problems=(about,))
+    return WiringResult(joint=log.joints[joint], problems=(about,))
 
 
 def _held_by_friction(log: MotionLog, joint: int) -> float:
-    """Current [A] with which a motor that stands pressed the way of its setpoints; 0 where its link
-    moved, or the current shows nothing of them."""
+    """Current [A] with which a standing motor pressed the way of its setpoints; 0 if it did not."""
     if log.setpoint is None or np.ptp(log.link_position[:, joint]) > LEAST_MOTION:
         return 0.0
     steps = np.diff(log.time_s, prepend=log.time_s[0])
     asked, current = np.cumsum(log.setpoint[:, joint] * steps), log.current[:, joint]
-    if not np.ptp(asked) or not np.ptp(current):
-        return 0.0
-    alike = np.corrcoef(asked, current)[0, 1]
-    return float(0.5 * np.ptp(current)) if alike > _ALIKE_CURRENT else 0.0
+    moved = np.ptp(asked) > 0.0 and np.ptp(current) > 0.0
+    alike = moved and np.corrcoef(asked, current)[0, 1] > _ALIKE_CURRENT
+    return float(0.5 * np.ptp(current)) if alike else 0.0
 
 
 def _current_stays(current: Vector) -> list[str]:
@@ -183,16 +175,13 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
 
 def follows_both_ways(log: MotionLog, joint: int) -> bool:
     """True where the motor went so far in both directions that its link came along."""
-    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
-    strokes = strokes_of(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
-    return {s.upward for s in strokes if s.carried} == {True, False}
+    return {s.upward for s in strokes_in(log, joint) if s.carried} == {True, False}
 
 
 def scale_unsure(log: MotionLog, joint: int) -> bool:
     """True where the link followed by a share that an encoder's error over so short a way, or a
     link that bounces or floats, may make, or by another one each way: move it once more."""
-    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
-    strokes = strokes_of(log.link_position[:, joint], log.motor_velocity[:, joint], steps)
+    strokes = strokes_in(log, joint)
     least, most = between(strokes)
     off = abs(follows_by(strokes) - 1.0)
     return _SURE < off < _BOUNCES or (off <= _SURE and most - least > _ALIKE)

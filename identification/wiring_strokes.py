@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.arrays import Vector
+from identification.motion_log import MotionLog
 
 LEAST_MOTION = 0.005
 """[rad] the motor must have turned."""
@@ -36,8 +37,10 @@ class Stroke:
         return self.steady and abs(self.way) > 0.5 * self.turned
 
 
-def strokes_of(q: Vector, velocity: Vector, steps: Vector) -> list[Stroke]:
+def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     """The last piece of `PIECE` that was carried of every way, or its end if none was."""
+    q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
+    steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
     direction = np.where(fast, np.sign(velocity), 0.0)
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(q)]

@@ -76,22 +76,16 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
             continue
         place = _of_drive(name, entry, "object")
         object_name = f"0x{where.object:04X}:{where.subindex:02X}"
-        if where.object in NOT_MEASURED:
-            what = f"{object_name} is {NOT_MEASURED[where.object]} by CiA 402, not a measurement"
-            yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
-        elif MEASURES.get(where.object, kind) != kind:
-            what = f"{object_name} is a {MEASURES[where.object]} by CiA 402"
-            yield Problem(*place, f"{what}; {WANTED[kind]} is wanted")
         variable = find_object(sheet, where.object, where.subindex)
-        if variable is not None and variable.writable:
-            yield Problem(
-                *place,
-                f"{object_name} ({variable.name}) can be written (access {variable.access_type}): "
-                "a parameter, not a measurement, unless the manual says otherwise",
-            )
-        elif variable is not None and (why := _not_measured(sheet, variable, kind)):
-            name_given = "".join(c for c in variable.name if c.isprintable())
-            yield Problem(*place, f"{object_name} ({name_given}) {why}")
+        if where.object in NOT_MEASURED:
+            what = f"is {NOT_MEASURED[where.object]} by CiA 402, not a measurement"
+            yield Problem(*place, f"{object_name} {what}; {WANTED[kind]} is wanted")
+        elif MEASURES.get(where.object, kind) != kind:
+            what = f"is a {MEASURES[where.object]} by CiA 402"
+            yield Problem(*place, f"{object_name} {what}; {WANTED[kind]} is wanted")
+        if variable is not None and (why := _not_measured(sheet, variable, kind)):
+            called = "".join(c for c in variable.name if c.isprintable())
+            yield Problem(*place, f"{object_name} ({called}) {why}")
         other = by_object.setdefault((where.object, where.subindex), entry)
         if other != entry:
             yield Problem(
@@ -121,6 +115,9 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
 
 def _not_measured(sheet: DataSheet, variable: Variable, kind: str) -> str:
     """Reason why an object is no measurement, or not the best; empty without one."""
+    if variable.writable:
+        return (f"can be written (access {variable.access_type}): a parameter, not a measurement, "
+                "unless the manual says otherwise")  # fmt: skip
     words = words_of(variable.name)
     if variable.index not in STANDARD and (other := words & NO_MEASUREMENT):
         return f"is no measurement by its name (`{min(other)}`); {WANTED[kind]} is wanted"
@@ -137,8 +134,7 @@ def _not_measured(sheet: DataSheet, variable: Variable, kind: str) -> str:
 def _positions(
     name: str, profile: CanopenProfile, sheet: DataSheet, gears: list[float], travel: float
 ) -> Iterator[Problem]:
-    """Scales of encoders: whole counts per turn, as many as the EDS gives. travel: the widest range
-    of the joints' limits [rad]."""
+    """Scales of encoders: whole counts per turn. travel: widest range of the limits [rad]."""
     for entry in ("link_position", "motor_position"):
         where: Quantity | None = getattr(profile, entry)
         if where is None:
@@ -149,17 +145,12 @@ def _positions(
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
-        second = entry == "link_position" and where.object == 0x60E4
-        objects = (0x60E6, 0x60EB, where.subindex) if second else (0x608F, 0x608F, 0)
-        in_eds = counts_per_motor_turn(sheet, *objects)
-        # A second encoder is given by its own turn, or by that of the motor.
-        allowed = [in_eds, *(in_eds * gear for gear in gears if second)]
-        stated = in_eds > 0.0 and (second or entry == "motor_position")
-        if stated and not any(agree(counts, one, AGREES) for one in allowed):
+        in_eds = counts_per_motor_turn(sheet)
+        if entry == "motor_position" and in_eds and not agree(counts, in_eds, AGREES):
             yield Problem(
                 *place,
-                f"{per_turn}, and the EDS has {in_eds:g} per {'turn' if second else 'motor turn'} "
-                f"(0x{objects[0]:04X}): scale would be {figure(TURN / in_eds)}",
+                f"{per_turn}, and the EDS has {in_eds:g} per motor turn (0x608F): scale would be "
+                f"{figure(TURN / in_eds)}",
             )
     where = profile.link_position
     variable = find_object(sheet, where.object, where.subindex)

@@ -21,17 +21,13 @@ def objections(
     arms: those of `configs/` come with a file of their own, which fits no other drives.
     """
     reasons = []
-    if names := outdated("wiring", found, c, urdf):
-        reasons.append(
-            f"the wiring of {', '.join(names)} in {c.identified} belongs to another configuration: "
-            f"{ENTRIES['wiring'].depends} were changed since (`contactd identify wiring "
-            f"{' '.join(names)}` again)"
-        )
-    if names := outdated("zero", found, c, urdf):
-        reasons.append(
-            f"the zero of {', '.join(names)} in {c.identified} belongs to another arm: "
-            f"{ENTRIES['zero'].depends} were changed since (`contactd identify zero` again)"
-        )
+    for step, stated in (("wiring", ""), ("zero", "=RAD")):
+        if names := outdated(step, found, c, urdf):
+            command = " ".join(["contactd identify", step, *(name + stated for name in names)])
+            reasons.append(
+                f"the {step} of {', '.join(names)} in {c.identified} belongs to another "
+                f"configuration: {ENTRIES[step].depends} were changed since (`{command}` again)"
+            )
     for joint in c.joints:
         known = found.joints.get(joint.name) if found is not None else None
         if (
@@ -77,18 +73,13 @@ def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -
 
 
 def in_force(entry: Entry, name: str, found: Identified, c: Configuration, urdf: str) -> bool:
-    """True if nothing that an entry of this joint depends on was changed; older files have a mark
-    of the whole arm for it, the oldest one for all entries."""
-    part = entry.depends
-    if not entry.of:
-        return found.configuration == fingerprint(c, urdf)
-    return entry.of in (marks_of(c, urdf, name)[part], marks(c, urdf)[part])
-
-
-def due(step: ArmingStep, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Joints that have not passed a step, or that a change since has voided."""
-    names = {*unidentified(step, found, c), *outdated(step, found, c, urdf)}
-    return [name for name in c.joint_names if name in names]
+    """True if no dependency was changed; older files have marks of the arm, the oldest has one."""
+    part, oldest = entry.depends, found.configuration == fingerprint(c, urdf)
+    return (
+        oldest
+        if not entry.of
+        else entry.of in (marks_of(c, urdf, name)[part], marks(c, urdf)[part])
+    )
 
 
 def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str]:

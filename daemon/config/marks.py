@@ -24,11 +24,6 @@ class Dependence(StrEnum):
     MASSES = "drives, wiring, torque constants, period or URDF"
     BODIES = "drives, wiring, torque constants, period, URDF or identified masses"
 
-    @property
-    def of_all(self) -> bool:
-        """True where any joint's change voids the values of all."""
-        return self in (Dependence.MASSES, Dependence.BODIES)
-
 
 _JOINT = ("origin", "axis", "parent", "child", "mimic")
 
@@ -45,14 +40,14 @@ def marks_of(c: Configuration, urdf: str, name: str) -> dict[Dependence, str]:
     (joint,) = (one for one in c.joints if one.name == name)
     profile = joint.wiring.profile
     alone = msgspec.structs.replace(c, joints=[joint], drives={profile: c.drives[profile]})
-    of_joint, of_all = marks(alone, urdf), marks(c, urdf)
-    return {part: (of_all if part.of_all else of_joint)[part] for part in Dependence}
+    whole = marks(c, urdf)
+    of_all = {part: whole[part] for part in (Dependence.MASSES, Dependence.BODIES)}
+    return marks(alone, urdf) | of_all
 
 
 def marks(c: Configuration, urdf: str) -> dict[Dependence, str]:
-    """SHA-256 of each part of the whole arm, also the marks of joints in older files. Other values
-    found before are not part of it; nor is the product of a drive, which is identified by its
-    serial number."""
+    """SHA-256 of each part, for all joints: marks of older files. Other values found before are not
+    part of it; nor is the product of a drive, which is identified by its serial number."""
     geometry, masses = _urdf(urdf)
     wiring = [(joint.name, _wiring(joint)) for joint in c.joints]
     everything = (_drives(c), wiring, c.period_ms, geometry)

@@ -99,14 +99,11 @@ class Following:
         return np.flatnonzero(self._in_row >= TICKS).tolist()
 
     def figures(self, joint: int) -> str:
-        """Printed deviation of a joint from the nearest of its setpoints, and its bound; and what
-        speaks against a drive that gets no setpoints: friction holds a motor of a soft loop."""
+        """Printed deviation of a joint from the nearest of its setpoints, and its bound; and that
+        its current went the right way, as that of no drive without setpoints does."""
         off = f"by {self._off[joint]:.3f} rad/s, at most {self._settings.deviation[joint]:.3f}"
         pressed = float(self._current[joint] - self._begun[joint]) / self._settings.current[joint]
         pressed *= 1.0 if self._too_slow[joint] else -1.0
-        if not pressed >= PRESSED_SHARE:  # neither where it is no number
-            return off
-        return (
-            f"{off}; its current went the right way by {pressed:.1%} of its limit: it obeys, and "
-            "friction holds it, or its velocity loop is soft"
-        )
+        obeys = (f"{off}; its current went the right way by {pressed:.1%} of its limit: it obeys, "
+                 "and friction holds it, or its velocity loop is soft")  # fmt: skip
+        return obeys if pressed >= PRESSED_SHARE else off

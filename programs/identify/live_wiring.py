@@ -18,7 +18,6 @@ from programs.identify.motions import WIDEST_GUESS, WIRING_TRAVEL, wiring_motion
 from programs.identify.session import InterruptedStepError
 
 _TOO_FAR = "its gear or a scale is wrong, or its gap is larger than half_gap says"
-_LEAST_SHARE = 0.03
 
 
 class ApartError(InterruptedStepError):
@@ -91,20 +90,17 @@ def _apart(arm: LiveArm, i: int, joint: str) -> str:
 
 
 def would_fit(c: Configuration, i: int, share: float) -> str:
-    """Gear, or scale of the link's encoder, with which link i would follow its motor, in words;
-    empty where it moved too little of the motor's way to say, or both are the motor's own. Counts
-    far off are by powers of two.
-    """
+    """Gear or encoder's scale with which link i would follow, in words; empty if it hardly did, or
+    both are the motor's own."""
     wiring = c.joints[i].wiring
     profile = c.drives[wiring.profile]
-    if share < _LEAST_SHARE or not isinstance(profile, CanopenProfile):
+    if share < 0.03 or not isinstance(profile, CanopenProfile):
         return ""
     scale = profile.link_position.scale
-    twos = 2.0 ** round(math.log2(share))
-    off = share if agree(share, 1.0, 2.5) else twos
+    counts = math.tau / scale
+    off = share if agree(share, 1.0, 2.5) else 2.0 ** round(math.log2(share))
     return (
         f"; by this wiring.gear, {wiring.gear:g}, would be about {wiring.gear / share:.3g}, or "
-        f"drives.{wiring.profile}.link_position.scale, {figure(scale)} "
-        f"({math.tau / scale:.0f} counts per turn), {figure(scale / off)} "
-        f"({math.tau / scale * off:.0f} counts)"
+        f"drives.{wiring.profile}.link_position.scale, {figure(scale)} ({counts:.0f} counts per "
+        f"turn), {figure(scale / off)} ({counts * off:.0f} counts)"
     )

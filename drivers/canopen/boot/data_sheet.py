@@ -73,16 +73,12 @@ def makers_numbers(sheet: DataSheet) -> dict[str, int]:
     return {name: number for name, number in numbers.items() if number}
 
 
-def counts_per_motor_turn(
-    sheet: DataSheet, counted: int = 0x608F, turned: int = 0x608F, subindex: int = 0
-) -> float:
-    """Counts per turn that the EDS gives of the motor's encoder in 0x608F, or in such a pair of
-    objects; 0 where it gives none, or one per turn, as delivered by a maker whose drives hold
-    their own."""
-    places = ((counted, subindex or 1), (turned, subindex or 2))
+def counts_per_motor_turn(sheet: DataSheet) -> float:
+    """Counts per turn of the motor that the EDS gives in 0x608F; 0 where it gives none, or one per
+    turn, as delivered by a maker whose drives hold their own."""
     counts, turns = (
         None if variable is None else variable.default
-        for variable in (find_object(sheet, *place) for place in places)
+        for variable in (find_object(sheet, 0x608F, sub) for sub in (1, 2))
     )
     if not isinstance(counts, int) or not isinstance(turns, int) or counts < 1 or turns < 1:
         return 0.0

@@ -17,24 +17,27 @@ if TYPE_CHECKING:
     from programs.identify.live_wiring import ApartError
     from programs.identify.measured import Measured
 
+TO_GO_ON = "`contactd identify wiring` goes on with what has not passed"
+
 
 @step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}")
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
     """Check signs and scales by a small motion of each joint: those named, else those that were not
     checked since a change, or all."""
-    from daemon.config.evidence import due
+    from daemon.config.evidence import outdated, unidentified
     from programs.identify.live_wiring import ApartError, move_to_and_fro
 
     robot = identification.robot
-    again = tuple(due("wiring", robot.identified, robot.configuration, robot.urdf))
-    outcomes, left = list[bool](), identification.joints(joints or again)
+    c, known = robot.configuration, robot.identified
+    due = (*unidentified("wiring", known, c), *outdated("wiring", known, c, robot.urdf))
+    outcomes, left = list[bool](), identification.joints(joints or due)
     wrong: dict[str, str] = {}
     follows: dict[str, float] = {}
     while left:
-        name, to_go_on = left[0], how_to_go_on(left, passed=any(outcomes))
+        name = left[0]
         try:
             measured = identification.measured(
-                partial(move_to_and_fro, joint=name, to_go_on=to_go_on)
+                partial(move_to_and_fro, joint=name, to_go_on=TO_GO_ON)
             )
         except ApartError as error:
             new = {joint: why for joint, why in error.why.items() if joint not in wrong}
@@ -45,11 +48,10 @@ def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
         else:
             found = _checked(identification.robot, measured, name)
             follows[name] = found.follows
-            outcome = _outcome(measured, name, found, now(), identification.robot.configuration)
+            outcome = _outcome(measured, name, found, c)
             outcomes.append(identification.conclude("wiring", outcome, f"wiring-{name}"))
             left = left[1:]
     _show_swapped(identification, follows)
-    _show_void(identification)
     return all(outcomes)
 
 
@@ -62,13 +64,6 @@ def _show_swapped(identification: "Identification", follows: Mapping[str, float]
             f"{a} and {b}: their links move {follows[a]:.3f} and {follows[b]:.3f} times as far as "
             "their motors report, a product of 1: are their `wiring.node` swapped, or their gears?"
         )
-
-
-def how_to_go_on(left: list[str], *, passed: bool) -> str:
-    """Advice on how to go on after the check was stopped, with these joints left."""
-    if not passed:
-        return "Nothing had passed: the same command begins anew"
-    return f"What passed is kept: to go on, name {left[0]} and those that are left"
 
 
 def _go_on_without(
@@ -93,19 +88,6 @@ def _go_on_without(
         )
 
 
-def _show_void(identification: "Identification") -> None:
-    """Show the joints whose wiring passed before something was changed, and has to pass again."""
-    from daemon.config.evidence import outdated
-
-    robot = identification.robot
-    void = outdated("wiring", robot.identified, robot.configuration, robot.urdf)
-    if names := [name for name in void if name not in identification.missed]:
-        identification.show(
-            f"{', '.join(names)} passed before drives, wiring or torque constants were "
-            f"changed, and have to once more: `contactd identify wiring {' '.join(names)}`"
-        )
-
-
 def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
     """Check signs and scales of a joint that was moved alone."""
     from identification.wiring import check_wiring
@@ -115,9 +97,7 @@ def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
     return check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
 
 
-def _outcome(
-    measured: "Measured", name: str, found: "WiringResult", date: str, c: "Configuration"
-) -> Outcome:
+def _outcome(measured: "Measured", name: str, found: "WiringResult", c: "Configuration") -> Outcome:
     """Outcome of a check, with its entry if it passed."""
     from daemon.config.identified import Entry, WiringEntry
     from identification.wiring import SCALE_TOLERANCE, in_Nm
@@ -126,14 +106,13 @@ def _outcome(
     figures = f"link/motor {found.follows:.3f}" if math.isfinite(found.follows) else ""
     if math.isfinite(found.held):
         figures += f", holds {in_Nm(found.held)} of {in_Nm(found.gravity)} gravity"
-    share = found.follows if figures else found.moved_by
-    off = found.problems and not found.undetermined and abs(share - 1.0) > SCALE_TOLERANCE
-    fits = would_fit(c, c.joint_names.index(name), share) if off and share > 0.0 else ""
+    off = found.problems and not found.undetermined and abs(found.follows - 1.0) > SCALE_TOLERANCE
+    fits = would_fit(c, c.joint_names.index(name), found.follows) if off else ""
     reason = "; ".join([*found.problems, *found.undetermined, *found.notes]) + fits
     verdict = "good" if found.passed else "wrong" if found.problems else "undetermined"
     entries = dict[str, Entry]()
     if found.passed:
         follows = round(float(found.follows), 4)
-        entries[name] = WiringEntry(date=date, log=measured.sha256, follows=follows)
+        entries[name] = WiringEntry(date=now(), log=measured.sha256, follows=follows)
     line = Line(name, verdict, found.passed, figures, reason)
     return Outcome(lines=[line], entries=entries)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from canopen.objectdictionary import ODRecord, ODVariable
 
 from bench.rigs.generated_arms import EDS, PROFILE, generate
 from bench.rigs.makers import makers
@@ -14,7 +13,6 @@ from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.settings import Quantity
 
 ALDER, LINK = generate(0), ("link_position", "scale")  # 131072 counts on 0x60E4:01
-SIXTEEN = pytest.mark.parametrize(("times", "wrong"), [(1.0, False), (16.0, True), (1 / 16, True)])
 
 
 def said(folder: Path, times: float, sheet) -> list[tuple[str, ...]]:
@@ -29,20 +27,7 @@ def said(folder: Path, times: float, sheet) -> list[tuple[str, ...]]:
     return [tuple(map(str, problem.keys[2:])) for problem in drive_mistakes(c, PROFILE, sheet)]
 
 
-@SIXTEEN
-@pytest.mark.parametrize("of_motor", [False, True])
-def test_counts_of_a_second_encoder_are_those_of_the_eds(tmp_path, times, wrong, of_motor) -> None:
-    sheet = load_data_sheet(ALDER.write(tmp_path / "arm") / EDS)
-    gear = ALDER.joints[0]["wiring"]["gear"] if of_motor else 1.0
-    for index, default in ((0x60E6, round(131072 / gear)), (0x60EB, 1)):
-        sheet.add_object(ODRecord("resolution", index))
-        variable = ODVariable("resolution", index, 1)
-        variable.default = default
-        sheet[index].add_member(variable)
-    assert (LINK in said(tmp_path / "arm", times, sheet)) == wrong
-
-
-@SIXTEEN
+@pytest.mark.parametrize(("times", "wrong"), [(1.0, False), (16.0, True), (1 / 16, True)])
 @pytest.mark.parametrize("low", [0, -65536])
 def test_a_range_in_the_eds_is_one_turn_of_the_link(tmp_path, times, wrong, low) -> None:
     sheet = load_data_sheet(ALDER.write(tmp_path / "arm") / EDS)

@@ -14,12 +14,12 @@ from bench.rigs.generated_arms import generate, in_yaml
 from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ControlError
-from daemon.config.evidence import due
+from daemon.config.evidence import objections
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from programs.identify.identification import may_move, may_reset
 from programs.identify.session import Session
-from programs.identify.steps.wiring import how_to_go_on
+from programs.identify.steps.wiring import TO_GO_ON
 from programs.simulate.simulated_robot import true_arm
 from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import TypedCommand, stopped, wired_joint
@@ -191,13 +191,8 @@ def test_a_wiring_check_that_somebody_disables_claims_nothing_that_passed(
     code, output = typed.ends()
     said = " ".join(output.split())
     assert code == 1
-    assert "Nothing had passed: the same command begins anew" in said
+    assert TO_GO_ON in said
     assert "is kept" not in said
-
-
-def test_what_passed_before_is_kept_and_the_joint_to_go_on_with_is_named() -> None:
-    said = how_to_go_on(["elbow", "wrist"], passed=True)
-    assert said == "What passed is kept: to go on, name elbow and those that are left"
 
 
 def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> None:
@@ -262,4 +257,5 @@ def test_every_wrong_sign_is_found_at_once_and_taken_up_when_corrected(tmp_path:
         assert "have to once more" not in said
         assert served.rig.mode is Mode.OFF
         robot = load_robot(folder)
-        assert due("wiring", robot.identified, robot.configuration, robot.urdf) == []
+        serials = {name: one.serial for name, one in robot.identified.joints.items()}
+        assert objections(robot.identified, robot.configuration, robot.urdf, serials) == []
