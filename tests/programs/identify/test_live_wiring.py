@@ -22,11 +22,9 @@ WRONG_GEAR = (
 
 @pytest.mark.parametrize(
     ("field", "times", "says"),
-    [
-        ("motor_sign", -1, "shoulder: the link goes the other way than the motor: link_sign or m"),
-        ("gear", 0.1, WRONG_GEAR),
-    ],
-)
+    [("motor_sign", -1, "shoulder: the link goes the other way than the motor: link_sign or m"),
+     ("gear", 0.1, WRONG_GEAR)],
+)  # fmt: skip
 def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
     tmp_path: Path, field: str, times: float, says: str
 ) -> None:
