@@ -3,12 +3,14 @@
 They need matplotlib, which is no dependency of the daemon: without it there are no plots.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from common.arrays import Vector
+from identification.direct_friction import Law, Point
 from identification.friction import Reconstruction
 from identification.gap import positions
 from identification.motion_log import MotionLog
@@ -78,6 +80,32 @@ def plot_friction(log: MotionLog, shown: Reconstruction, folder: Path) -> list[P
     axes[0, 0].legend(fontsize=8)
     axes[-1, 0].set_xlabel("time [s]")
     return [*paths, _saved(plt, figure, folder / "friction.png")]
+
+
+def plot_direct(shown: Mapping[str, tuple[Law, list[Point]]], folder: Path) -> list[Path]:
+    """Plot friction over load and over speed, one row for each joint: points, coloured by the other
+    of the two, and the law at three values of that. Returns the files written."""
+    try:
+        plt, figure, axes = _figure(len(shown), 2)
+    except ImportError:
+        return []
+    for (name, (law, found)), row in zip(shown.items(), axes, strict=True):
+        points = np.array([(abs(p.load), p.speed, p.friction, p.scatter) for p in found]).T
+        for k, (axis, unit) in enumerate(zip(row, ("rad/s", "Nm"), strict=True)):
+            x, other = points[k], points[1 - k]
+            at, three = np.linspace(0.0, x.max(), 200)[1:], np.linspace(other.min(), other.max(), 3)
+            colour = plt.Normalize(three[0], 1.1 * three[2])
+            axis.errorbar(x, points[2], points[3], fmt="none", color="0.6", lw=0.8)
+            axis.scatter(x, points[2], 9, plt.cm.viridis(colour(other)), zorder=3)
+            for one in three:
+                friction, half = np.array([law.at(*((a, one)[:: 1 - 2 * k])) for a in at]).T
+                style = {"color": plt.cm.viridis(colour(one)), "lw": 0.8}
+                axis.plot(at, friction, label=f"law, {one:.2f} {unit}", **style)
+                axis.fill_between(at, friction - half, friction + half, alpha=0.2, **style)
+            axis.legend(fontsize=6)
+        row[0].set(xlabel="load [Nm]", ylabel="friction [Nm]", title=name)
+        row[1].set(xlabel="speed [rad/s]")
+    return [_saved(plt, figure, folder / "friction-direct.png")]
 
 
 def _saved(plt: Any, figure: Any, path: Path) -> Path:

@@ -232,10 +232,7 @@ def test_the_rotor_gets_what_the_link_does_not(fitted, arm):
     [
         (lambda log: log.select(slice(0, 500)), "too short"),
         (lambda log: log.select(slice(0, 50)), "too short"),
-        (
-            lambda log: replace(log, current=log.current * np.nan),
-            "current of LShoulderPitch is nan",
-        ),
+        (lambda log: replace(log, current=log.current * np.nan), "of LShoulderPitch is nan"),
         (lambda log: replace(log, time_s=np.zeros_like(log.time_s)), "time does not grow"),
         (lambda log: replace(log, current=log.current[:, :3]), "shape"),
     ],
@@ -249,14 +246,8 @@ def test_missing_samples_only_cost_themselves(moved, identify):
     log, true = moved.filtered[0].select(slice(0, 1700)), moved.arms[0]
     keep = np.ones(len(log.time_s), dtype=bool)
     keep[700:760] = keep[820:823] = keep[1500:1503] = False  # 60 samples alone, too
-    cut = replace(
-        log,
-        **{
-            name: getattr(log, name)[keep]
-            for name in MotionLog.__dataclass_fields__
-            if name != "joints"
-        },
-    )
+    names = set(MotionLog.__dataclass_fields__) - {"joints"}
+    cut = replace(log, **{name: getattr(log, name)[keep] for name in names})
     assert len(cut.stretches()) == 4
     fits, _ = identify(cut, true.half_gap)
     assert np.abs(errors(fits, true, "K_theta_s")).max() < 0.10

@@ -285,12 +285,10 @@ def of(q: np.ndarray, theta: np.ndarray) -> MotionLog:
 
 @pytest.mark.parametrize(
     ("q", "theta", "verdict"),
-    [
-        (visits(0.3, 20), visits(0.3, 20), GapVerdict.NO_LINK_ENCODER),
-        (np.zeros(500), np.zeros(500), GapVerdict.NO_MOTION),
-        (visits(0.06, 20), visits(0.03, 20), GapVerdict.MOTOR_MOVED),
-    ],
-)
+    [(visits(0.3, 20), visits(0.3, 20), GapVerdict.NO_LINK_ENCODER),
+     (np.zeros(500), np.zeros(500), GapVerdict.NO_MOTION),
+     (visits(0.06, 20), visits(0.03, 20), GapVerdict.MOTOR_MOVED)],
+)  # fmt: skip
 def test_says_which_encoder_is_to_blame(q, theta, verdict):
     assert identify_gap(of(q, theta), 0, 1.0).verdict is verdict
 

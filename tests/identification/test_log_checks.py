@@ -33,13 +33,11 @@ def test_a_link_that_moved_between_sittings_is_no_wrong_sign(offsets: tuple[floa
 
 @pytest.mark.parametrize(
     ("positions", "velocities", "said"),
-    [
-        (1.0, 0.0, "motor_velocity of j is the same throughout, while its link moves by 0.4 rad"),
-        (0.0, 1.0, "link_position of j is the same throughout, while its motor moves by 0.4 rad"),
-        (57.3, 57.3, "j moves by 22.* rad: .* in degrees, or the motor's"),
-        (57.3, 1.0, "j moves 57.* times as far as its motor: units wrong"),
-    ],
-)
+    [(1.0, 0.0, "motor_velocity of j is the same throughout, while its link moves by 0.4 rad"),
+     (0.0, 1.0, "link_position of j is the same throughout, while its motor moves by 0.4 rad"),
+     (57.3, 57.3, "j moves by 22.* rad: .* in degrees, or the motor's"),
+     (57.3, 1.0, "j moves 57.* times as far as its motor: units wrong")],
+)  # fmt: skip
 def test_the_unit_or_column_that_is_wrong_is_named(
     positions: float, velocities: float, said: str
 ) -> None:
@@ -72,13 +70,11 @@ def measured(
 
 @pytest.mark.parametrize(
     ("scales", "said"),
-    [
-        ((1.5, 1.0), r"motor_velocity of j is 1.5 times .* scale of `motor_velocity`"),
-        ((0.6, 1.0), r"motor_velocity of j is 0.6 times .* scale of `motor_velocity`"),
-        ((0.88, 1.0), r"motor_velocity of j is 0.88 times .* scale of `motor_velocity`"),
-        ((1.0, 1.25), r"motor_velocity of j is 0.8 times .* scale of `motor_position`"),
-    ],
-)
+    [((1.5, 1.0), r"motor_velocity of j is 1.5 times .* scale of `motor_velocity`"),
+     ((0.6, 1.0), r"motor_velocity of j is 0.6 times .* scale of `motor_velocity`"),
+     ((0.88, 1.0), r"motor_velocity of j is 0.88 times .* scale of `motor_velocity`"),
+     ((1.0, 1.25), r"motor_velocity of j is 0.8 times .* scale of `motor_position`")],
+)  # fmt: skip
 def test_a_velocity_that_is_not_the_change_of_its_position_is_named(
     scales: tuple[float, float], said: str
 ) -> None:
@@ -132,12 +128,10 @@ def test_a_link_that_snaps_and_a_motor_that_stops_at_once_do_not_jump() -> None:
 
 @pytest.mark.parametrize(
     ("peak", "said"),
-    [
-        (6.2, r"reaches 6.2 A, its drive gives 4 A: is `max_current_A` its peak current"),
-        (687.0, r"reaches 687 A, its drive gives 4 A: unit wrong by 1000 \(mA"),
-        (4000.0, r"unit wrong by 1000"),
-    ],
-)
+    [(6.2, r"reaches 6.2 A, its drive gives 4 A: is `max_current_A` its peak current"),
+     (687.0, r"reaches 687 A, its drive gives 4 A: unit wrong by 1000 \(mA"),
+     (4000.0, r"unit wrong by 1000")],
+)  # fmt: skip
 def test_a_current_beyond_what_its_drive_gives_is_told_by_how_far(peak: float, said: str) -> None:
     log = replace(measured(1.0), current=peak * Q[:, None] / Q.max())
     with pytest.raises(LogError, match=said):

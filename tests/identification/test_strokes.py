@@ -153,12 +153,10 @@ def crossing_log(asked: Strokes, half_gap: float, shaken: float) -> MotionLog:
 
 @pytest.mark.parametrize(
     ("shaken", "verdict", "counts"),
-    [
-        ([0.0, 0.0], GapVerdict.CLEAR, [2, STROKES]),
-        ([0.0, 0.005, 0.0], GapVerdict.CLEAR, [2, STROKES, 2 * STROKES]),
-        ([0.0, 0.005, 0.005], GapVerdict.UNCLEAR, [2, STROKES, 2 * STROKES]),
-    ],
-)
+    [([0.0, 0.0], GapVerdict.CLEAR, [2, STROKES]),
+     ([0.0, 0.005, 0.0], GapVerdict.CLEAR, [2, STROKES, 2 * STROKES]),
+     ([0.0, 0.005, 0.005], GapVerdict.UNCLEAR, [2, STROKES, 2 * STROKES])],
+)  # fmt: skip
 def test_what_strokes_left_unclear_is_looked_at_once_more(shaken, verdict, counts):
     asked: list[Strokes] = []
     steps = search(0, 1.0, 100.0, 0.01, lambda pose: 0.0, 0.0, (-2.0, 2.0))

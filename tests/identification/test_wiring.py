@@ -127,17 +127,15 @@ def test_gravity_is_compared_where_there_is_some(wired, check):
 @pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
 @pytest.mark.parametrize(
     ("fields", "factor", "says"),
-    [
-        (["link_position"], -1.0, "link_sign or motor_sign"),
-        (["motor_velocity", "motor_position"], -1.0, "link_sign or motor_sign"),
-        (["motor_velocity", "motor_position"], 1.1, "times as far as the motor reports"),
-        (["motor_velocity", "motor_position"], 1 / 1.1, "times as far as the motor reports"),
-        (["motor_position"], 1.1, "motor_position changes 1."),
-        (["current"], -1.0, "sign of the current"),
-        (["motor_velocity"], 0.001, "the motor turned only"),
-        (["link_position"], 0.001, "wrong gear, link_position object or scale"),
-    ],
-)
+    [(["link_position"], -1.0, "link_sign or motor_sign"),
+     (["motor_velocity", "motor_position"], -1.0, "link_sign or motor_sign"),
+     (["motor_velocity", "motor_position"], 1.1, "times as far as the motor reports"),
+     (["motor_velocity", "motor_position"], 1 / 1.1, "times as far as the motor reports"),
+     (["motor_position"], 1.1, "motor_position changes 1."),
+     (["current"], -1.0, "sign of the current"),
+     (["motor_velocity"], 0.001, "the motor turned only"),
+     (["link_position"], 0.001, "wrong gear, link_position object or scale")],
+)  # fmt: skip
 def test_what_is_wired_wrong_is_named(wired, check, joint, fields, factor, says):
     log = only(wired, joint)
     for field in fields:
@@ -191,15 +189,10 @@ def test_the_motion_is_small(arm, speeding_up):
 
 @pytest.mark.parametrize(
     ("follows", "pairs"),
-    [
-        ({"a": 0.832, "b": 1.0, "c": 1.199}, [("a", "c")]),
-        ({"a": 0.832, "b": 1.1}, []),
-        ({"a": 1.02, "b": 0.98}, []),
-        ({"a": -0.832, "b": -1.199}, []),
-        ({"a": math.nan, "b": 1.2}, []),
-        ({}, []),
-    ],
-)
+    [({"a": 0.832, "b": 1.0, "c": 1.199}, [("a", "c")]), ({"a": 0.832, "b": 1.1}, []),
+     ({"a": 1.02, "b": 0.98}, []), ({"a": -0.832, "b": -1.199}, []),
+     ({"a": math.nan, "b": 1.2}, []), ({}, [])],
+)  # fmt: skip
 def test_gears_that_are_each_others_name_the_pair(
     follows: dict[str, float], pairs: list[tuple[str, str]]
 ) -> None:

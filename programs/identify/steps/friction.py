@@ -26,10 +26,23 @@ _SHORTEST_S = 10.0
     click.option("--seconds", default=60.0, show_default=True, type=Range(20, 600)),
     click.option("--shortest", default=_SHORTEST_S, show_default=True, type=Range(5, 600),
                  help="Motion that a log must have [s]; less than 10 at your own risk."),
+    click.option("--direct", multiple=True, metavar="JOINT",
+                 help="Measure this joint alone (may be repeated; `all`), to and fro at several "
+                 "loads and speeds, without a model, and compare; nothing is changed."),
     quality=lambda entry: f"R2 {entry.r2:.3f}",
 )  # fmt: skip
-def friction(identification: "Identification", seconds: float, shortest: float) -> bool:
+def friction(
+    identification: "Identification", seconds: float, shortest: float, direct: tuple[str, ...]
+) -> bool:
     """Move all joints, without contact: friction and rotor inertia."""
+    if direct:
+        from programs.identify.direct_motion import STEP, measure_directly
+        from programs.identify.direct_outcome import direct_outcome
+
+        joints = identification.joints(() if "all" in direct else direct)
+        measured = identification.measured(partial(measure_directly, joints=joints))
+        outcome = direct_outcome(identification.robot, measured, joints)
+        return identification.conclude("friction", outcome, STEP)
     measured = identification.measured(lambda arm: arm.excite("friction", seconds, seed=1))
     with identification.busy("fitting friction and rotors to it"):
         outcome = friction_outcome(identification.robot, measured, now(), shortest)

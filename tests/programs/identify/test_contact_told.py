@@ -66,11 +66,9 @@ def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: Commissioned
 
 @pytest.mark.parametrize(
     ("step", "says"),
-    [
-        ("wiring", "hands off, and check the wiring of joint again"),
-        ("thresholds", "hands off; it is discarded"),
-    ],
-)
+    [("wiring", "hands off, and check the wiring of joint again"),
+     ("thresholds", "hands off; it is discarded")],
+)  # fmt: skip
 def test_a_hand_at_an_arm_that_moves_by_itself_is_told_what_becomes_of_it(
     arm: CommissionedArm, step: str, says: str
 ) -> None:

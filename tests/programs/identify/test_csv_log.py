@@ -165,12 +165,10 @@ def moving() -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize(
     ("rows", "period", "note"),
-    [
-        (np.repeat(np.arange(1200), 2), 0.0, "1200 rows repeat the time of the row before"),
-        (np.repeat(np.arange(1200), 2), 0.005, "1200 rows hold the values of the row before"),
-        (np.repeat(np.arange(1200), 5), 0.002, "4800 rows hold the values of the row before"),
-    ],
-)
+    [(np.repeat(np.arange(1200), 2), 0.0, "1200 rows repeat the time of the row before"),
+     (np.repeat(np.arange(1200), 2), 0.005, "1200 rows hold the values of the row before"),
+     (np.repeat(np.arange(1200), 5), 0.002, "4800 rows hold the values of the row before")],
+)  # fmt: skip
 def test_rows_that_only_repeat_another_are_left_out(
     tmp_path: Path, rows: np.ndarray, period: float, note: str
 ) -> None:
@@ -340,14 +338,12 @@ def without_effort(messages: list[dict[str, object]]) -> None:
 
 @pytest.mark.parametrize(
     ("names", "change", "encoding", "says"),
-    [
-        (OF_A_TOPIC.replace("/arm", "/leg"), None, "json", "no topic /leg; there are /arm"),
-        (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', needed beside an MCAP"),
-        (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr; only json can be read"),
-        (OF_A_TOPIC, without_effort, "json", r"message 10 of /arm has no number effort\[0\]"),
-        (OF_A_TOPIC.replace("motor.angle", "motor"), None, "json", "no column motor in"),
-    ],
-)
+    [(OF_A_TOPIC.replace("/arm", "/leg"), None, "json", "no topic /leg; there are /arm"),
+     (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', needed beside an MCAP"),
+     (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr; only json can be read"),
+     (OF_A_TOPIC, without_effort, "json", r"message 10 of /arm has no number effort\[0\]"),
+     (OF_A_TOPIC.replace("motor.angle", "motor"), None, "json", "no column motor in")],
+)  # fmt: skip
 def test_what_is_wrong_with_an_mcap_is_named(
     tmp_path: Path,
     names: str,
@@ -395,12 +391,10 @@ def test_semicolons_are_told_by_what_is_there(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("change", "told"),
-    [
-        (lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
-        (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
-        (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples"),
-    ],
-)
+    [(lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
+     (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
+     (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples")],
+)  # fmt: skip
 def test_what_a_log_has_wrong_is_said_with_its_name(
     tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], told: str
 ) -> None:

@@ -88,13 +88,10 @@ def test_gravity_that_does_not_fit_is_reported(scale, off, verdict, says) -> Non
 
 @pytest.mark.parametrize(
     ("load", "bound", "verdict", "says"),
-    [
-        (None, 0.3, Verdict.GOOD, "would not show at wrist, as what the gear carries changes"),
-        (None, 0.05, Verdict.GOOD, None),
-        ((0.1, 0.4), 0.4, Verdict.GOOD, None),
-        (None, 0.3, Verdict.BAD_FIT, None),
-    ],
-)
+    [(None, 0.3, Verdict.GOOD, "would not show at wrist, as what the gear carries changes"),
+     (None, 0.05, Verdict.GOOD, None), ((0.1, 0.4), 0.4, Verdict.GOOD, None),
+     (None, 0.3, Verdict.BAD_FIT, None)],
+)  # fmt: skip
 def test_load_friction_that_would_not_show_is_reported(load, bound, verdict, says) -> None:
     fit = SimpleNamespace(joint="wrist", load=load, load_bound=bound, verdict=verdict)
     notes = load_doubts([fit])

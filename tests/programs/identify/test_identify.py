@@ -112,14 +112,12 @@ def test_a_log_of_a_hand_is_judged_as_one_on_request(folder):
 
 @pytest.mark.parametrize(
     ("change", "says"),
-    [
-        (lambda c: {k: v[:50] for k, v in c.items()}, "too short"),
-        (lambda c: {k: v for k, v in c.items() if k != "time"}, "no column time"),
-        (lambda c: {**c, "current.joint": np.full(len(c["time"]), np.nan)}, "is nan at sample 0"),
-        (lambda c: {**c, "time": c["time"][::-1]}, "time does not grow"),
-        (lambda c: {**c, "current.joint": ["x"] * len(c["time"])}, "not a number"),
-    ],
-)
+    [(lambda c: {k: v[:50] for k, v in c.items()}, "too short"),
+     (lambda c: {k: v for k, v in c.items() if k != "time"}, "no column time"),
+     (lambda c: {**c, "current.joint": np.full(len(c["time"]), np.nan)}, "is nan at sample 0"),
+     (lambda c: {**c, "time": c["time"][::-1]}, "time does not grow"),
+     (lambda c: {**c, "current.joint": ["x"] * len(c["time"])}, "not a number")],
+)  # fmt: skip
 def test_bad_logs_write_nothing(folder, change, says):
     log = write(folder / "bad.csv", change(by_hand()))
     result = identify(folder, log, "gap")
@@ -130,17 +128,15 @@ def test_bad_logs_write_nothing(folder, change, says):
 
 @pytest.mark.parametrize(
     ("text", "says"),
-    [
-        ("{header}\n" + "1" * 200_000 + ",2,3,4\n", "bad.csv:2: is not CSV: field larger than"),
-        ("x" * 200_000, "bad.csv:1: is not CSV: field larger than"),
-        ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: not a number: could not convert"),
-        ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4"),
-        ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
-        ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: a blank line amid the rows"),
-        ("{header}\n1,2,3,4\n2,1_0,3,4\n", "bad.csv:3: not a number: could not convert"),
-        ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: "),
-    ],
-)
+    [("{header}\n" + "1" * 200_000 + ",2,3,4\n", "bad.csv:2: is not CSV: field larger than"),
+     ("x" * 200_000, "bad.csv:1: is not CSV: field larger than"),
+     ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: not a number: could not convert"),
+     ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4"),
+     ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
+     ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: a blank line amid the rows"),
+     ("{header}\n1,2,3,4\n2,1_0,3,4\n", "bad.csv:3: not a number: could not convert"),
+     ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: ")],
+)  # fmt: skip
 def test_what_is_no_log_is_one_clear_word(folder, text, says):
     header = "time,current.joint,link_position.joint,motor_velocity.joint"
     log = folder / "bad.csv"
@@ -216,11 +212,9 @@ def test_friction_without_the_touched_stretch(states, folder):
 
 @pytest.mark.parametrize(
     ("weighed", "says"),
-    [
-        (False, "masses may be off: run `contactd identify masses`, then `friction` again"),
-        (True, ": `--seconds 600` leaves joint +-"),
-    ],
-)
+    [(False, "masses may be off: run `contactd identify masses`, then `friction` again"),
+     (True, ": `--seconds 600` leaves joint +-")],
+)  # fmt: skip
 def test_friction_that_is_not_known_well_says_what_to_do(
     states, folder, monkeypatch, weighed, says
 ):
@@ -256,13 +250,11 @@ def test_what_was_held_before_and_after_a_motion_is_no_part_of_it(make_state, tr
 
 @pytest.mark.parametrize(
     ("change", "says"),
-    [
-        (lambda s: {"current": [1000.0 * x for x in s.current]}, "unit wrong by 1000"),
-        (lambda s: {"link_position": [1000.0 * x for x in s.link_position]}, "wrong by 1000"),
-        (lambda s: {"link_position": [min(x, 0.1) for x in s.link_position]}, "clipped"),
-        (lambda s: {"link_position": [-x for x in s.link_position]}, "do not move together"),
-    ],
-)
+    [(lambda s: {"current": [1000.0 * x for x in s.current]}, "unit wrong by 1000"),
+     (lambda s: {"link_position": [1000.0 * x for x in s.link_position]}, "wrong by 1000"),
+     (lambda s: {"link_position": [min(x, 0.1) for x in s.link_position]}, "clipped"),
+     (lambda s: {"link_position": [-x for x in s.link_position]}, "do not move together")],
+)  # fmt: skip
 def test_what_no_arm_can_have_measured(states, folder, change, says):
     spoilt = [msgspec.structs.replace(s, **change(s)) for s in states]
     with pytest.raises(LogError, match=says):

@@ -21,12 +21,9 @@ def test_an_offset_is_given_in_amperes(share) -> None:
 
 @pytest.mark.parametrize(
     ("late", "says"),
-    [
-        ([0.0, 0.0005], ()),
-        ([0.0, 0.0049], ("elbow by 4.9 ms",)),
-        ([0.002, 0.0049], ("shoulder by 2.0 ms", "elbow by 4.9 ms")),
-    ],
-)
+    [([0.0, 0.0005], ()), ([0.0, 0.0049], ("elbow by 4.9 ms",)),
+     ([0.002, 0.0049], ("shoulder by 2.0 ms", "elbow by 4.9 ms"))],
+)  # fmt: skip
 def test_late_encoders_are_named_with_what_to_set(late, says) -> None:
     notes = late_encoders(("shoulder", "elbow"), np.array(late))
     assert len(notes) == bool(says)

@@ -58,11 +58,9 @@ def recorded(part: Path) -> MotionLog:
 
 @pytest.mark.parametrize(
     "words",
-    [
-        *(("wiring",), ("gap",), ("gap", "--by-hand"), ("masses", "--seconds", "20")),
-        *(("friction", "--seconds", "20"), ("payload", "cup"), ("thresholds",)),
-    ],
-)
+    [*(("wiring",), ("gap",), ("gap", "--by-hand"), ("masses", "--seconds", "20")),
+     *(("friction", "--seconds", "20"), ("payload", "cup"), ("thresholds",))],
+)  # fmt: skip
 def test_ctrl_c_leaves_the_arm_holding_and_nothing_half_written(
     arm: CommissionedArm, served: ServedDaemon, words: tuple[str, ...]
 ) -> None:

@@ -72,11 +72,9 @@ def test_a_link_that_is_not_held_to_one_side_says_nothing(pushed: list[float]) -
 
 @pytest.mark.parametrize(
     ("pushed", "says"),
-    [
-        ([0.0], "it did not move: push its link one way"),
-        ([0.02] * 5, "it went from +0.0 to +20.0 mrad"),
-    ],
-)
+    [([0.0], "it did not move: push its link one way"),
+     ([0.02] * 5, "it went from +0.0 to +20.0 mrad")],
+)  # fmt: skip
 def test_what_is_to_be_done_is_said(pushed: list[float], says: str) -> None:
     seen = np.array([*REST, *pushed])
     outcome = zero_outcome(robot_with(1, 0.0), "joint", seen, 0.0, upward=True, date="today")

@@ -1,0 +1,149 @@
+"""Friction by its definition, half the difference of the torques (up - down) / 2 of the two ways of
+a joint that alone turns to and fro at one speed, at the same positions: no masses, no fit.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.arrays import Vector
+from estimator.transmission import Transmission
+from identification.gap_result import resolution, smoothed
+from identification.motion_log import PAUSE_S, MotionLog
+from identification.regression import NORMAL_95
+
+_SLOWEST, _NOISE = 0.01, 0.002  # [rad/s]; a slower joint is at rest
+_EVEN, _ALONG = 0.05, 0.2  # of the speed: its change, and the link's against the motor's
+_STILL, _SHAKEN = 0.1, 21  # of the speed: less moves another joint; samples around more
+_BEGIN_S = 0.6  # of a way: friction turns round, and the position loop settles
+_SHARED, _SAME_POSE = 0.1, 0.01  # of a way, by the way back; [rad] of the others
+_FEWEST, _FEWEST_WAYS = 15, 3  # samples of a way; ways
+_BIN, _CELLS = 0.1, 4  # [rad] of positions that make a point, of so many cells
+_UNEVEN = 0.01  # of friction
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Friction at one load [Nm], which both ways have in common, and speed [rad/s]: the median of
+    halves of differences [Nm]; scatter: two standard deviations of them, half a step of the
+    current, and 1 % for motion that is not quite even [Nm]."""
+
+    load: float
+    speed: float
+    friction: float
+    scatter: float
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Friction by which the estimator corrects joint `i`, and standard errors of its Coulomb [Nm]
+    and viscous friction [Nm s/rad]."""
+
+    transmission: Transmission
+    i: int
+    errors: tuple[float, float]
+
+    def at(self, load: float, speed: float) -> tuple[float, float]:
+        """Friction at a load [Nm] and a speed > 0 [rad/s], and half of its 95 % interval [Nm]."""
+        t, i = self.transmission, self.i
+        rubs = float(t.link_coulomb[i] + t.link_viscous[i] * speed)
+        carried = max(abs(load), rubs)  # mean of |load + rubs| and |load - rubs|
+        coulomb = float(t.engaged_coulomb[i] + t.load_friction[i] * carried)
+        # Near rest between smooth friction and one that sticks.
+        smooth = float(np.tanh(speed / t.sign_width))
+        least, most = (float(share[i]) for share in (t.least_stiction, t.most_stiction))
+        built = smooth + (1.0 - smooth) * 0.5 * (least + most)
+        off = [NORMAL_95 * self.errors[0], NORMAL_95 * self.errors[1] * speed]
+        off += [t.load_friction_error[i] * carried, coulomb * (1.0 - smooth) * 0.5 * (most - least)]
+        friction = coulomb * built + float(t.motor_viscous[i] + t.link_viscous[i]) * speed
+        return friction, float(np.linalg.norm(off))
+
+    def misses(self, point: Point) -> tuple[float, float]:
+        """Measured friction beyond this, and its part beyond scatter and interval >= 0 [Nm]."""
+        friction, half = self.at(point.load, point.speed)
+        more = point.friction - friction
+        return more, max(abs(more) - point.scatter - half, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Even part of one way: positions and torque (N,), signed speed, mean of all positions (n,)."""
+
+    q: Vector
+    torque: Vector
+    speed: float
+    pose: Vector
+
+
+def to_and_fro(log: MotionLog, i: int, constant: float, delay_s: float) -> list[list[Way]]:
+    """Ways of joint i, by those that follow each other to and fro at one speed while all other
+    joints stand. constant: K_c [Nm/A]; delay_s: by which the current is late [s]."""
+    groups: list[list[Way]] = [[]]
+    for way in _ways(log, i, constant, delay_s):
+        if groups[-1] and not _goes_back(groups[-1][-1], way, i):
+            groups.append([])
+        groups[-1].append(way)
+    return [ways for ways in groups if len(ways) >= _FEWEST_WAYS]
+
+
+def points(groups: Sequence[Sequence[Way]]) -> list[Point]:
+    """Friction at each load and speed that the ways share with their neighbours."""
+    return [point for ways in groups for point in _of_one_speed(ways)]
+
+
+def _ways(log: MotionLog, i: int, constant: float, delay_s: float) -> list[Way]:
+    v = np.stack([smoothed(column, 9) for column in log.motor_velocity.T], axis=1)
+    own, q = v[:, i], log.link_position[:, i]
+    q_dot = np.gradient(smoothed(q, 9), log.time_s)
+    still = np.maximum(_SLOWEST, _STILL * np.abs(own))[:, None]
+    moving = (np.abs(np.delete(v, i, axis=1)) > still).any(axis=1)
+    alone = np.convolve(moving, np.ones(_SHAKEN), mode="same") < 0.5
+    way = np.where(np.abs(own) > _SLOWEST, np.sign(own), 0.0)
+    pause = np.diff(log.time_s, prepend=log.time_s[0]) > PAUSE_S
+    edges = np.flatnonzero((np.diff(way, prepend=0.0) != 0.0) | pause).tolist()
+    found = []
+    for a, b in itertools.pairwise([*edges, len(way)]):
+        speed = float(np.median(own[a:b]))
+        even = alone[a:b] & (np.abs(own[a:b] - speed) < _EVEN * abs(speed) + _NOISE)
+        even &= np.abs(q_dot[a:b] - speed) < _ALONG * abs(speed)
+        even &= log.time_s[a:b] > log.time_s[a] + _BEGIN_S
+        rows = a + np.flatnonzero(even)
+        if way[a] and len(rows) >= _FEWEST:
+            pose, at = log.link_position[rows].mean(axis=0), q[rows] - speed * delay_s
+            found.append(Way(at, constant * log.current[rows, i], speed, pose))
+    return found
+
+
+def _goes_back(a: Way, b: Way, i: int) -> bool:
+    """True where b is a's way back: as fast, through the same positions, others where they were."""
+    moved = np.abs(np.delete(a.pose - b.pose, i))
+    if abs(a.speed + b.speed) > _ALONG * abs(a.speed) or (moved > _SAME_POSE).any():
+        return False
+    shared = min(a.q.max(), b.q.max()) - max(a.q.min(), b.q.min())
+    return bool(shared > _SHARED * min(np.ptp(a.q), np.ptp(b.q)))
+
+
+def _of_one_speed(ways: Sequence[Way]) -> Iterator[Point]:
+    low, high = max(way.q.min() for way in ways), min(way.q.max() for way in ways)
+    count = max(1, round((high - low) / _BIN))
+    cells = np.linspace(low, max(low, high), _CELLS * count + 1)
+    torque = np.stack([_mean(way, cells) for way in ways])
+    sign = np.sign([way.speed for way in ways[:-1]])[:, None]
+    friction, load = 0.5 * sign * (torque[:-1] - torque[1:]), 0.5 * (torque[:-1] + torque[1:])
+    speed = float(np.mean([abs(way.speed) for way in ways]))
+    unsure = 0.5 * min(resolution(way.torque) for way in ways)
+    for halves, loads in zip(
+        *(np.split(of, count, axis=1) for of in (friction, load)), strict=True
+    ):
+        if (seen := np.isfinite(halves)).sum() >= _CELLS:
+            half = float(np.median(halves[seen]))
+            scatter = 2.0 * float(halves[seen].std(ddof=1)) + unsure + _UNEVEN * half
+            yield Point(float(loads[seen].mean()), speed, half, scatter)
+
+
+def _mean(way: Way, cells: Vector) -> Vector:
+    """Mean torque in each cell of positions; NaN where the way has no sample."""
+    count, total = (np.histogram(way.q, cells, weights=w)[0] for w in (None, way.torque))
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)

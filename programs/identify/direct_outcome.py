@@ -1,0 +1,78 @@
+"""Outcome of the direct test of friction: where points and the law in force are further apart than
+scatter and interval, and how much of the contact level that takes. It changes no value."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from daemon.assembly import build_transmission
+from daemon.config.load import Robot
+from identification.direct_friction import Law, Point, points, to_and_fro
+from programs.identify.measured import Measured
+from programs.identify.plots import plot_direct
+from programs.identify.step import Line, Outcome
+
+_NOT_SEEN = "it alone never turned to and fro at one speed, three ways or more, at one place"
+_TO_DO = (
+    "nothing was changed. `contactd identify friction` fits the law anew, with a payload where "
+    "loads are off; then `thresholds`, as levels hold for the loads and speeds of their motion"
+)
+_VARIES = 0.5  # of friction: less change of load shows no share of it
+
+
+def direct_outcome(robot: Robot, measured: Measured, joints: Sequence[str]) -> Outcome:
+    """Points of each joint against its law."""
+    c, lines, shown = robot.configuration, list[Line](), dict[str, tuple[Law, list[Point]]]()
+    for name in joints:
+        i = c.joint_names.index(name)
+        levels, constant = c.joints[i].thresholds, c.joints[i].torque_constant
+        found = points(to_and_fro(measured.log, i, constant, 1e-3 * c.estimator.current_delay_ms))
+        if not found:
+            lines.append(Line(name, "not seen", good=False, reason=_NOT_SEEN))
+            continue
+        shown[name] = law, _ = law_of(robot, i), found
+        why = disagreement(law, found, levels.contact, levels.per_speed)
+        verdict = "disagrees" if why else "agrees"
+        lines.append(Line(name, verdict, not why, _figures(found), why))
+    notes = (_TO_DO,) if any(line.verdict == "disagrees" for line in lines) else ()
+    draw = partial(plot_direct, shown) if shown else None
+    return Outcome(lines=lines, notes=measured.notes + notes, draw=draw)
+
+
+def law_of(robot: Robot, i: int) -> Law:
+    """Law of friction in force at joint i, with the errors of its identification, if it has one."""
+    t, found = build_transmission(robot.configuration), robot.identified
+    identified = found and found.joints.get(t.joints[i])
+    errors = identified.friction.errors if identified and identified.friction else {}
+    return Law(t, i, (errors.get("K_theta_s", 0.0), errors.get("K_theta_v", 0.0)))
+
+
+def disagreement(law: Law, found: Sequence[Point], level: float, per_speed: float) -> str:
+    """Sentence about points that are off the law, and what the worst takes of the contact level
+    [Nm], which grows per_speed [Nm s/rad]; empty where none is."""
+    worst = max(found, key=lambda point: law.misses(point)[1])
+    (more, beyond), (friction, half) = law.misses(worst), law.at(worst.load, worst.speed)
+    if not beyond:
+        return ""
+    off = [point for point in found if law.misses(point)[1]]
+    share = abs(more) / (level + per_speed * worst.speed)
+    takes = "contacts without a touch" if share >= 1.0 else "a hand one way must press harder"
+    return (
+        f"{len(off)} of {len(found)} points are off, most at {abs(worst.load):.2f} Nm and "
+        f"{worst.speed:.2g} rad/s: {worst.friction:.3g} +- {worst.scatter:.2g} Nm measured, "
+        f"{friction:.3g} +- {half:.2g} by the law, {beyond:.2g} Nm beyond both. There the residual "
+        f"is off by {abs(more):.2g} Nm, {share:.0%} of the contact level: {takes}"
+    )
+
+
+def _figures(found: Sequence[Point]) -> str:
+    rows = np.array([(abs(p.load), p.speed, p.friction, p.scatter) for p in found])
+    loads, speeds, friction, scatter = rows.T
+    text = (f"{friction.min():.3g} to {friction.max():.3g} Nm, +- {np.median(scatter):.2g}, at "
+            f"loads of {loads.min():.2f} to {loads.max():.2f} Nm")  # fmt: skip
+    if np.ptp(loads) < _VARIES * friction.mean():
+        return text
+    columns = np.stack([np.ones_like(loads), speeds, loads], axis=1) / scatter[:, None]
+    share = np.linalg.lstsq(columns, friction / scatter, rcond=None)[0][2]
+    return f"{text}, {share:.2g} per Nm of it"
