@@ -48,7 +48,7 @@ WORDS: Final = {
 }
 WORKING: Final = (Status.UNKNOWN, Status.DISABLED, Status.ENABLED)
 """Statuses of a motor without a fault."""
-HELD: Final = "held at velocity 0"
+HELD: Final = "held"
 
 
 def _statuses(status: Status, stopping: bool) -> DriveStatus:
