@@ -104,8 +104,7 @@ def supplied_values(description: ArmDescription) -> list[str]:
 def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
     """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
     return its path. at_motor: drives without a link encoder. The content of an older file is kept.
-    Raises ConfigurationError where a truth
-    is there already, or the drives cannot be simulated."""
+    Raises ConfigurationError where a truth is there, or the drives cannot be simulated."""
     path, urdf = robot.folder / FILE, robot.folder / URDF
     simulation = read_simulation(robot)
     for there in (path if simulation.joints or simulation.drives else None, urdf):

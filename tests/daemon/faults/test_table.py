@@ -24,6 +24,7 @@ EXPECTED = {
         Condition.TORQUE_SATURATED,
         Condition.JOINT_LIMIT,
         Condition.OVERRUN,
+        Condition.UNGUARDED,
     },
     Response.FAULT_EXIT: {Condition.ADAPTER_GONE, Condition.PROGRAM_ERROR},
 }
