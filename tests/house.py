@@ -80,7 +80,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     return [
         Measure("lines of the product", lines(PRODUCT, root), 56_300, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 13_500, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 16_320, 12_000),
+        Measure("lines of bench/", lines(["bench"], root), 16_620, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 59_200, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 2, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 50_000, 50_000),
