@@ -40,6 +40,7 @@ class Subject:
     displacement_m: float = 0.0  # of every centre of mass, each in a direction of its own
     drift: float = 0.0  # friction of every joint swings by this share of itself ...
     drift_period_s: float = 240.0  # ... once in this time, each in a phase of its own
+    friction: float = 1.0  # that of every joint, over its own
     interpolates: bool = True  # drives reach setpoints over a period, not at once
 
 
@@ -287,9 +288,10 @@ class _Drift:
 
     def __init__(self, subject: Subject, n: int) -> None:
         self._omega = 2.0 * np.pi / subject.drift_period_s
-        self._share = subject.drift
+        self._share, self._whole = subject.drift, subject.friction
         self._phase = np.random.default_rng((subject.settings.seed, 3)).uniform(0, 2 * np.pi, n)
 
     def at(self, t: float) -> Vector:
-        factor: Vector = 1.0 + self._share * np.sin(self._omega * t + self._phase)
+        swing = 1.0 + self._share * np.sin(self._omega * t + self._phase)
+        factor: Vector = self._whole * swing
         return factor

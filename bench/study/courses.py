@@ -176,7 +176,9 @@ def folder_with(course: Course, robot: Robot, folder: Path) -> Path:
     return folder
 
 
-def day(c: Configuration, seed: int, seconds: float) -> tuple[Course, NDArray[np.int64]]:
+def day(
+    c: Configuration, seed: int, seconds: float, part_s: float = 30.0
+) -> tuple[Course, NDArray[np.int64]]:
     """A course of every kind of part in turns, in an order of its own, with a move to another pose
     after each; and which of PARTS each tick belongs to. A row for every tick of `seconds`."""
     rng, room = np.random.default_rng((seed, 21)), Room.of(c)
@@ -185,7 +187,7 @@ def day(c: Configuration, seed: int, seconds: float) -> tuple[Course, NDArray[np
     while len(kinds) < wanted:
         for kind in rng.permutation(len(PARTS)).tolist():
             name = list(PARTS)[kind]
-            part = PARTS[name](room, here, 10.0 if name == "holding" else 30.0, rng)
+            part = PARTS[name](room, here, part_s / 3.0 if name == "holding" else part_s, rng)
             there = rng.uniform(room.lower, room.upper)
             parts += [part, move(room, part.q[-1], there)]
             kinds += [kind] * (len(part.q) + len(parts[-1].q))

@@ -1,6 +1,6 @@
-"""Rival of the product's residuals: the Kalman disturbance observer of the momentum.
+"""Rivals of the product's residuals: the Kalman disturbance observer, and recurrent networks.
 
-Per joint, with p the momentum, u all torques that the model has, d the external torque:
+The observer: per joint, with p the momentum, u all torques that the model has, d the external one:
 
     p_dot = u + d        d_dot = w        measured: p + v
 
@@ -9,9 +9,20 @@ model is that of `classical` with friction and rotor inertia, without a gap: wha
 filter. Its steady gain has a closed form (the tracking index; P. Kalata, 1984), and one number
 to tune, which `fair_index` sets so that white torque comes through as loud as through the product's
 residual of gain K.
+
+A recurrent network learns a torque y of contact-free motion from the samples before, without the
+current, in which a hand would show; its residual is y less what it expects. y, filtered by the gain
+K, is the motor's torque with the other sign (`gru`), or the residual of KALMAN_BELIEF
+(`gru+momentum`, after D. Lim, D. Kim and J. Park, "Momentum observer-based collision detection
+using LSTM for model uncertainty learning", 2021).
 """
 
-from typing import Final
+import copy
+import importlib
+import math
+import sys
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 
@@ -71,3 +82,79 @@ def kalman(residual: Matrix, K: float, period_s: float) -> Matrix:
     unexplained = ((2.0 + TK) * residual - (2.0 - TK) * before) / (2.0 * K)
     observer = KalmanObserver(residual.shape[1], fair_index(TK), period_s)
     return np.array([observer.step(e, period_s) for e in unexplained])
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How a network is trained: Adam, its rate falling as a cosine. Of all epochs, that counts
+    which is best in the last fifth of the motion, on which it does not train."""
+
+    hidden: int = 64
+    window: int = 200  # ticks
+    unscored: int = 50  # of them
+    batch: int = 48
+    dropout: float = 0.3
+    rate: float = 1e-3
+    epochs: int = 60
+
+
+def torch() -> Any:
+    """PyTorch, an extra of its own; ends the bench where it is not installed."""
+    try:
+        return importlib.import_module("torch")
+    except ImportError:
+        sys.exit("bench.rivals needs PyTorch, which is not installed: pip install '.[rivals]'")
+
+
+def seen_by_network(samples: Matrix, period_s: float) -> Matrix:
+    """Inputs (ticks, 6 n) from samples (ticks, 4, n): sine and cosine of the link position, motor
+    position less that, velocities of link and motor, acceleration of the motor; no current."""
+    _, q, velocity, theta = np.moveaxis(samples, 1, 0)
+    q_dot, acceleration = (np.diff(x, axis=0, prepend=x[:1]) / period_s for x in (q, velocity))
+    return np.hstack((np.sin(q), np.cos(q), theta - q, q_dot, velocity, acceleration))
+
+
+class Recurrent:
+    """A GRU and a linear layer that expect a torque (ticks, n) [Nm] from inputs (ticks, m)."""
+
+    def __init__(self, inputs: Matrix, torque: Matrix, seed: int, recipe: Recipe) -> None:
+        self._torch = torch()
+        self._torch.manual_seed(seed)
+        self._torch.set_num_threads(1)  # a result must not depend on the number of processors
+        self._scales = [(x.mean(axis=0), x.std(axis=0) + 1e-9) for x in (inputs, torque)]
+        self._gru = self._torch.nn.GRU(inputs.shape[1], recipe.hidden, batch_first=True)
+        self._out = self._torch.nn.Linear(recipe.hidden, torque.shape[1])
+        self._train(self._scaled(inputs, 0), self._scaled(torque, 1), seed, recipe)
+
+    def _train(self, x: Any, y: Any, seed: int, recipe: Recipe) -> None:
+        split, rng, least = len(x) * 4 // 5, np.random.default_rng(seed), math.inf
+        layers = self._torch.nn.ModuleList((self._gru, self._out))
+        optimiser = self._torch.optim.Adam(layers.parameters(), recipe.rate)
+        falls = self._torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, recipe.epochs)
+        for _ in range(recipe.epochs):
+            first = rng.integers(recipe.window)
+            begins = rng.permutation(np.arange(first, split - recipe.window, recipe.window))
+            for k in range(0, len(begins), recipe.batch):
+                rows = begins[k : k + recipe.batch, np.newaxis] + np.arange(recipe.window)
+                kept = self._torch.nn.functional.dropout(self._gru(x[rows])[0], recipe.dropout)
+                optimiser.zero_grad()
+                (self._out(kept) - y[rows])[:, recipe.unscored :].square().mean().backward()
+                optimiser.step()
+            falls.step()
+            with self._torch.no_grad():
+                error = self._out(self._gru(x[np.newaxis, split:])[0])[0] - y[split:]
+            if (loss := float(error.square().mean())) < least:
+                least, best = loss, copy.deepcopy(layers.state_dict())
+        layers.load_state_dict(best)
+
+    def _scaled(self, values: Matrix, which: int) -> Any:
+        mean, width = self._scales[which]
+        return self._torch.tensor((values - mean) / width, dtype=self._torch.float32)
+
+    def expects(self, inputs: Matrix) -> Matrix:
+        """Torque (ticks, n) [Nm] of contact-free motion, tick by tick from those before alone."""
+        with self._torch.no_grad():
+            scaled = self._out(self._gru(self._scaled(inputs, 0)[np.newaxis])[0])[0]
+        return np.asarray(
+            scaled.numpy().astype(np.float64) * self._scales[1][1] + self._scales[1][0]
+        )
