@@ -176,7 +176,7 @@ def run(job: tuple[int, bool]) -> dict[tuple[str, str], Cell]:
             seconds=seconds,
             motion=courses.day(room, 5000 + seed, seconds, PART_S)[0],
             pushes=population.pushes(steps, len(c.joints)),
-            carried=(Carried(0.0, MASS, place),) if "payload" in change else (),
+            carried=Carried(MASS, place) if "payload" in change else None,
         )
         seen = record(replace(subject, friction=COLD if change == "cold gear" else 1.0), scenario)
         payload = Payload.of(MASS, place.tolist()) if announced else None

@@ -101,15 +101,24 @@ class Push:
     torque: Vector
 
 
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """A point mass [kg] in the hand, at a place in the hand's frame (3,) [m]."""
+
+    mass: float
+    place: Vector
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """Motion and pushes of the arm from the moment it stands."""
+    """Motion, pushes and load of the arm from the moment it stands."""
 
     seconds: float
     motion: Motion | Course
     pushes: tuple[Push, ...] = ()
     settling_s: float = 1.5  # from switching on until the arm stands and the recording begins
     begin_s: float = 0.0  # time at which it begins, for the drift of friction
+    carried: Carried | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -249,6 +258,8 @@ def recordings(
         harness.follow(velocity)
         velocity = gain * (start - q)
 
+    if scenario.carried is not None:
+        harness.plant.carry(scenario.carried.mass, scenario.carried.place)
     for first in range(0, ticks, round(chunk_s / period_s)):
         chunk = range(first, min(first + round(chunk_s / period_s), ticks))
         external = _external(scenario.pushes, chunk.start * per_tick, len(chunk) * per_tick, n)
