@@ -27,6 +27,10 @@ class DriveKind(Protocol):
         is no other."""
 
     @property
+    def stops_alone(self) -> bool:
+        """True where it stops and holds when nothing of ours reaches it."""
+
+    @property
     def without_us(self) -> str:
         """Its reaction when nothing of ours reaches it, in words."""
 

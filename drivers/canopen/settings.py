@@ -93,6 +93,11 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
         return HEARTBEATS_MISSED * self.heartbeat_ms / 1000.0
 
     @property
+    def stops_alone(self) -> bool:
+        """True, as a drive that does not is refused."""
+        return True
+
+    @property
     def without_us(self) -> str:
         """Reaction of the drive when nothing of ours reaches it."""
         return f"without our heartbeat for {self.master_timeout_ms} ms it quick-stops, and holds"

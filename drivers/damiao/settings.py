@@ -44,7 +44,7 @@ class DamiaoProfile(Settings, frozen=True, tag_field="make", tag="damiao"):
 
     model: Model
     # What 16 bits of position, 12 of velocity and 12 of torque reach to either side: must be what
-    # the motor has in its registers 21, 22 and 23. `contactd scan` prints them.
+    # the motor has in its registers 21, 22 and 23; it is refused at the start where they differ.
     position_max: Annotated[float, Meta(gt=0, le=1000)]  # [rad at the output]
     velocity_max: Annotated[float, Meta(gt=0, le=1000)]  # [rad/s at the output]
     torque_max_Nm: Annotated[float, Meta(gt=0, le=1000)]  # at the output
@@ -79,11 +79,16 @@ class DamiaoProfile(Settings, frozen=True, tag_field="make", tag="damiao"):
         return 0.0
 
     @property
+    def stops_alone(self) -> bool:
+        """False: it lets go."""
+        return False
+
+    @property
     def without_us(self) -> str:
         """Reaction of the motor when nothing of ours reaches it."""
         return (
-            f"without a setpoint for {self.master_timeout_ms} ms it lets go: its joint falls, and "
-            "nothing brakes it"
+            f"without a setpoint for {self.master_timeout_ms} ms it lets go, and its joint falls, "
+            "unless `contactd guard` holds it"
         )
 
     @property

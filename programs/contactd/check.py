@@ -24,9 +24,9 @@ from programs.contactd.drafts.configuration import guesses
 from programs.identify.stated_levels import source, unused
 
 TRAVEL_WORDS = (
-    "until found: until the fault is detected. in the stops: while they are commanded by setpoint, "
-    "SDO and NMT. master missed: until the drive misses the master's heartbeat. in all: the sum, "
-    "of a drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
+    "until found: until the fault is detected. in the stops: while they are commanded, ever more "
+    "strongly. master missed: until the drive misses the master's heartbeat. in all: the sum, of a "
+    "drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
     "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
     "stop"
 )
@@ -159,7 +159,7 @@ def _travels(c: Configuration) -> Table:
             *(f"{part:.3f}" for part in parts),
             f"{travel.total:.3f}",
             f"{travel.own:.3f}",
-            f"{travel.patience + travel.braking:.3f}",
+            f"{travel.patience + travel.braking:.3f}" if drive.profile.stops_alone else "falls",
         )
     return table
 
