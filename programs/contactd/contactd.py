@@ -158,7 +158,7 @@ def check(config: Path | None, field: str | None) -> None:
 @PORT
 def scan(config: Path, port: int | None) -> None:
     """List the nodes on the bus of CONFIG: node ID, vendor, product, serial number, modes, and the
-    matching EDS in the folder.
+    matching EDS in the folder; and Damiao motors with their registers.
 
     It reads by SDO and sends nothing else, and is refused while a master is on the bus. Of CONFIG
     only `bus` is read: the rest may still be wrong.

@@ -12,6 +12,8 @@ from drivers.can.bus import open_bus
 from drivers.can.settings import BusSettings
 from drivers.canopen.boot.data_sheet import load_data_sheet, makers_numbers
 from drivers.canopen.boot.scan import FoundNode, scan
+from drivers.damiao.frames import ANSWERS, Register
+from drivers.damiao.scan import FoundMotor, scan_motors
 from programs.command_line.sentences import aligned, say
 
 
@@ -33,9 +35,11 @@ def run_scan(config: Path, port: int | None) -> None:
     opened = open_bus(bus)
     try:
         found = scan(opened.wire)
+        motors = scan_motors(opened.wire)
     finally:
         opened.python_can.shutdown()
-    for line in table(found, sheets):
+    lines = table(found, sheets) if found or not motors else []
+    for line in [*lines, *motor_table(motors)]:
         click.echo(line)
 
 
@@ -79,6 +83,27 @@ def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str
         f"two nodes answer as node {one.node}: switch one off, give it a number of its own"
         for one in found
         if one.twice
+    ]
+
+
+def motor_table(motors: list[FoundMotor]) -> list[str]:
+    """Damiao motors found, as lines of a table: registers as a profile names them."""
+    if not motors:
+        return []
+    head = "id", "master id", "model by its gear", "position_max", "velocity_max", "torque_max_Nm"
+    rows: list[tuple[str, ...]] = [(*head, "firmware", "serial")]
+    for one in motors:
+        master, _, *others = (f"{value:.7g}" for value in one.values.values())
+        rows.append((str(one.motor), master, " or ".join(one.models) or "unknown", *others))
+    return [
+        *aligned(rows),
+        *(
+            f"motor {one.motor}: register {Register.MASTER_ID.value} (master id) must be "
+            f"{one.motor + ANSWERS}"
+            for one in motors
+            if one.values[Register.MASTER_ID] != one.motor + ANSWERS
+        ),
+        *(f"two motors answer with id {one.motor}" for one in motors if one.twice),
     ]
 
 

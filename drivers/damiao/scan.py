@@ -1,0 +1,78 @@
+"""Scan of a bus for Damiao motors: registers of the ids that they may have, and no command."""
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from common.errors import BusError
+from drivers.can.bus import BUS_FAILURES
+from drivers.can.wire import Frame, Wire
+from drivers.damiao.frames import Register, read, register_of, value_of
+from drivers.damiao.settings import MODELS
+
+#: Time for the answer of one motor [s].
+ANSWER_S: Final = 0.03
+LISTEN_S: Final = 0.15  # for a master
+IDS: Final = range(1, 16)
+_READ: Final = (
+    Register.MASTER_ID, Register.GEAR, Register.POSITION_MAX, Register.VELOCITY_MAX,
+    Register.TORQUE_MAX, Register.FIRMWARE, Register.SERIAL,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class FoundMotor:
+    """Motor that answered, and its registers; NaN where it did not answer about one."""
+
+    motor: int
+    values: dict[Register, float]
+    twice: bool = False  # two answers came
+
+    @property
+    def models(self) -> list[str]:
+        """Models that have its gear."""
+        gear = self.values[Register.GEAR]
+        return [name for name, about in MODELS.items() if about.gear == gear]
+
+
+def scan_motors(wire: Wire) -> list[FoundMotor]:
+    """Motors that answer. Raises BusError where a master commands some, or the bus fails."""
+    try:
+        return list(_found(wire))
+    except BUS_FAILURES as error:
+        raise BusError(f"the bus cannot be scanned: {error}") from error
+
+
+def _found(wire: Wire) -> Iterator[FoundMotor]:
+    for can_id, _ in _heard(wire, LISTEN_S):
+        if can_id in IDS:
+            raise BusError(f"a master commands motors on this bus: 0x{can_id:03X} is being sent")
+    for motor in IDS:
+        values, answers = {}, 0
+        for register in _READ:
+            values[register], count = _asked(wire, motor, register)
+            answers = max(answers, count)
+            if not answers:
+                break
+        if answers:
+            yield FoundMotor(motor, values, answers > 1)
+
+
+def _asked(wire: Wire, motor: int, register: Register) -> tuple[float, int]:
+    """Value of a register, at whatever master id it is answered, and the number of answers."""
+    value, count = math.nan, 0
+    wire.send([read(motor, register)])
+    for _, data in _heard(wire, ANSWER_S):
+        if register_of(motor, data) == register:
+            value, count = value_of(register, data), count + 1
+    return value, count
+
+
+def _heard(wire: Wire, seconds: float) -> Iterator[Frame]:
+    """Frames of the next seconds."""
+    deadline = time.monotonic() + seconds
+    while (left := deadline - time.monotonic()) > 0.0:
+        if (frame := wire.receive(left)) is not None:
+            yield frame
