@@ -22,6 +22,7 @@ from drivers.damiao.frames import (
     TIMEOUT_S,
     Register,
 )
+from drivers.damiao.guardian import BEAT, Doing
 from drivers.damiao.registers import Registers, same
 from drivers.damiao.settings import DamiaoDrive
 
@@ -76,7 +77,7 @@ class DamiaoArm(DamiaoDrives):
     def boot_up(self, report: Report) -> None:
         """Identify, set up and read back all motors. Raises BusError (the bus fails, another master
         is there) or DriveError (a motor is silent, another one, or does not hold a register)."""
-        self._refuse_other_master()
+        self._port.taken_over = self._held_by_guardian()
         registers = Registers(self._wire)
         self._identities = []
         for drive in self._drives:
@@ -139,16 +140,21 @@ class DamiaoArm(DamiaoDrives):
             self.quick_stop()
             meanwhile()
 
-    def _refuse_other_master(self) -> None:
+    def _held_by_guardian(self) -> bool:
+        """True where a guardian holds motors. Raises BusError where another commands them."""
         commands = {*self._motors, REGISTERS}
-        deadline = time.monotonic() + self._listen_s
+        deadline, heard, held = time.monotonic() + self._listen_s, None, False
         while (remaining := deadline - time.monotonic()) > 0.0:
             try:
                 frame = self._wire.receive(remaining)
             except BUS_FAILURES as error:
                 raise BusError(f"the bus cannot be read: {error}") from error
-            if frame is not None and frame[0] in commands:
-                raise BusError(f"another master is on this bus: 0x{frame[0]:03X} is being sent")
+            if frame is not None:
+                heard = frame[0] if frame[0] in commands else heard
+                held = held or (frame[0] == BEAT and bytes(frame[1]) != bytes([Doing.WATCHES]))
+        if heard is not None and not held:
+            raise BusError(f"another master is on this bus: 0x{heard:03X} is being sent")
+        return held
 
 
 def _wanted(drive: DamiaoDrive) -> dict[Register, float]:

@@ -77,7 +77,10 @@ class DamiaoDrives:
         """Begin to tick. renewed: joints whose motors were just set up; None is all."""
         self._now = now
         self._presence.begin(now)
-        self._unset -= set(range(len(self.names)) if renewed is None else renewed)
+        fresh = range(len(self.names)) if renewed is None else renewed
+        self._unset -= set(fresh)
+        self._setpoints.forget(fresh)
+        self._port.begin(now)
         self.replies.awaited.start_anew()
         self._port.read_queued()
         if renewed is None:
@@ -193,7 +196,10 @@ class DamiaoDrives:
         self._last[i] = velocity if runs else 0.0
         if (target is not _ON) is not self._stopping[i]:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
-        self._setpoints.write(i, self._last[i], self._measured[i], runs=runs)
+        if self._port.taken_over and not self._setpoints.known(i):
+            return  # the guardian goes on until its setpoint is heard, and taken up
+        if not self._setpoints.write(i, self._last[i], self._measured[i], runs=runs):
+            return
         frames.append(self._setpoints.frames[i])
         self.replies.pending[i] = 1  # one that was lost is not awaited for ever
         word = self._command_word(i, target, status, reset)
@@ -236,8 +242,7 @@ class DamiaoDrives:
 
     def quick_stop(self) -> None:
         """Hold all motors, now."""
-        self._setpoints.stop()
-        self._port.send(self._setpoints.frames)
+        self._port.send(self._setpoints.stop())
 
     @property
     def left_alone(self) -> bool:

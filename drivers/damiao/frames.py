@@ -118,6 +118,13 @@ def write(motor: int, register: int, value: float) -> Frame:
     return REGISTERS, head + (_WORD.pack(int(value)) if register in WORDS else _FLOAT.pack(value))
 
 
+def time_out_of(can_id: int, data: bytes | bytearray) -> tuple[int, int] | None:
+    """Motor and time-out, in units of TIMEOUT_S, of a frame that sets it; None for any other."""
+    if can_id != REGISTERS or len(data) < 8 or (data[2], data[3]) != (_WRITE, Register.TIMEOUT):
+        return None
+    return data[0] | data[1] << 8, int(value_of(Register.TIMEOUT, data))
+
+
 def register_of(motor: int, data: bytes | bytearray) -> int | None:
     """Register that an answer is about; None for a feedback, or another motor's.
 

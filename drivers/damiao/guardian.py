@@ -23,6 +23,7 @@ from drivers.damiao.frames import (
     scaled,
     setpoint,
     setpoint_of,
+    time_out_of,
 )
 from drivers.damiao.settings import DamiaoDrive
 
@@ -62,6 +63,7 @@ class _Motor:
     enabled: bool = False
     here: float = 0.0  # position of the motor [rad at the output]
     hot: bool = False
+    alone: bool = False  # its time-out is off: it holds by itself
 
     def hear(self, data: bytes | bytearray) -> None:
         """Take an answer of the motor."""
@@ -113,6 +115,8 @@ class Guardian:
                 motor.gains = gains[0], gains[1]
         elif (motor := self._by_answer.get(can_id)) is not None:
             motor.hear(data)
+        elif (of := time_out_of(can_id, data)) and (motor := self._by_command.get(of[0])):
+            motor.alone = not of[1]
 
     def step(self, now: float) -> list[Frame]:
         """Frames that are due."""
@@ -135,7 +139,8 @@ class Guardian:
 
     def _orphaned(self, motor: _Motor, now: float) -> bool:
         heard_s = motor.heard_s
-        return motor.enabled and heard_s is not None and now - heard_s > self._after_s
+        silent = heard_s is not None and now - heard_s > self._after_s
+        return silent and motor.enabled and not motor.alone
 
     def _command(self, motors: Sequence[_Motor], held_s: float, passed_s: float) -> None:
         """Write the setpoints of these motors, held for `held_s`, the last time `passed_s` ago."""

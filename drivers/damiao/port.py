@@ -37,7 +37,15 @@ class Port:
         self.now = 0.0
         """Time of the tick [s]."""
         self._beat_s = -math.inf  # of the guardian
-        self._guarded = self._taken_over = False
+        self._guarded = self.taken_over = False
+        """A guardian holds motors."""
+        self._begun_s = 0.0
+
+    def begin(self, now: float) -> None:
+        """Begin to tick."""
+        self.now = self._begun_s = now
+        if self.taken_over:  # as heard before
+            self._beat_s, self._guarded = now, True
 
     def report(self, *events: Event) -> None:
         """Keep events for the next samples, each once."""
@@ -88,10 +96,11 @@ class Port:
             self.report(event)
         elif can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
-            self._taken_over = data[0] != Doing.WATCHES
-        elif can_id in self._joint_of and self._taken_over:
+            self.taken_over = data[0] != Doing.WATCHES
+        elif can_id in self._joint_of and self.taken_over:
             self._on_held(self._joint_of[can_id], data)
-            self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
+            if self.now - self._begun_s > GONE_S:  # at the start it has held the arm in order
+                self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
         elif can_id in self._joint_of:
             self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))
 
@@ -103,6 +112,6 @@ class Port:
     def watch_guardian(self) -> None:
         """Report a guardian that has gone, once."""
         if self._guarded and not self.guarded:
-            self._guarded = self._taken_over = False
+            self._guarded = self.taken_over = False
             text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"
             self.report(Event(Kind.UNGUARDED, text))

@@ -8,7 +8,7 @@ when it is enabled; p goes no further from it than the torque that its current l
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from drivers.can.wire import Frame
 from drivers.damiao.frames import MOST_DAMPING, STIFFEST, scaled, setpoint, setpoint_of
@@ -33,17 +33,20 @@ class Setpoints:
         self.frames: list[Frame] = [
             (drive.node, data) for drive, data in zip(drives, self._data, strict=True)
         ]
-        self.positions: list[float] = [0.0] * len(drives)
-        """Position p of each motor [rad at the link]."""
+        self.positions: list[float] = [math.nan] * len(drives)
+        """Position p of each motor [rad at the link]; NaN where it is not known yet."""
 
-    def write(self, joint: int, velocity: float, measured: float, *, runs: bool) -> None:
+    def write(self, joint: int, velocity: float, measured: float, *, runs: bool) -> bool:
         """Move p of a joint on with its target velocity [rad/s], about its `measured` motor [rad];
-        take it to the motor where it does not run."""
-        here = measured if math.isfinite(measured) else self.positions[joint]
-        reach = self._reach[joint]
-        p = self.positions[joint] + velocity * self._period_s if runs else here
+        take it to the motor where it does not run. False where neither was ever known: there is no
+        setpoint then."""
+        before, reach = self.positions[joint], self._reach[joint]
+        here = measured if math.isfinite(measured) else before
+        p = before + velocity * self._period_s if runs and math.isfinite(before) else here
         self.positions[joint] = min(max(p, here - reach), here + reach)
-        self._pack(joint, velocity if runs else 0.0)
+        if known := math.isfinite(here):
+            self._pack(joint, velocity if runs else 0.0)
+        return known
 
     def adopt(self, joint: int, data: bytes | bytearray) -> None:
         """Take the p of a setpoint that the guardian sent: the motor is held there."""
@@ -51,10 +54,21 @@ class Setpoints:
             step = 2.0 * self._most[joint][0] / 0xFFFF
             self.positions[joint] = self._signs[joint] * step * (found[0] - 0x7FFF)
 
-    def stop(self) -> None:
-        """Hold every motor at its p."""
-        for joint in range(len(self._data)):
+    def known(self, joint: int) -> bool:
+        """True where p is known."""
+        return math.isfinite(self.positions[joint])
+
+    def forget(self, joints: Iterable[int]) -> None:
+        """Know no p of these joints: their motors are taken where they are found."""
+        for joint in joints:
+            self.positions[joint] = math.nan
+
+    def stop(self) -> list[Frame]:
+        """Frames that hold every motor at its p, of those where it is known."""
+        known = [joint for joint in range(len(self.positions)) if self.known(joint)]
+        for joint in known:
             self._pack(joint, 0.0)
+        return [self.frames[joint] for joint in known]
 
     def _pack(self, joint: int, velocity: float) -> None:
         sign, (furthest, fastest) = self._signs[joint], self._most[joint]

@@ -1,6 +1,8 @@
 """Guardian of Damiao motors, against the simulated arm of configs/openarm_left."""
 
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from daemon.protocol.requests import Go
 from daemon.service.poses import Poses
+from drivers.api import PowerTarget
+from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.frames import Status
 from drivers.damiao.guardian import BEAT, GONE_S, HOT_C, LOWERS, Doing
 
@@ -132,6 +136,83 @@ def test_one_that_is_to_end_lowers_the_arm_first(rig: Rig) -> None:
     guardian(rig).killed = True
     without_the_daemon(rig, 2.0)
     assert np.abs(rig.arm.plant.q - before).max() < 0.2  # where friction holds it, or nearly
+
+
+def restarted(rig: Rig) -> DamiaoArm:
+    """Drives of a daemon that starts anew, while the arm holds."""
+    assert isinstance(rig.drives, DamiaoArm)
+    c = rig.robot.configuration
+    drives = DamiaoArm(rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, listen_s=0.2)
+    with guarded(rig):
+        drives.boot_up(lambda line: None)
+    return drives
+
+
+@contextmanager
+def guarded(rig: Rig) -> Iterator[None]:
+    """A guardian that goes on in a thread, as motors answer in one."""
+    ended = threading.Event()
+
+    def turns() -> None:
+        while not ended.wait(0.005):
+            rig.lockstep.let_pass(0.005)
+            rig.guard()
+
+    thread = threading.Thread(target=turns)
+    with rig.lockstep.serving():
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+
+
+def first_ticks(rig: Rig, drives: DamiaoArm, seconds: float) -> float:
+    """Tick so long, commanded to hold; the furthest that a link went [rad]."""
+    begun, furthest = rig.arm.plant.q.copy(), 0.0
+    drives.start(rig.time_s)
+    for _ in range(round(seconds / T)):
+        drives.sync(rig.time_s)
+        rig.lockstep.pump()
+        rig.guard()
+        drives.collect(0.0)
+        drives.command(PowerTarget.QUICK_STOP, np.zeros(rig.arm.plant.n))
+        rig.ticks += 1
+        furthest = max(furthest, float(np.abs(rig.arm.plant.q - begun).max()))
+    assert drives.samples.events == ()
+    return furthest
+
+
+def test_a_daemon_that_starts_anew_takes_an_arm_over_that_the_guardian_holds(rig: Rig) -> None:
+    without_the_daemon(rig, 0.5)
+    drives = restarted(rig)
+    assert all(enabled(rig))
+    assert first_ticks(rig, drives, 1.0) < 0.02
+    assert guardian(rig).guardian.doing is Doing.WATCHES
+    assert all(enabled(rig))
+
+
+def test_an_arm_that_was_left_holding_by_itself_is_not_the_guardians(rig: Rig) -> None:
+    with rig.lockstep.serving():
+        rig.drives.let_go()
+    furthest = without_the_daemon(rig, 2.0)
+    assert guardian(rig).guardian.doing is Doing.WATCHES
+    assert all(enabled(rig))
+    assert furthest.max() < 0.01
+
+
+def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig) -> None:
+    with rig.lockstep.serving():
+        rig.drives.let_go()
+    guardian(rig).killed = True
+    c = rig.robot.configuration
+    drives = DamiaoArm(rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, listen_s=0.0)
+    with rig.lockstep.serving():
+        drives.boot_up(lambda line: None)
+    assert all(enabled(rig))
+    # It sags by what its load makes of the stiffness, and is no more than held.
+    assert first_ticks(rig, drives, 1.0) < 0.1
 
 
 def test_it_says_on_the_bus_that_it_is_there(rig: Rig) -> None:
