@@ -63,7 +63,7 @@ class _Motor:
     enabled: bool = False
     here: float = 0.0  # position of the motor [rad at the output]
     hot: bool = False
-    alone: bool = False  # its time-out is off: it holds by itself
+    alone: bool = False  # its time-out is off: it was left to hold
 
     def hear(self, data: bytes | bytearray) -> None:
         """Take an answer of the motor."""
@@ -139,13 +139,16 @@ class Guardian:
 
     def _orphaned(self, motor: _Motor, now: float) -> bool:
         heard_s = motor.heard_s
-        silent = heard_s is not None and now - heard_s > self._after_s
-        return silent and motor.enabled and not motor.alone
+        return motor.enabled and heard_s is not None and now - heard_s > self._after_s
 
     def _command(self, motors: Sequence[_Motor], held_s: float, passed_s: float) -> None:
         """Write the setpoints of these motors, held for `held_s`, the last time `passed_s` ago."""
-        long = self.lowers or held_s > LOWERS_AFTER_S
-        lowered = [motor.lower(passed_s) for motor in motors if long or motor.hot]
+        long = held_s > LOWERS_AFTER_S
+        lowered = [
+            motor.lower(passed_s)
+            for motor in motors
+            if self.lowers or motor.hot or (long and not motor.alone)
+        ]
         self.doing = Doing.LOWERS if any(lowered) else Doing.HOLDS
         self.unloaded = bool(lowered) and not any(lowered)
         for motor in motors:

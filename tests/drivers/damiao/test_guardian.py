@@ -193,13 +193,19 @@ def test_a_daemon_that_starts_anew_takes_an_arm_over_that_the_guardian_holds(rig
     assert all(enabled(rig))
 
 
-def test_an_arm_that_was_left_holding_by_itself_is_not_the_guardians(rig: Rig) -> None:
-    with rig.lockstep.serving():
-        rig.drives.let_go()
-    furthest = without_the_daemon(rig, 2.0)
-    assert guardian(rig).guardian.doing is Doing.WATCHES
+@pytest.mark.parametrize("left", [False, True])
+def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
+    rig: Rig, left: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.damiao.guardian.LOWERS_AFTER_S", 1.0)
+    if left:
+        with rig.lockstep.serving():
+            rig.drives.let_go()
+    without_the_daemon(rig, 0.9)
+    assert guardian(rig).guardian.doing is Doing.HOLDS
+    furthest = without_the_daemon(rig, 3.0)
+    assert (furthest.max() > 0.1) is not left
     assert all(enabled(rig))
-    assert furthest.max() < 0.01
 
 
 def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig) -> None:
