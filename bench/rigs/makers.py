@@ -193,6 +193,6 @@ def verdict(maker: Maker, folder: Path) -> str:
     path = folder / "drive.eds"
     path.write_text(maker.eds())
     try:
-        return drafted_drive(load_data_sheet(path), maker.name).verdict
+        return drafted_drive(load_data_sheet(path), maker.name).verdict()
     except ConfigurationError as error:
         return str(error).removeprefix(f"{maker.name}: ")

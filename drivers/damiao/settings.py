@@ -23,13 +23,15 @@ class ModelFigures:
     max_current_A: float  # its own limit, 0.8 of its largest (register 3)
     speed: float  # of the output, at most [rad/s]
     rotor: float  # inertia at the shaft [kg m2]
+    velocity_max: float  # as delivered (register 22) [rad/s]
+    torque_max_Nm: float  # as delivered (register 23)
 
 
 MODELS: Final[dict[Model, ModelFigures]] = {
-    "DM4310": ModelFigures(10.0, 0.945, 3.0, 8.2, 30.0, 1.8e-5),
-    "DM4340": ModelFigures(40.0, 4.074, 9.0, 8.2, 8.0, 2.0e-5),
-    "DM6006": ModelFigures(6.0, 0.7308, 4.0, 16.4, 45.0, 5.8e-5),
-    "DM8009": ModelFigures(9.0, 1.26, 20.0, 32.8, 45.0, 1.95e-4),
+    "DM4310": ModelFigures(10.0, 0.945, 3.0, 8.2, 30.0, 1.8e-5, 30.0, 10.0),
+    "DM4340": ModelFigures(40.0, 4.074, 9.0, 8.2, 8.0, 2.0e-5, 10.0, 28.0),
+    "DM6006": ModelFigures(6.0, 0.7308, 4.0, 16.4, 45.0, 5.8e-5, 45.0, 20.0),
+    "DM8009": ModelFigures(9.0, 1.26, 20.0, 32.8, 45.0, 1.95e-4, 45.0, 54.0),
 }
 #: Position that the feedback's 16 bits reach in every model, as delivered [rad at the output].
 REACH: Final = 12.5

@@ -108,9 +108,15 @@ def guard(config: Path, port: int | None) -> None:
     "--eds",
     "sheets",
     multiple=True,
-    required=True,
     metavar="[NAME=]FILE",
-    help="Electronic data sheet of the drives; may be repeated.",
+    help="Electronic data sheet of CANopen drives; may be repeated.",
+)
+@click.option(
+    "--drive",
+    "models",
+    multiple=True,
+    metavar="[NAME=]MAKE:MODEL",
+    help="Model of motors without an EDS, as damiao:DM4340; may be repeated, joint by joint.",
 )
 @click.option(
     "--object",
@@ -119,16 +125,22 @@ def guard(config: Path, port: int | None) -> None:
     metavar="[NAME.]QUANTITY=INDEX[:SUB]",
     help="Object of a quantity, where the EDS alone does not say; may be repeated.",
 )
-def new(folder: Path, urdf: Path, sheets: tuple[str, ...], objects: tuple[str, ...]) -> None:
-    """Write a configuration for a new arm into a new folder DIR, from its URDF and the EDS of its
-    drives.
+def new(
+    folder: Path,
+    urdf: Path,
+    sheets: tuple[str, ...],
+    models: tuple[str, ...],
+    objects: tuple[str, ...],
+) -> None:
+    """Write a configuration for a new arm into a new folder DIR, from its URDF and its drives:
+    either their EDS or their models. Of several each joint gets the next, all others the last.
 
     Values that neither has are guessed, so that the arm can be checked and simulated at once, and
     marked `# CHECK`. Nothing is overwritten.
     """
     from programs.contactd.new import new_arm
 
-    new_arm(folder, urdf, sheets, objects)
+    new_arm(folder, urdf, sheets, objects, models)
 
 
 @main.command()

@@ -1,4 +1,4 @@
-"""`contactd new`: a folder for an arm, from its URDF and the EDS of its drives."""
+"""`contactd new`: a folder for an arm, from its URDF and its drives: their EDS, or their models."""
 
 import shutil
 from collections.abc import Sequence
@@ -13,17 +13,23 @@ from daemon.config.mistakes import urdf_mistakes
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from programs.command_line.sentences import say
 from programs.contactd.drafts.choice import RULES
-from programs.contactd.drafts.configuration import draft, guesses
+from programs.contactd.drafts.configuration import draft, guesses, planned
+from programs.contactd.drafts.damiao import model_of
 from programs.contactd.drafts.drive import drafted_drive
+from programs.contactd.drafts.motor import Draft
 from programs.simulate import simulated_robot
 from programs.simulate.simulated_robot import write_truth
 
 WRITTEN = ("config.yaml", "identified.yaml", simulated_robot.FILE, simulated_robot.URDF)
 
 
-def new_arm(folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[str] = ()) -> None:
+def new_arm(
+    folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[str] = (),
+    models: Sequence[str] = (),
+) -> None:  # fmt: skip
     """Write config.yaml, simulation.yaml and copies of URDF and EDS into a new folder, and print
-    the next commands. objects: [NAME.]QUANTITY=INDEX[:SUB], as the user names them. Raises
+    the next commands. objects: [NAME.]QUANTITY=INDEX[:SUB], models: [NAME=]MAKE:MODEL, instead of
+    sheets, as the user names them. Raises
     ConfigurationError; nothing is overwritten, and nothing half-written is left."""
     try:
         text = read_text(urdf)
@@ -31,16 +37,20 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[s
         raise ConfigurationError(f"{urdf} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{urdf} cannot be read: {error}") from error
+    if bool(sheets) is bool(models):
+        raise ConfigurationError(
+            "either --eds, for CANopen drives, or --drive, for motors without an EDS, is needed: "
+            "all drives of an arm must be of one make"
+        )
+    if models and objects:
+        raise ConfigurationError("--object: only drives with an EDS have objects")
     named = dict(_named(sheet) for sheet in sheets)
     if len(named) < len(sheets):
         raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
     _refuse_clashes((urdf, *named.values()))
-    by_hand = _by_hand(objects, tuple(named))
-    drives = {
-        name: (path.name, drafted_drive(load_data_sheet(path), str(path), by_hand[name]))
-        for name, path in named.items()
-    }
-    written = draft(folder.resolve().name, text, urdf.name, drives)
+    drives, order = _motors(models) if models else _of_sheets(named, objects)
+    plan = planned(text, urdf.name, drives, order)
+    written = draft(folder.resolve().name, urdf.name, plan)
     try:
         folder.mkdir(parents=True)
     except FileExistsError as error:
@@ -51,24 +61,44 @@ def new_arm(folder: Path, urdf: Path, sheets: Sequence[str], objects: Sequence[s
         (folder / "config.yaml").write_text(written, encoding="utf-8")
         for path in (urdf, *named.values()):
             shutil.copyfile(path, folder / path.name)
-        at_motor = {name for name, (_, drive) in drives.items() if not drive.link_encoder}
-        write_truth(robot := load_robot(folder), at_motor)
+        at_motor = {name for name, drive in drives.items() if not drive.link_encoder}
+        write_truth(load_robot(folder), at_motor)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, OSError):
             why = f"{folder} cannot be written: {error.strerror}"
             raise ConfigurationError(why) from error
         if isinstance(error, ConfigurationError):
-            why = f"{folder} is not written: the draft made from {urdf} and the EDS is refused"
+            why = f"{folder} is not written: the draft made from {urdf} and the drives is refused"
             raise ConfigurationError(f"{why}:\n{error}") from error
         raise
     of_urdf = [f"{urdf.name}, {place}: {what}" for place, what in urdf_mistakes(text)]
-    of_drives = []
-    for name, (_, drive) in drives.items():
-        its = [j.name for j in robot.configuration.joints if j.wiring.profile == name]
-        at = f" (at {', '.join(its)}, CHECK)" if len(drives) > 1 else ""
-        of_drives.append(f"{name}{at}: {drive.verdict}")
-    _report(folder, written, [*of_urdf, *of_drives])
+    _report(folder, written, [*of_urdf, *plan.verdicts()])
+
+
+def _of_sheets(
+    named: dict[str, Path], objects: Sequence[str]
+) -> tuple[dict[str, Draft], Sequence[str]]:
+    """Drafts of CANopen drives by name, and their order."""
+    by_hand = _by_hand(objects, tuple(named))
+    return {
+        name: drafted_drive(load_data_sheet(path), str(path), by_hand[name])
+        for name, path in named.items()
+    }, list(named)
+
+
+def _motors(models: Sequence[str]) -> tuple[dict[str, Draft], Sequence[str]]:
+    """Drafts of [NAME=]MAKE:MODEL by name, and their order: one that is given again is the next
+    joint's, too."""
+    drives: dict[str, Draft] = {}
+    order = []
+    for given in models:
+        name, _, model = given.rpartition("=")
+        drafted = model_of(model)
+        order.append(name or drafted.model)
+        if drives.setdefault(order[-1], drafted) != drafted:
+            raise ConfigurationError(f"--drive {given}: {order[-1]} is another model already")
+    return drives, order
 
 
 def _named(sheet: str) -> tuple[str, Path]:

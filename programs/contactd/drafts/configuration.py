@@ -1,25 +1,21 @@
-"""Draft of a configuration from a URDF and the EDS of its drives: every value that they do not
+"""Draft of a configuration from a URDF and its drives: every value that they do not
 contain is a guess with which the motors hold the arm, marked `# CHECK`, so that the draft passes
 `contactd check`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from common.arrays import Vector
 from common.errors import ConfigurationError, ModelError
 from common.yaml_source import quoted
 from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
-from programs.contactd.drafts.drive import DraftedDrive
-from programs.contactd.drafts.scales import GEAR
+from programs.contactd.drafts.motor import MARK, Draft, Load
 
-MARK = "# CHECK"
-SHAFT_CONSTANT = 0.04  # of usual motors [Nm/A]
 INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
-PEAK = 1.8  # times the rated current
 SLOWLY = 0.5  # [rad/s]
 POSITION_GAIN = 4.0  # [1/s]
 FRICTION_OFF = 0.3  # most by which levels are raised, as friction is a guess [Nm]
@@ -34,40 +30,58 @@ def guesses(text: str) -> int:
 HEAD = """\
 # Draft by `contactd new`. Every line with CHECK holds a guess: look it up, correct it, and remove
 # the mark. `contactd check --explain FIELD` describes a field and how to find its value.
-# To be filled in by hand: node ids, gears, currents and torque constants (data sheets); the size of
-# counts (the drives' manual). Signs, zeros, gaps, friction and levels are found by
-# `contactd identify` (docs/commissioning.md); guesses suffice until then.
+# To be filled in by hand: what data sheets, manuals and `contactd scan` say of drives and motors.
+# Signs, zeros, gaps, friction and levels are found by `contactd identify` (docs/commissioning.md);
+# guesses suffice until then.
 """
 
 
-def draft(
-    name: str, urdf: str, urdf_name: str, drives: Mapping[str, tuple[str, DraftedDrive]]
-) -> str:
-    """Text of `config.yaml`. drives: (EDS file, draft) by the profile's name; of several, each
-    joint gets the next, and the remaining joints the last. Raises ConfigurationError for a URDF
-    without usable joints."""
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Joints of an arm in the order of the URDF, what they carry, and the drive of each."""
+
+    joints: Sequence[JointRange]
+    loads: Sequence[Load]
+    drives: Mapping[str, Draft]
+    of_joint: Sequence[str]  # names of drives
+
+    def verdicts(self) -> list[str]:
+        """Sentences on whether each drive can be used at its joints."""
+        found = []
+        for name, drive in self.drives.items():
+            its = [i for i, one in enumerate(self.of_joint) if one == name]
+            at = f" (at {', '.join(self.joints[i].joint for i in its)}, CHECK)"
+            verdict = drive.verdict([self.loads[i] for i in its])
+            found.append(f"{name}{at if len(self.drives) > 1 else ''}: {verdict}")
+        return found
+
+
+def planned(urdf: str, urdf_name: str, drives: Mapping[str, Draft], order: Sequence[str]) -> Plan:
+    """Plan of an arm; each joint gets the next drive of the `order`, and the remaining joints the
+    last. Raises ConfigurationError for a URDF without usable joints."""
     ranges = _moving(urdf, urdf_name)
-    if len(drives) > len(ranges):
+    if len(order) > len(ranges):
         raise ConfigurationError(
-            f"--eds: {len(drives)} drives ({', '.join(drives)}), and {urdf_name} has only "
+            f"{len(order)} drives ({', '.join(order)}), and {urdf_name} has only "
             f"{len(ranges)} joints that move"
         )
-    motors, inertias = _loads(urdf, urdf_name, [one.joint for one in ranges])
-    profiles = "\n".join(drive.text(key, eds) for key, (eds, drive) in drives.items())
-    names = list(drives)
-    sent = all("motor_position" in drive.quantities for _, drive in drives.values())
-    measured = "measured" if sent else "integrated"
+    loads = _loads(urdf, urdf_name, [one.joint for one in ranges])
+    return Plan(ranges, loads, drives, [order[min(i, len(order) - 1)] for i in range(len(ranges))])
+
+
+def draft(name: str, urdf_name: str, plan: Plan) -> str:
+    """Text of `config.yaml`."""
+    drives = plan.drives
+    profiles = "\n".join(
+        drive.text(key, [load for load, its in zip(plan.loads, plan.of_joint, strict=True)
+                         if its == key])
+        for key, drive in drives.items()
+    )  # fmt: skip
+    measured = "measured" if all(d.sends_motor_position for d in drives.values()) else "integrated"
+    each = zip(plan.joints, plan.loads, plan.of_joint, strict=True)
     joints = "\n".join(
-        _joint(
-            i,
-            one,
-            float(motors[i]),
-            float(inertias[i]),
-            names[min(i, len(names) - 1)],
-            drives[names[min(i, len(names) - 1)]][1],
-            several=len(names) > 1,
-        )
-        for i, one in enumerate(ranges)
+        _joint(i, one, load, its, drives[its], several=len(drives) > 1)
+        for i, (one, load, its) in enumerate(each)
     )
     return f"""{HEAD}version: 1
 name: {quoted(name)}
@@ -111,10 +125,8 @@ def _moving(urdf: str, urdf_name: str) -> list[JointRange]:
     return ranges
 
 
-def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]:
-    """Torque with which each joint's motor carries the arm with a margin [Nm], and the largest
-    inertia that it moves [kg m2], both (n,). Raises ConfigurationError for an arm that no motor can
-    carry."""
+def _loads(urdf: str, urdf_name: str, names: list[str]) -> list[Load]:
+    """Loads of the joints. Raises ConfigurationError for an arm that no motor can carry."""
     try:
         model = Model(urdf, names)
     except ModelError as error:
@@ -122,54 +134,54 @@ def _loads(urdf: str, urdf_name: str, names: list[str]) -> tuple[Vector, Vector]
     poses = np.random.default_rng(0).uniform(model.lower, model.upper, (400, len(names)))
     gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
     inertia = np.max([model.inertia(q) for q in poses], axis=0)
-    motors = 2.0 * gravity + 6.0 * inertia + 1.0
-    if motors.max() > STRONGEST:
-        i = int(motors.argmax())
+    loads = [Load(float(g), float(j)) for g, j in zip(gravity, inertia, strict=True)]
+    motors = [load.torque for load in loads]
+    if max(motors) > STRONGEST:
+        i = motors.index(max(motors))
         reasons = [f"{urdf_name}, {place}: {what}" for place, what in urdf_mistakes(urdf)]
         summary = (
-            f"{urdf_name}: joint {names[i]!r} would need a motor of {figure(float(motors[i]))} Nm, "
+            f"{urdf_name}: joint {names[i]!r} would need a motor of {figure(motors[i])} Nm, "
             f"at most {STRONGEST:g} can be: are masses in kg, inertias in kg m2 and lengths in m?"
         )
         raise ConfigurationError("\n".join([summary, *reasons]))
-    return motors, inertia
+    return loads
 
 
 def _joint(
-    i: int, one: JointRange, motor: float, inertia: float, profile: str, drive: DraftedDrive,
-    *, several: bool,
-) -> str:  # fmt: skip
+    i: int, one: JointRange, load: Load, profile: str, drive: Draft, *, several: bool
+) -> str:
     """Entry of a joint whose motor can carry it."""
     inside = min(INSIDE, 0.1 * (one.upper - one.lower))
     velocity = min(SLOWLY, one.velocity or SLOWLY)
-    constant = SHAFT_CONSTANT * GEAR * 0.8
-    peak = min(PEAK, drive.peak or PEAK)
-    rated = float(figure(motor / constant / peak))
-    most = peak * rated
-    # Usual for such a motor; with a far lighter rotor no velocity loop is stable in the gap.
-    rotor = max(3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2, 0.15 * inertia)
+    motor = drive.motor(load)
     named = one.joint if one.joint.isprintable() else "JOINT"  # a line break ends the comment
     gap = min(0.005, 0.01 * (one.upper - one.lower)) if drive.link_encoder else 0.0
     of_gap = f"a guess until `contactd identify gap {named}`"
     if not drive.link_encoder:
         of_gap = "no gap is found, nor used, without a link encoder: `known: {gap: ...}` states it"
     check = f"   {MARK}: which of the drives" if several else ""
-    contact = 0.2 * motor + min(0.1 * motor, FRICTION_OFF)
+    contact = 0.2 * motor.torque + min(0.1 * motor.torque, FRICTION_OFF)
+    coulomb, viscous = map(figure, motor.friction)
     f = figure
+
+    def mark(what: str = "") -> str:
+        return "" if motor.sure else f"   {MARK}{what}"
+
     return f"""\
   - name: {quoted(one.joint)}
     wiring:
-      node: {i + 1}   {MARK}: `contactd scan` lists the nodes on the bus
+      node: {i + 1}   {MARK}: `contactd scan` lists what is on the bus
       profile: {quoted(profile)}{check}
-      gear: {GEAR:g}   {MARK}: turns of the motor per turn of the joint
-      rated_current_A: {f(rated)}   {MARK}: of the motor
-      max_current_A: {f(most)}   {MARK}
-    torque_constant: {f(constant)}   {MARK}: Nm at the link per A: the motor's times the gear
-    rotor_inertia: {f(rotor)}   # a guess until `contactd identify friction`
+      gear: {motor.gear:g}{mark(": turns of the motor per turn of the joint")}
+      rated_current_A: {f(motor.rated_A)}{mark(": of the motor")}
+      max_current_A: {f(motor.max_A)}{mark()}
+    torque_constant: {f(motor.constant)}{mark(": Nm at the link per A: the motor's times the gear")}
+    rotor_inertia: {f(motor.rotor)}   # a guess until `contactd identify friction`
     half_gap: {f(gap)}   # {of_gap}
-    friction: {{motor_coulomb: {f(0.03 * motor)}, motor_viscous: {f(0.02 * motor)}}}
-    thresholds: {{contact: {f(contact)}, collision: {f(1.2 * motor)}}}
+    friction: {{motor_coulomb: {coulomb}, motor_viscous: {viscous}}}
+    thresholds: {{contact: {f(contact)}, collision: {f(1.2 * motor.torque)}}}
     limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \
 velocity: {f(velocity)}, acceleration: 2, quick_stop: 6}}
     admittance_gain: 0.1
-    end: brake   {MARK}: hold, where the joint has no brake
+    end: {motor.end}{mark(": hold, where the joint has no brake")}
 """

@@ -5,12 +5,14 @@ What an EDS does not say is asked for in the comment of its line, `# CHECK`: it 
 only.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from common.errors import ConfigurationError
 from common.yaml_source import quoted
 from daemon.config.drive_mistakes import CYCLIC_VELOCITY
+from daemon.config.problem import figure
 from drivers.canopen.boot.data_sheet import DataSheet, find_object, value_range
 from drivers.canopen.boot.mandatory_objects import FOLLOWS
 from programs.contactd.drafts.choice import (
@@ -22,13 +24,16 @@ from programs.contactd.drafts.choice import (
     choose,
     looked_at,
 )
+from programs.contactd.drafts.motor import Load, Motor
 from programs.contactd.drafts.pdos import Layout, pdo_layout
-from programs.contactd.drafts.scales import Scale, scale_of
+from programs.contactd.drafts.scales import GEAR, Scale, scale_of
 
 ORDER = ("effort", "link_position", "motor_velocity", "motor_position", "target_velocity",
          "quick_stop_deceleration", "max_motor_speed")  # fmt: skip
 OPTIONAL = ("motor_position", "max_motor_speed")
 _LIMITS = (0x6072, 0x6073)
+SHAFT_CONSTANT = 0.04  # of usual motors [Nm/A]
+PEAK = 1.8  # times the rated current
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +65,10 @@ class Drafted:
 
 @dataclass(frozen=True, slots=True)
 class DraftedDrive:
-    """Drafted profile: its quantities and PDOs, the largest torque as a share of the rated one
-    (None: the EDS does not say), and what the drive can be used with."""
+    """Drafted profile: the name of its EDS, its quantities and PDOs, the largest torque as a share
+    of the rated one (None: the EDS does not say), and what the drive can be used with."""
 
+    eds: str
     quantities: dict[str, Drafted]
     layout: Layout
     peak: float | None
@@ -74,11 +80,33 @@ class DraftedDrive:
         return self.quantities["link_position"].object.doubt != NO_LINK_ENCODER
 
     @property
-    def verdict(self) -> str:
+    def sends_motor_position(self) -> bool:
+        """True where its PDOs carry it."""
+        return "motor_position" in self.quantities
+
+    def verdict(self, loads: Sequence[Load] = ()) -> str:
         """Sentence on whether contactd can use the drive."""
         return "can be used" + (f" {'; '.join(self.settings)}" if self.settings else "")
 
-    def text(self, name: str, eds: str) -> str:
+    def motor(self, load: Load) -> Motor:
+        """Guess of a usual motor that can carry a joint."""
+        constant = SHAFT_CONSTANT * GEAR * 0.8
+        peak = min(PEAK, self.peak or PEAK)
+        rated = float(figure(load.torque / constant / peak))
+        # Usual for such a motor; with a far lighter rotor no velocity loop is stable in the gap.
+        usual = 3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2
+        return Motor(
+            gear=GEAR,
+            rated_A=rated,
+            max_A=peak * rated,
+            constant=constant,
+            rotor=max(usual, 0.15 * load.inertia),
+            torque=load.torque,
+            friction=(0.03 * load.torque, 0.02 * load.torque),
+            end="brake",
+        )
+
+    def text(self, name: str, loads: Sequence[Load] = ()) -> str:
         """Entry of `config.yaml` under `drives`."""
         why = "as the EDS fixes them" if self.layout.fixed else "laid out by contactd"
         pdos = [
@@ -86,7 +114,7 @@ class DraftedDrive:
             + "\n".join(f'      "{n}": [{", ".join(entries)}]' for n, entries in layout.items())
             for kind, layout in (("tpdo", self.layout.tpdo), ("rpdo", self.layout.rpdo))
         ]
-        lines = [f"  {quoted(name)}:", f"    eds: {quoted(eds)}"]
+        lines = [f"  {quoted(name)}:", f"    eds: {quoted(self.eds)}"]
         lines += [quantity.line() for quantity in self.quantities.values()]
         return "\n".join([*lines, *pdos]) + "\n"
 
@@ -116,7 +144,8 @@ def drafted_drive(
         for name, one in objects.items()
         if name != "motor_position" or name in sent
     }
-    return DraftedDrive(quantities, layout, _peak(sheet), list(_settings(sheet, quantities)))
+    settings = list(_settings(sheet, quantities))
+    return DraftedDrive(Path(eds).name, quantities, layout, _peak(sheet), settings)
 
 
 def choices_of(sheet: DataSheet, named: Mapping[str, Object]) -> dict[str, Choice]:

@@ -1,0 +1,57 @@
+"""Motor of a joint, and what the joint asks of it: where drafts of all makes meet."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+MARK = "# CHECK"
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Load of a joint at worst, over all poses: torque of gravity [Nm], inertia [kg m2]."""
+
+    gravity: float
+    inertia: float
+
+    @property
+    def torque(self) -> float:
+        """Torque with which a motor carries it with a margin [Nm]."""
+        return 2.0 * self.gravity + 6.0 * self.inertia + 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Motor:
+    """Motor, at the link: currents [A], constant [Nm/A], inertia [kg m2], its torque and friction
+    [Nm, Nm s/rad]. sure: its gear and constants are its maker's, not guesses."""
+
+    gear: float
+    rated_A: float
+    max_A: float
+    constant: float
+    rotor: float
+    torque: float
+    friction: tuple[float, float]
+    end: str
+    sure: bool = False
+
+
+class Draft(Protocol):
+    """Draft of a drive profile."""
+
+    @property
+    def link_encoder(self) -> bool:
+        """True unless the motor's encoder stands for one."""
+
+    @property
+    def sends_motor_position(self) -> bool:
+        """True where the position of the motor is among the samples."""
+
+    def motor(self, load: Load) -> Motor:
+        """Motor of a joint with such a load."""
+
+    def text(self, name: str, loads: Sequence[Load]) -> str:
+        """Entry of `config.yaml` under `drives`, for joints with these loads."""
+
+    def verdict(self, loads: Sequence[Load]) -> str:
+        """Sentence on whether contactd can use it for them."""
