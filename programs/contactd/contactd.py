@@ -19,6 +19,7 @@ from programs.contactd.fleet import fleet
 from programs.identify.command import identify
 
 ENDED_BY_CTRL_C = 130  # as shells report it
+Texts = tuple[str, ...]
 CONFIG = click.argument("config", type=PATH)
 PORT = click.option(
     "--port",
@@ -125,13 +126,7 @@ def guard(config: Path, port: int | None) -> None:
     metavar="[NAME.]QUANTITY=INDEX[:SUB]",
     help="Object of a quantity, where the EDS alone does not say; may be repeated.",
 )
-def new(
-    folder: Path,
-    urdf: Path,
-    sheets: tuple[str, ...],
-    models: tuple[str, ...],
-    objects: tuple[str, ...],
-) -> None:
+def new(folder: Path, urdf: Path, sheets: Texts, models: Texts, objects: Texts) -> None:
     """Write a configuration for a new arm into a new folder DIR, from its URDF and its drives:
     either their EDS or their models. Of several each joint gets the next, all others the last.
 
