@@ -8,7 +8,7 @@ the same samples on the bus, count for count. The loop on link position is the c
 sinusoids that may stand still for a while.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -119,6 +119,7 @@ class Scenario:
     settling_s: float = 1.5  # from switching on until the arm stands and the recording begins
     begin_s: float = 0.0  # time at which it begins, for the drift of friction
     carried: Carried | None = None
+    act: "Act | None" = None  # on the arm at every tick; returns torque on its links (n,) [Nm]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,6 +224,10 @@ class Harness:
         self.periods.record(external, self._steps, self.phi, self.gear_torque)
 
 
+Act = Callable[[Harness, float], Vector]
+"""What changes the arm at a time [s] of the scenario."""
+
+
 def _displace(model: pin.Model, distance_m: float, seed: int) -> None:
     """Move every centre of mass by `distance_m`."""
     rng = np.random.default_rng((seed, 2))
@@ -269,7 +274,10 @@ def recordings(
             t = tick * period_s
             if tick % 100 == 0:
                 harness.plant.scale_friction(drift.at(scenario.begin_s + t))
-            harness.period(external[row * per_tick : (row + 1) * per_tick])
+            acting = external[row * per_tick : (row + 1) * per_tick]
+            if scenario.act is not None:
+                acting += scenario.act(harness, scenario.begin_s + t)
+            harness.period(acting)
             samples[row] = harness.sample()
             phi[row], gear_torque[row] = harness.phi, harness.gear_torque
             harness.follow(velocity)

@@ -8,9 +8,9 @@ from click.testing import CliRunner
 
 from bench import false_contacts
 from bench.false_contacts import PARTS, tally
-from bench.rigs.arm_without_bus import Recording
+from bench.rigs.arm_without_bus import Course, Recording, Scenario, record
 from bench.rigs.lockstep import ROMEO
-from bench.study import world
+from bench.study import unseen, world
 from bench.study.estimates import Estimates
 from daemon.config.load import load_robot
 from estimator.motor_position import Side
@@ -57,13 +57,9 @@ def test_stretches_beyond_the_threshold_count_by_residual_part_and_joint() -> No
 
 @pytest.mark.parametrize(
     ("load", "side", "expected"),
-    [
-        (0.3, Side.GAP, [0, TICKS]),
-        (0.6, Side.GAP, [TICKS, TICKS]),
-        (0.2, Side.GAP, [0, 0]),
-        (0.6, Side.UNKNOWN, [0, 0]),
-    ],
-)
+    [(0.3, Side.GAP, [0, TICKS]), (0.6, Side.GAP, [TICKS, TICKS]), (0.2, Side.GAP, [0, 0]),
+     (0.6, Side.UNKNOWN, [0, 0])],
+)  # fmt: skip
 def test_gap_under_load(load: float, side: int, expected: list[int]) -> None:
     kinds = np.zeros(TICKS, dtype=np.int64)
     found = tally(recorded(load), estimated(np.zeros((TICKS, N)), side), kinds, CONTACT)
@@ -87,16 +83,29 @@ def test_arms_of_the_world_differ_in_what_nobody_knows() -> None:
     assert world.subject(robot, "dahl", 7).settings.presliding == smooth.presliding
 
 
-def test_the_report_is_of_every_law_residual_and_arm() -> None:
-    words = ["--arms", "1", "--minutes", "0.3", "--jobs", "1", "--json"]
+@pytest.mark.parametrize("more", [[], ["--unseen"]])
+def test_the_report_is_of_every_law_residual_and_arm(more: list[str]) -> None:
+    words = ["--arms", "1", "--minutes", "0.3", "--jobs", "1", "--json", *more]
     result = CliRunner().invoke(false_contacts.main, words, catch_exceptions=False)
     report = json.loads(result.stdout.splitlines()[-1])
+    changes = [f" {name}" for name in unseen.drawn(1)] if more else [""]
     assert set(report["data"]["laws"]) == set(world.LAWS)
     assert "classical" in report["data"]["residuals"]
     for whole in report["data"]["laws"].values():
-        assert whole["hours"] == pytest.approx(0.3 / 60)
+        assert whole["hours"] == pytest.approx(len(changes) * 0.3 / 60)
         assert len(whole["threshold_in_motion"]) == 7
-        shape = np.array(whole["alarms"]).shape
-        assert shape == (len(report["data"]["residuals"]), len(PARTS), 7)
-    assert set(report["data"]["by_arm"]) == {f"{law} 1" for law in world.LAWS}
-    assert [target["limit"] for target in report["targets"]] == [0, 0, 0]
+        shape = (len(report["data"]["residuals"]), len(PARTS), 7)
+        assert np.array(whole["alarms"]).shape == shape
+    assert set(report["data"]["by_arm"]) == {f"{law} 1{by}" for law in world.LAWS for by in changes}
+    assert [target["limit"] for target in report["targets"]] == [2 if more else 0] * 3
+
+
+def test_every_unseen_change_acts_on_the_arm() -> None:
+    subject, still = world.subject(load_robot(ROMEO), "smooth", 1), np.full(7, 0.1)
+    q = still + 0.2 * np.sin(np.arange(300) / 60.0)[:, None]
+    course = Course(q, np.gradient(q, 0.01, axis=0))
+    quiet = record(subject, Scenario(seconds=3.0, motion=course, begin_s=900.0)).samples
+    for name, change in unseen.CHANGES.items():
+        act = change(np.random.default_rng(1), still)
+        acted = Scenario(seconds=3.0, motion=course, begin_s=900.0, act=act)
+        assert np.abs(record(subject, acted).samples - quiet)[:, 0].max() > 0.01, name
