@@ -53,9 +53,10 @@ class DamiaoArm(DamiaoDrives):
         drives: Sequence[DamiaoDrive],
         period_s: float,
         clock: Callable[[], float],
+        bitrate: int,
         listen_s: float = LISTEN_S,
     ) -> None:
-        super().__init__(wire, drives, period_s, clock)
+        super().__init__(wire, drives, period_s, clock, bitrate)
         self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
         self._identities: list[MotorIdentity] = []
         self._beat_s = min(drive.profile.patience_s for drive in drives) / BEATS

@@ -11,6 +11,7 @@ from typing import Final
 
 from common.arrays import Vector
 from drivers.api import Event, Kind, Objection, PowerTarget, Samples
+from drivers.can.traffic import Traffic
 from drivers.can.wire import Frame, Wire
 from drivers.damiao.frames import (
     CLEAR_ERROR,
@@ -21,6 +22,7 @@ from drivers.damiao.frames import (
     read,
     refresh,
 )
+from drivers.damiao.make import frames
 from drivers.damiao.port import FRAMES_PER_PASS, Port
 from drivers.damiao.replies import WORKING, Replies, news_of
 from drivers.damiao.setpoints import Setpoints
@@ -47,6 +49,7 @@ class DamiaoDrives:
         drives: Sequence[DamiaoDrive],
         period_s: float,
         clock: Callable[[], float],
+        bitrate: int,
     ) -> None:
         n = len(drives)
         self.names = tuple(drive.name for drive in drives)
@@ -57,7 +60,8 @@ class DamiaoDrives:
         self._motors = tuple(drive.node for drive in drives)
         self._setpoints = Setpoints(drives, period_s)
         adopt = self._setpoints.adopt
-        self._port = Port(wire, self.replies, self._motors, self._presence.lost, adopt)
+        traffic = Traffic(frames(drives, period_s), period_s, bitrate)
+        self._port = Port(wire, self.replies, traffic, self._motors, self._presence.lost, adopt)
         self._requests = [
             request
             for motor in self._motors
@@ -127,7 +131,7 @@ class DamiaoDrives:
                 break
             frames_left -= 1
         self._judge()
-        self._port.watch_guardian()
+        self._port.end_tick()
         self.samples = self.replies.samples(awaited.finish(), self._held(), self._port.events())
         return self.samples
 
