@@ -48,6 +48,10 @@ def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     for a, b in itertools.pairwise(edges):
         if direction[a] and b - a >= 10:
             turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            if log.motor_position is not None:  # a coarse velocity is off by half a count, steadily
+                by_position = direction[a] * log.motor_position[a:b, joint]
+                if by_position[-1] - by_position[0] > _WHOLE * turned[-1]:
+                    turned = np.maximum.accumulate(by_position)
             ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
     longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
     strokes = []
