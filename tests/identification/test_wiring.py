@@ -65,10 +65,12 @@ def test_a_well_wired_joint_passes(wired, check, joint):
     assert found.friction > 0.0
 
 
-@pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
-def test_a_coarse_velocity_beside_a_position_is_no_wrong_scale(wired, check, joint):
-    """A steady speed between two counts reads as the lower one."""
-    count = WIRING_SPEED / 2.6
+@pytest.mark.parametrize(
+    ("joint", "counts"), [(SHOULDER, 2.6), (ELBOW, 2.6), (WRIST, 2.6), (SHOULDER, 0.7)]
+)
+def test_a_coarse_velocity_beside_a_position_is_no_wrong_scale(wired, check, joint, counts):
+    """A steady speed between two counts reads as one of them."""
+    count = WIRING_SPEED / counts
     coarse = np.floor(wired.motor_velocity / count + 0.5) * count
     assert wired.motor_position is not None
     found = check(replace(wired, motor_velocity=coarse), joint)
