@@ -54,9 +54,9 @@ def run_demo(
     file: Path | None = None,
     page_port: int | None = None,
 ) -> bool:
-    """Play the third experiment on an arm of configs/, recorded to a new file if one is named; True if the
-    story happened. With `page_port` the page shows it, and a person at a terminal begins and ends
-    it. Raises ContactdError."""
+    """Play the third experiment on an arm of configs/, recorded to a new file if one is named; True
+    if the story happened. With `page_port` the page shows it, and a person at a terminal begins
+    and ends it. Raises ContactdError."""
     if file is not None:
         refuse_suffix(file, (".mcap",))
         refuse_unless_new(file)
@@ -68,15 +68,13 @@ def run_demo(
     run = _Run()
     with tempfile.TemporaryDirectory(prefix="contactd-demo-") as folder:
         door, log = Path(folder) / "control", Path(folder) / "contactd.log"
-        port = str(_free_port())
+        at = (where, "--port", str(_free_port()))
         with (
             log.open("w") as log_file,
-            _process(
-                "simulate", where, "--port", port, "--hand", where / HAND, out=subprocess.PIPE
-            ) as sim,
+            _process("simulate", *at, "--hand", where / HAND, out=subprocess.PIPE) as sim,
             _listening(sim),
-            contextlib.nullcontext() if alone else _process("guard", where, "--port", port, err=log_file),
-            _process("run", where, "--port", port, "--socket", door, err=log_file) as daemon,
+            contextlib.nullcontext() if alone else _process("guard", *at, err=log_file),
+            _process("run", *at, "--socket", door, err=log_file) as daemon,
             _page(door, page_port),
         ):
             try:
