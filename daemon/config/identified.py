@@ -64,6 +64,7 @@ class ZeroEntry(Entry, frozen=True):
 
     link_sign: Sign
     link_offset: float
+    motor_sign: Sign | None = None  # the same, where both encoders are in the motor
 
 
 class EncodersEntry(Entry, frozen=True):
@@ -228,19 +229,11 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
     weighed = {name: PayloadEntry(mass=p.mass, com=p.com) for name, p in found.payloads.items()}
-    joints = [_applied(joint, found, c.drives[joint.wiring.profile].one_sign) for joint in c.joints]
+    joints = [
+        reduce(lambda joint, entry: entry.applied(joint), used_entries(one, found).values(), one)
+        for one in c.joints
+    ]
     return msgspec.structs.replace(c, joints=joints, payloads=c.payloads | weighed)
-
-
-def _applied(joint: Joint, found: Identified, one_sign: bool) -> Joint:
-    """Joint with its entries; a link_sign that was found is its motor's, too, where both have
-    `one_sign`."""
-    entries = used_entries(joint, found)
-    joint = reduce(lambda one, entry: entry.applied(one), entries.values(), joint)
-    if not one_sign or "zero" not in entries:
-        return joint
-    wiring = msgspec.structs.replace(joint.wiring, motor_sign=joint.wiring.link_sign)
-    return msgspec.structs.replace(joint, wiring=wiring)
 
 
 def used_entries(joint: Joint, found: Identified | None) -> dict[str, Entry]:

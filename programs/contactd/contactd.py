@@ -232,29 +232,20 @@ def simulate(
 
 @main.command()
 @click.option(
-    "--arm",
-    type=click.Choice(["romeo_left_arm", "openarm_left"]),
-    default="romeo_left_arm",
-    show_default=True,
-    help="Arm of configs/: CANopen drives, or Damiao motors with their guardian.",
-)
+    "--arm", type=click.Choice(["romeo_left_arm", "openarm_left"]), default="romeo_left_arm",
+    show_default=True, help="Arm of configs/: CANopen drives, or Damiao motors and their guardian.",
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON at the end.")
 @click.option(
-    "--seconds",
-    type=Range(min=25, max=600),
-    default=32.0,
-    show_default=True,
+    "--seconds", type=Range(min=25, max=600), default=32.0, show_default=True,
     help="Length of the demonstration.",
-)
+)  # fmt: skip
 @click.option("--record", "file", type=PATH, metavar="FILE.mcap", help="Record it to a new file.")
 @click.option("--web", is_flag=True, help="Show it on the page, too, and print its address.")
 @click.option(
-    "--web-port",
-    type=click.IntRange(0, 65535),
-    default=8420,
-    show_default=True,
+    "--web-port", type=click.IntRange(0, 65535), default=8420, show_default=True,
     help="Port of the page; 0 takes a free one.",
-)
+)  # fmt: skip
 def demo(
     arm: str, as_json: bool, seconds: float, file: Path | None, web: bool, web_port: int
 ) -> None:

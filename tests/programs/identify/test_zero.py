@@ -13,14 +13,7 @@ from bench.rigs.lockstep import OPENARM, SINGLE_JOINT
 from bench.rigs.served_daemon import served_daemon
 from daemon.config.drive_checks import profiles
 from daemon.config.evidence import outdated
-from daemon.config.identified import (
-    Identified,
-    IdentifiedJoint,
-    WiringEntry,
-    ZeroEntry,
-    applied,
-    identified_keys,
-)
+from daemon.config.identified import Identified, WiringEntry, ZeroEntry, applied, identified_keys
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from identification.resting_link import stands
@@ -116,20 +109,13 @@ def test_a_motor_that_holds_both_encoders_has_the_sign_of_its_link(
 ) -> None:
     robot = load_robot(folder)
     one, *others = robot.configuration.joints
-    entry = ZeroEntry(date="today", log="00", link_sign=-1, link_offset=0.1)
-    c = applied(robot.configuration, Identified(joints={one.name: IdentifiedJoint(zero=entry)}))
+    seen = np.array([*REST, *[-0.01] * 40])
+    outcome = zero_outcome(robot, one.name, seen, 0.0, upward=True, date="today")
+    c = applied(robot.configuration, merged(robot, "zero", outcome.entries, {}))
     assert (c.joints[0].wiring.link_sign, c.joints[0].wiring.motor_sign) == (-1, motor)
-    assert c.joints[1:] == others
+    assert [joint.wiring for joint in c.joints[1:]] == [joint.wiring for joint in others]
     assert list(profiles(c, robot.folder)) == []
-
-
-def test_signs_that_a_person_wrote_differently_stay_so() -> None:
-    robot = load_robot(OPENARM)
-    one, *others = robot.configuration.joints
-    wiring = msgspec.structs.replace(one.wiring, motor_sign=-one.wiring.motor_sign)
-    joints = [msgspec.structs.replace(one, wiring=wiring), *others]
-    mistaken = msgspec.structs.replace(robot.configuration, joints=joints)
-    assert applied(mistaken, Identified()).joints == joints
+    assert outdated("zero", merged(robot, "zero", outcome.entries, {}), c, robot.urdf) == []
 
 
 def at_another_node(c: Configuration) -> Configuration:
