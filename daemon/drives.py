@@ -81,7 +81,7 @@ def build_drives(
     if _canopen(c):
         return build_canopen(robot, build_boot(robot, wire, ring, setups), wire, clock)
     kept = RecordedWire(wire, ring) if ring else wire
-    return DamiaoArm(kept, setups, c.period_s, clock)
+    return DamiaoArm(kept, setups, c.period_s, clock, c.bus.bitrate)
 
 
 def _canopen(c: Configuration) -> bool:

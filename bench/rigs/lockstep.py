@@ -251,7 +251,8 @@ def lockstep_rig(
 
         def damiao(robot: Robot) -> DamiaoArm:
             c = robot.configuration
-            drives = DamiaoArm(between(bus.wire), c.joint_drives, c.period_s, lambda: 0.0, 0.0)
+            wire, bitrate = between(bus.wire), c.bus.bitrate
+            drives = DamiaoArm(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
             with lockstep.serving():
                 drives.boot_up(lambda line: None)
             bus.hand_over()

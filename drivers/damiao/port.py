@@ -9,7 +9,9 @@ from typing import Final
 from drivers.api import Event, Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
+from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, Frame, Wire
+from drivers.damiao.frames import REGISTERS
 from drivers.damiao.guardian import BEAT, GONE_S, Doing
 from drivers.damiao.replies import Replies
 
@@ -25,12 +27,13 @@ class Port:
         self,
         wire: Wire,
         replies: Replies,
+        traffic: Traffic,
         motors: Sequence[int],
         on_bus_off: Callable[[], None],
         on_held: Callable[[int, bytes | bytearray], None],
     ) -> None:
         """on_held takes a joint and the setpoint with which the guardian holds its motor."""
-        self._wire, self._replies = wire, replies
+        self._wire, self._replies, self._traffic = wire, replies, traffic
         self._joint_of = {motor: joint for joint, motor in enumerate(motors)}
         self._on_bus_off, self._on_held = on_bus_off, on_held
         self._events: list[Event] = []
@@ -44,6 +47,7 @@ class Port:
     def begin(self, now: float) -> None:
         """Begin to tick."""
         self.now = self._begun_s = now
+        self._traffic.begin(now, self._replies.late_frames)
         if self.taken_over:  # as heard before
             self._beat_s, self._guarded = now, True
 
@@ -88,20 +92,25 @@ class Port:
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
         joint = self._replies.joint_of(can_id)
         if joint is not None:
-            self._replies.take(joint, data)
-        elif can_id & ERROR:
+            if not self._replies.take(joint, data):
+                self.report(Event(Kind.DISTURBED, f"an answer at 0x{can_id:03X} cannot be its own"))
+            return
+        if can_id & ERROR:
             event = error_frame(can_id & ~ERROR, data)
             if event.kind is Kind.OFF_BUS:
                 self._on_bus_off()
             self.report(event)
-        elif can_id == BEAT and len(data):
+            return
+        known = can_id == BEAT or can_id in self._joint_of
+        self._traffic.take(can_id, len(data), unknown=not known)
+        if can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
             self.taken_over = data[0] != Doing.WATCHES
         elif can_id in self._joint_of and self.taken_over:
             self._on_held(self._joint_of[can_id], data)
             if self.now - self._begun_s > GONE_S:  # at the start it has held the arm in order
                 self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
-        elif can_id in self._joint_of:
+        elif can_id in self._joint_of or can_id == REGISTERS:
             self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))
 
     @property
@@ -109,8 +118,11 @@ class Port:
         """True while a guardian is heard."""
         return self.now - self._beat_s <= GONE_S
 
-    def watch_guardian(self) -> None:
-        """Report a guardian that has gone, once."""
+    def end_tick(self) -> None:
+        """Report a bus that others load, and a guardian that has gone, once."""
+        self._traffic.step(self.now, self._replies.late_frames)
+        if loaded := self._traffic.loaded:
+            self.report(Event(Kind.LOADED, loaded.text))
         if self._guarded and not self.guarded:
             self._guarded = self.taken_over = False
             text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"
