@@ -89,7 +89,27 @@ EXPLANATIONS: dict[str, Explanation] = {
         "drives.heartbeat_ms": ("period of the drive's heartbeat [ms]; three missing are a fault",
                                 "yours to choose; the EDS may limit it", "50"),
         "drives.master_timeout_ms": ("time without our heartbeat after which the drive stops by "
-                                     "itself [ms]", "at least three periods of the loop", "100"),
+                                     "itself, or a Damiao motor, without setpoints, lets go [ms]",
+                                     "at least three periods of the loop", "100"),
+        "drives.make": ("make of the drives", "docs/drives.md", "canopen (left out), damiao"),
+        "drives.model": ("model of the Damiao motor, whose gear and constants are known",
+                         "its label; `contactd scan` guesses it", "DM4310, DM4340"),
+        "drives.position_max": ("position that the frames of a Damiao motor reach to either side "
+                                "[rad at the output]",
+                                "register 21 of the motor; `contactd scan` prints it", "12.5"),
+        "drives.velocity_max": ("velocity that they reach [rad/s at the output]",
+                                "register 22; `contactd scan` prints it", "10 to 45"),
+        "drives.torque_max_Nm": ("torque that they reach [Nm at the output]",
+                                 "register 23; `contactd scan` prints it", "10 to 54"),
+        "drives.stiffness": ("stiffness of a Damiao motor's own loop [Nm/rad at the output]",
+                             "`contactd new` proposes it: gravity pulls the joint by its torque "
+                             "over this; less where it swings, more where it sags", "10 to 150"),
+        "drives.damping": ("damping of the same loop [Nm s/rad at the output]",
+                           "twice the root of stiffness times inertia, times 0.7; less where the "
+                           "motor hums", "0.3 to 5"),
+        "drives.answer_timeout_ms": ("time for a Damiao motor's answer [ms]", "default", "50"),
+        "drives.torque_constant": ("torque per A of a Damiao motor [Nm/A at the output]",
+                                   "left out: as published", "none"),
         "drives.sdo_timeout_ms": ("how long the drive may take to answer at boot-up [ms]",
                                   "longer for a drive that is slow", "500"),
         "drives.fault_reaction": ("0x605E: what the drive does in a fault", "the drive's manual",

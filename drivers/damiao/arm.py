@@ -1,12 +1,13 @@
 """Damiao motors of one arm over their whole life: `drivers.api.BootableDrives`.
 
 Set-up is a few registers, written until the motor's power is off, and read back: its mode, and the
-time without setpoints after which it lets go.
+time without setpoints after which it lets go. At the start that time is written behind the first
+setpoint, as a motor that holds would let go before it, and is read back when the arm is enabled.
 """
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,6 +22,7 @@ from drivers.damiao.frames import (
     REGISTERS,
     TIMEOUT_S,
     Register,
+    write,
 )
 from drivers.damiao.guardian import BEAT, Doing
 from drivers.damiao.registers import Registers, same
@@ -82,8 +84,10 @@ class DamiaoArm(DamiaoDrives):
             identity = _identified(registers, drive)
             self._identities.append(identity)
             report(f"{drive}: {identity}")
-        for drive in self._drives:
-            _set_up(registers, drive)
+        for i, drive in enumerate(self._drives):
+            wanted = _wanted(drive)
+            self._time_outs[i] = write(drive.node, Register.TIMEOUT, wanted.pop(Register.TIMEOUT))
+            _set_up(registers, drive, wanted)
             report(f"{drive}: set up and read back")
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
@@ -99,7 +103,7 @@ class DamiaoArm(DamiaoDrives):
                     continue
                 warn(f"{drive}: {problem}: setting it up again")
                 self._refuse_other_motor(i, _identified(registers, drive))
-                _set_up(registers, drive)
+                _set_up(registers, drive, _wanted(drive))
                 report(f"{drive}: set up again")
                 renewed.append(i)
         except ContactdError:
@@ -203,10 +207,10 @@ def _identified(registers: Registers, drive: DamiaoDrive) -> MotorIdentity:
     return identity
 
 
-def _set_up(registers: Registers, drive: DamiaoDrive) -> None:
+def _set_up(registers: Registers, drive: DamiaoDrive, wanted: Mapping[Register, float]) -> None:
     """Write what is wanted, and check that both encoders are in one unit. Raises DriveError."""
     timeout_s = drive.profile.answer_timeout_ms / 1000.0
-    for register, value in _wanted(drive).items():
+    for register, value in wanted.items():
         registers.write(drive.node, register, value, timeout_s, str(drive))
     motor, output = (
         registers.read(drive.node, register, timeout_s, str(drive))

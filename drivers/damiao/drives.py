@@ -73,6 +73,7 @@ class DamiaoDrives:
         self._were = [Status.UNKNOWN] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
         self._unset: set[int] = set()
+        self._time_outs: dict[int, Frame] = {}  # that begin with the joint's first setpoint
         self._backlog = False
         self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
         """Samples of the last tick."""
@@ -207,6 +208,8 @@ class DamiaoDrives:
         if not self._setpoints.write(i, self._last[i], here, current, powered=powered):
             return
         frames.append(self._setpoints.frames[i])
+        if i in self._time_outs:
+            frames.append(self._time_outs.pop(i))
         self.replies.pending[i] = 1  # one that was lost is not awaited for ever
         word = self._command_word(i, target, status, reset)
         self._let_go[i] = word is DISABLE or (self._let_go[i] and status is not Status.ENABLED)

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from msgspec import Meta
 
@@ -59,6 +59,7 @@ class DamiaoProfile(Settings, frozen=True, tag_field="make", tag="damiao"):
     answer_timeout_ms: Annotated[int, Meta(ge=5, le=5000)] = 50
     # What the motor gives per A, at its output [Nm/A]; left out: as published for its model.
     torque_constant: Annotated[float, Meta(gt=0, le=100)] | None = None
+    one_sign: ClassVar[bool] = True
 
     @property
     def figures(self) -> ModelFigures:
