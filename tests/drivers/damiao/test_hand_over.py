@@ -77,7 +77,7 @@ def test_setpoints_of_a_guardian_that_holds_are_no_other_masters(
             pass
 
     c = load_robot(OPENARM).configuration
-    arm = DamiaoArm(Bus(), c.joint_drives, T, lambda: 0.0, listen_s=0.01)
+    arm = DamiaoArm(Bus(), c.joint_drives, T, lambda: 0.0, c.bus.bitrate, listen_s=0.01)
     with pytest.raises(error) as raised:
         arm.boot_up(lambda text: None)
     assert type(raised.value) is error
