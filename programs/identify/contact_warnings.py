@@ -14,9 +14,14 @@ def discarded(event: Notice) -> str:
 
 
 def wiring_spoiled(joint: str) -> ContactWarning:
-    """Warning for the wiring check, which needs all of its short motion."""
+    """Warning for the wiring check, which needs all of its short motion; once for each joint."""
+    warned: set[str] = set()
 
     def warning(event: Notice) -> str:
+        touched = event.contact.joint if event.contact else ""
+        if touched in warned:
+            return ""
+        warned.add(touched)
         return f"{event.text}: if that was you, hands off, and check the wiring of {joint} again"
 
     return warning
