@@ -27,6 +27,19 @@ def wiring_spoiled(joint: str) -> ContactWarning:
     return warning
 
 
+def ends_strokes(joint: str) -> ContactWarning:
+    """Reason for which strokes of a joint end: a touch, or a drafted level below its friction."""
+
+    def warning(event: Notice) -> str:
+        if event.contact is None or event.contact.joint != joint:
+            return event.text
+        return (f"{event.text}; if no hand was there, {joint} rubs more than a level that was "
+                f"guessed: set its thresholds.contact to {2.0 * abs(event.contact.torque):.2g} "
+                "until `contactd identify thresholds`")  # fmt: skip
+
+    return warning
+
+
 def other_joint_touched(joint: str) -> ContactWarning:
     """Warning about a contact of any joint except the one that a hand is to push."""
 

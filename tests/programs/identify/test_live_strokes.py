@@ -1,5 +1,6 @@
 """The gap of a live joint without a hand, in lockstep: found, touched, refused, too far."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,9 @@ def test_a_touch_ends_it_and_nothing_is_written(arm: CommissionedArm) -> None:
         status, said = typed.ends()
         assert served.rig.mode is Mode.HOLDING
     assert status == 1
-    assert "contact" in said
+    (torque,) = re.findall(r"joint ([+-]\S+) Nm \(contact\)", said)
+    (level,) = re.findall(r"set its thresholds.contact to (\S+) until", " ".join(said.split()))
+    assert float(level) == pytest.approx(2.0 * abs(float(torque)), abs=0.06)
     assert "The same command begins anew" in said
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
