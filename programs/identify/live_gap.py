@@ -30,7 +30,7 @@ def gap_by_strokes(arm: LiveArm, joint: str) -> Measured:
     how: dict[str, Any] = {
         "warning": ends_strokes(joint),
         "touch_ends": True,
-        "to_go_on": "The same command begins anew",
+        "to_go_on": f"The same command begins {joint} anew",
     }
 
     def record(asked: Strokes) -> MotionLog:
