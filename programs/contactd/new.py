@@ -49,10 +49,8 @@ def new_arm(
     if len(named) < len(set(given)):
         raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
     _refuse_clashes((urdf, *named.values()))
-    if models:
-        drives, order = _motors(models)
-    else:
-        drives, order = _of_sheets(named, objects), [name for name, _ in given]
+    order = [name for name, _ in given]
+    drives, order = _motors(models) if models else (_of_sheets(named, objects), order)
     plan = planned(text, urdf.name, drives, order)
     written = draft(folder.resolve().name, urdf.name, plan)
     try:
