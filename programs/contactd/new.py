@@ -49,7 +49,7 @@ def new_arm(
     if len(named) < len(set(given)):
         raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
     _refuse_clashes((urdf, *named.values()))
-    order = [name for name, _ in given]
+    order: Sequence[str] = [name for name, _ in given]
     drives, order = _motors(models) if models else (_of_sheets(named, objects), order)
     plan = planned(text, urdf.name, drives, order)
     written = draft(folder.resolve().name, urdf.name, plan)

@@ -18,6 +18,7 @@ from common.errors import ConfigurationError, ControlError
 from daemon.config.evidence import outdated, unidentified
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot, refuse_unreadable
+from daemon.config.schema import ArmingStep
 from daemon.modes.table import Mode
 from programs.clients.client import Client
 from programs.command_line.console import on_stdout
@@ -76,7 +77,7 @@ class Identification:
                 raise ConfigurationError(f"no joint {name}; there are: {', '.join(known)}")
         return list(named) or known
 
-    def due(self, step: str, named: tuple[str, ...]) -> list[str]:
+    def due(self, step: ArmingStep, named: tuple[str, ...]) -> list[str]:
         """Named joints, else those of which a live arm's step is missing or void, or all."""
         c, found = self.robot.configuration, self.robot.identified
         due = (*unidentified(step, found, c), *outdated(step, found, c, self.robot.urdf))
