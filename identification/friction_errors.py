@@ -14,8 +14,9 @@ from identification.regression import COLUMNS, GAIN, Regression, Solution
 
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
-_CONSTANT_OFF = 0.015
-"""Least share by which a torque constant is believed to be off."""
+_CONSTANT_OFF = 0.03
+"""Share by which a torque constant is believed to be off before gravity shows it: data sheets state
+those of motors to 5 or 10 %, and efficiencies of gears no better (95 %)."""
 _LOAD_OFF = 0.06
 """Least share by which friction per transmitted torque is believed to be off: gears differ for
 driving and being driven, and what the link alone rubs is not known apart."""
@@ -34,8 +35,8 @@ def with_what_is_believed(
     *,
     weighed: bool,
 ) -> list[FrictionFit]:
-    """Fits whose errors include those that a log cannot show: the torque constant's own, which is
-    the one that gravity shows, as masses may be right; the model's inertial torque, which comes out
+    """Fits whose errors include those that a log cannot show: the torque constant's own, as
+    `constant_off` has it; the model's inertial torque, which comes out
     as rotor and friction, off by as much as gravity is, or by the least error of a URDF's masses,
     or of those that were `weighed`; friction that falls with speed (Stribeck's), of which the model
     knows nothing; and Coulomb friction that is taken for viscous."""
@@ -50,12 +51,12 @@ def with_what_is_believed(
         weighted = one.weight[:, None] * columns
         bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
         errors = dict(fit.errors)
-        constant_off = max(_CONSTANT_OFF, _shown_off(fit.gravity_scale))
+        constant = constant_off(float("nan") if weighed else fit.gravity_scale)
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
                 parts = (
                     *(errors[name], _FALLS * one.falls[k]),
-                    *(off * bias[k], constant_off * fit.values[name]),
+                    *(off * bias[k], constant * fit.values[name]),
                 )
                 errors[name] = float(np.linalg.norm(parts))
         if "K_load" in errors:
@@ -68,6 +69,12 @@ def with_what_is_believed(
     return new
 
 
-def _shown_off(gravity_scale: float) -> float:
-    """Share by which gravity shows a torque constant to be off, unless it is masses."""
-    return abs(gravity_scale - 1.0) if np.isfinite(gravity_scale) else 0.0
+def constant_off(gravity_scale: float) -> float:
+    """Share by which a torque constant is believed to be off: by data sheets alone (NaN: gravity
+    does not change, or its masses were identified by this constant), or by gravity too, which is
+    off by the masses of a URDF as well: of a product of two, each takes its part by its variance."""
+    if not np.isfinite(gravity_scale):
+        return _CONSTANT_OFF
+    both = float(np.hypot(_CONSTANT_OFF, _BY_URDF))
+    part = (_CONSTANT_OFF / both) ** 2
+    return float(np.hypot(part * (gravity_scale - 1.0), _CONSTANT_OFF * _BY_URDF / both))

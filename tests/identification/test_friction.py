@@ -1,5 +1,6 @@
 """Friction and rotor inertia of arms that are not quite the configured one."""
 
+import math
 from dataclasses import replace
 
 import msgspec
@@ -9,6 +10,7 @@ import pytest
 from common.errors import LogError
 from estimator.transmission import STICTION_ERROR
 from identification.friction import identify_friction
+from identification.friction_errors import constant_off
 from identification.friction_fit import adopt
 from identification.friction_verdict import GIVE, WIDEST_PLAY, Verdict
 from identification.motion_log import MotionLog
@@ -133,12 +135,26 @@ def test_masses_that_were_identified_are_believed_more(moved, identify, arm):
     for one, other in zip(weighed, by_urdf, strict=True):
         assert one.values == other.values
         assert one.noise == other.noise
-        assert 0.0 < one.noise["K_theta_s"] < one.errors["K_theta_s"] < other.errors["K_theta_s"]
+        assert 0.0 < one.noise["K_theta_s"] < one.errors["K_theta_s"]
+        # Their torque constant is not seen any more: what else is believed is compared.
+        constants = constant_off(math.nan), constant_off(other.gravity_scale)
+        more, less = (
+            fit.errors["B"] ** 2 - (constant * fit.values["B"]) ** 2
+            for fit, constant in zip((other, one), reversed(constants), strict=True)
+        )
+        assert less < more
         assert one.seconds == pytest.approx(log.measured_s, abs=0.1)
-        assert one.unsure < other.unsure
         assert one.unsure == pytest.approx(
             3.92 * max(one.errors[k] / one.values[k] for k in ("K_theta_s", "K_theta_v"))
         )
+
+
+@pytest.mark.parametrize(
+    ("gravity", "least", "most"),
+    [(math.nan, 0.03, 0.03), (1.0, 0.02, 0.022), (1.06, 0.035, 0.04), (0.8, 0.1, 0.105)],
+)
+def test_a_torque_constant_is_as_sure_as_data_sheets_and_gravity_make_it(gravity, least, most):
+    assert least <= constant_off(gravity) <= most
 
 
 def test_standard_errors_are_no_decoration(fitted, moved):
