@@ -56,7 +56,7 @@ def with_what_is_believed(
             if name in errors:
                 parts = (
                     *(errors[name], _FALLS * one.falls[k]),
-                    *(off * bias[k], constant * fit.values[name]),
+                    *(off * bias[k], constant * (fit.values[name] + abs(bias[k]))),
                 )
                 errors[name] = float(np.linalg.norm(parts))
         if "K_load" in errors:
@@ -71,8 +71,8 @@ def with_what_is_believed(
 
 def constant_off(gravity_scale: float) -> float:
     """Share by which a torque constant is believed to be off: by data sheets alone (NaN: gravity
-    does not change, or its masses were identified by this constant), or by gravity too, which is
-    off by the masses of a URDF as well: of a product of two, each takes its part by its variance."""
+    does not change, or its masses were identified by this constant), or by gravity too, of which
+    constant and URDF's masses take their parts by their variances."""
     if not np.isfinite(gravity_scale):
         return _CONSTANT_OFF
     both = float(np.hypot(_CONSTANT_OFF, _BY_URDF))
