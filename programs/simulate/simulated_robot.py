@@ -133,7 +133,8 @@ def in_yaml(simulation: SimulationFile) -> str:
 
 def _stated(part: msgspec.Struct) -> dict[str, Any]:
     defaults = {field.name: field.default for field in msgspec.structs.fields(part)}
-    given = {k: v for k, v in msgspec.structs.asdict(part).items() if v != defaults[k]}
+    fields = msgspec.structs.asdict(part).items()
+    given = {k: v for k, v in fields if v != defaults[k] and v not in ({}, [])}
     return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in given.items()}
 
 

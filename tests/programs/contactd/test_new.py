@@ -226,6 +226,8 @@ def test_a_sheet_given_again_is_of_the_next_joint_too(tmp_path):
     config = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
     of_joint = [joint["wiring"]["profile"] for joint in config["joints"]]
     assert of_joint == ["big"] * 2 + ["small"] * 5
+    truth = yaml.safe_load((tmp_path / "mine" / "simulation.yaml").read_text())
+    assert not any({} in joint.values() for joint in truth["joints"])
 
 
 def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
