@@ -80,11 +80,12 @@ def identify_friction(
     shortest_s: float = SHORTEST_S,
     *,
     weighed: bool = False,
+    by_urdf: Model | None = None,
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
     transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
-    weighed: the model has identified masses.
+    weighed: the model has identified masses; by_urdf: the model before that.
     Raises LogError for a log of less than `shortest_s`.
     """
     if log.measured_s + log.period_s < shortest_s - 1e-6:
@@ -111,7 +112,8 @@ def identify_friction(
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
-    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed)
+    before = None if by_urdf is None else intervals(log, by_urdf, settings)
+    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed, by_urdf=before)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     if log.setpoint is None:
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]

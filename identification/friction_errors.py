@@ -34,29 +34,34 @@ def with_what_is_believed(
     rows: Intervals,
     *,
     weighed: bool,
+    by_urdf: Intervals | None = None,
 ) -> list[FrictionFit]:
     """Fits whose errors include those that a log cannot show: the torque constant's own, as
-    `constant_off` has it; the model's inertial torque, which comes out
-    as rotor and friction, off by as much as gravity is, or by the least error of a URDF's masses,
-    or of those that were `weighed`; friction that falls with speed (Stribeck's), of which the model
-    knows nothing; and Coulomb friction that is taken for viscous."""
+    `constant_off` has it; the model's inertial torque, which comes out as rotor and friction, off
+    by as much as gravity is, or by the least error of a URDF's masses, or of those that were
+    `weighed`, with what that changed of intervals `by_urdf`; friction that falls with speed
+    (Stribeck's), of which the model knows nothing; and Coulomb friction taken for viscous."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
     least = _IDENTIFIED if weighed else _BY_URDF
     off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least)
     inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
+    moved = np.zeros_like(inertial)
+    if by_urdf is not None:  # what weighing changed is as little sure: gravity shows no inertia
+        moved = inertial - low_pass(by_urdf.inertial - by_urdf.gravity, by_urdf, GAIN)
     new = []
     for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
         columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
         weighted = one.weight[:, None] * columns
-        bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
+        torques = one.weight[:, None] * np.column_stack([inertial[:, i], moved[:, i]])
+        bias, change = np.linalg.lstsq(weighted, torques, rcond=None)[0].T
         errors = dict(fit.errors)
         constant = constant_off(float("nan") if weighed else fit.gravity_scale)
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
                 parts = (
                     *(errors[name], _FALLS * one.falls[k]),
-                    *(off * bias[k], constant * (fit.values[name] + abs(bias[k]))),
+                    *(change[k], off * bias[k], constant * (fit.values[name] + abs(bias[k]))),
                 )
                 errors[name] = float(np.linalg.norm(parts))
         if "K_load" in errors:

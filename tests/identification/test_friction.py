@@ -1,6 +1,7 @@
 """Friction and rotor inertia of arms that are not quite the configured one."""
 
 import math
+import re
 from dataclasses import replace
 
 import msgspec
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from common.errors import LogError
+from estimator.model import Model
 from estimator.transmission import STICTION_ERROR
 from identification.friction import identify_friction
 from identification.friction_errors import constant_off
@@ -144,6 +146,22 @@ def test_masses_that_were_identified_are_believed_more(moved, identify, arm, mon
         assert one.unsure == pytest.approx(
             3.92 * max(one.errors[k] / one.values[k] for k in ("K_theta_s", "K_theta_v"))
         )
+
+
+def test_what_weighing_changed_is_as_little_sure(moved, arm):
+    log = moved.filtered[0].select(slice(0, 1400))
+    known = replace(arm.transmission, half_gap=moved.arms[0].half_gap)
+    urdf = arm.description.urdf.read_text()
+    heavier = re.sub(r'mass value="(\S+)"', lambda m: f'mass value="{1.3 * float(m[1])}"', urdf)
+
+    def errors_of_rotors(text):
+        before = Model(text, arm.model.names)
+        fits, _ = identify_friction(log, arm.model, known, arm.configuration.estimator,
+                                    arm.max_current, weighed=True, by_urdf=before)  # fmt: skip
+        return np.array([fit.errors["B"] for fit in fits])
+
+    same, changed = errors_of_rotors(urdf), errors_of_rotors(heavier)
+    assert (changed[:2] > 1.5 * same[:2]).all()
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,7 @@ def friction_outcome(
 
     from daemon.assembly import build_transmission
     from daemon.config.vectors import row
+    from estimator.model import Model
     from identification.friction import identify_friction
     from identification.friction_fit import adopt
     from identification.friction_verdict import Verdict
@@ -83,8 +84,9 @@ def friction_outcome(
     model = robot.model
     cycles = limit_cycles(log, measured.reference, old.half_gap)
     weighed = any(joint.body is not None for joint in c.joints)
+    by_urdf = Model(robot.urdf, c.joint_names) if weighed else None
     fits, shown = identify_friction(
-        log, model, old, c.estimator, limit, shortest_s, weighed=weighed
+        log, model, old, c.estimator, limit, shortest_s, weighed=weighed, by_urdf=by_urdf
     )
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
