@@ -31,6 +31,7 @@ HEAD = """\
 # masses, friction, gaps and torque constants are some per cent off (`settings.mismatch`), one way
 # or the other by `settings.seed`.
 """
+_NONE: tuple[object, ...] = ({}, [])
 NO_LINK_ENCODER = (
     "# {}: nothing in its EDS is a link encoder, and this simulation has none: link_position is "
     "read at the motor.\n"
@@ -114,9 +115,9 @@ def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
                 f"place, move {FILE} and {URDF} away first"
             )
     truth = in_yaml(as_configured(robot, at_motor))
-    truth = "".join(NO_LINK_ENCODER.format(name) for name in at_motor) + truth
     before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
     shutil.copyfile(robot.folder / robot.configuration.urdf, urdf)
+    before += "".join(NO_LINK_ENCODER.format(name) for name in at_motor)
     path.write_text(f"{before}urdf: {URDF}\n{truth}", encoding="utf-8")
     return path
 
@@ -132,9 +133,8 @@ def in_yaml(simulation: SimulationFile) -> str:
 
 
 def _stated(part: msgspec.Struct) -> dict[str, Any]:
-    defaults = {field.name: field.default for field in msgspec.structs.fields(part)}
-    fields = msgspec.structs.asdict(part).items()
-    given = {k: v for k, v in fields if v != defaults[k] and v not in ({}, [])}
+    defaults = {f.name: [f.default, *_NONE] for f in msgspec.structs.fields(part)}
+    given = {k: v for k, v in msgspec.structs.asdict(part).items() if v not in defaults[k]}
     return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in given.items()}
 
 
@@ -143,8 +143,8 @@ def _stated(part: msgspec.Struct) -> dict[str, Any]:
 
 def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFile:
     """Truth of an arm that is as its configuration says. at_motor: drives without a link encoder.
-    Identified values are left out, or the arm
-    would change with every identification. Raises ConfigurationError for what the simulator lacks.
+    Identified values are left out, or the arm would change with every identification. Raises
+    ConfigurationError for what the simulator lacks.
     """
     configuration = (robot.by_hand or robot).configuration
     for joint in configuration.joints:
