@@ -31,7 +31,6 @@ HEAD = """\
 # masses, friction, gaps and torque constants are some per cent off (`settings.mismatch`), one way
 # or the other by `settings.seed`.
 """
-_NONE: tuple[object, ...] = ({}, [])
 NO_LINK_ENCODER = (
     "# {}: nothing in its EDS is a link encoder, and this simulation has none: link_position is "
     "read at the motor.\n"
@@ -133,9 +132,9 @@ def in_yaml(simulation: SimulationFile) -> str:
 
 
 def _stated(part: msgspec.Struct) -> dict[str, Any]:
-    defaults = {f.name: [f.default, *_NONE] for f in msgspec.structs.fields(part)}
-    given = {k: v for k, v in msgspec.structs.asdict(part).items() if v not in defaults[k]}
-    return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in given.items()}
+    fields = {f.name: getattr(part, f.name) for f in msgspec.structs.fields(part)
+              if getattr(part, f.name) not in (f.default, {}, [])}  # fmt: skip
+    return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in fields.items()}
 
 
 # --- an arm that is its configuration -------------------------------------------------------------
