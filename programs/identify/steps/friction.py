@@ -61,7 +61,6 @@ def friction_outcome(
 
     from daemon.assembly import build_transmission
     from daemon.config.vectors import row
-    from estimator.model import Model
     from identification.friction import identify_friction
     from identification.friction_fit import adopt
     from identification.friction_verdict import Verdict
@@ -84,7 +83,7 @@ def friction_outcome(
     model = robot.model
     cycles = limit_cycles(log, measured.reference, old.half_gap)
     weighed = any(joint.body is not None for joint in c.joints)
-    by_urdf = Model(robot.urdf, c.joint_names) if weighed else None
+    by_urdf = robot.by_hand.model if weighed and robot.by_hand else None
     fits, shown = identify_friction(
         log, model, old, c.estimator, limit, shortest_s, weighed=weighed, by_urdf=by_urdf
     )
