@@ -55,7 +55,7 @@ def _longer(fits: list[FrictionFit]) -> str:
 
 
 def _half(width: float) -> str:
-    return f"+-{50.0 * width:.2g} %"
+    return f"+-{float(f'{50.0 * width:.2g}'):g} %"
 
 
 def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:
