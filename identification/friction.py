@@ -24,7 +24,8 @@ from identification.friction_fit import FrictionFit, adopt
 from identification.friction_verdict import Verdict, verdict_on, wider
 from identification.log_intervals import Intervals, Mask, intervals, locate, play
 from identification.motion_log import MotionLog
-from identification.regression import COLUMNS, GAIN, Solution, regression, solve_joint
+from identification.own_loop import rotors_of_whole_periods
+from identification.regression import COLUMNS, GAIN, Solution, regression, solve, solve_joint
 from identification.setpoint_steps import (
     NO_SETPOINTS,
     OR_MASSES,
@@ -40,6 +41,8 @@ from identification.touches import near
 SHORTEST_S = 10.0
 """Least motion [s] unless less is asked for."""
 _ROUNDS = 3
+_SPARSE = 50  # intervals, of which one pose shows the links' inertia
+_B = COLUMNS.index("B")
 _SHOWS = 0.3
 """Least change of gravity that is compared, as a share of Coulomb friction."""
 _NOTHING = (
@@ -77,11 +80,12 @@ def identify_friction(
     shortest_s: float = SHORTEST_S,
     *,
     weighed: bool = False,
+    by_urdf: Model | None = None,
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
     transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
-    weighed: the model has identified masses.
+    weighed: the model has identified masses; by_urdf: the model before that.
     Raises LogError for a log of less than `shortest_s`.
     """
     if log.measured_s + log.period_s < shortest_s - 1e-6:
@@ -108,13 +112,31 @@ def identify_friction(
             for i, one in enumerate(solved)
         ]
         transmission = adopt(transmission, fits)
-    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed)
+    before = None if by_urdf is None else intervals(log, by_urdf, settings)
+    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed, by_urdf=before)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     if log.setpoint is None:
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]
     else:
         quick = regression(rows, transmission, where, sticking, STEP_GAIN)
-        fits = _doubted(fits, *missed(quick, solved, rows), weighed=weighed)
+        more, error = missed(quick, solved, rows)
+
+        def refit(whole: Intervals) -> Vector:
+            again = regression(whole, transmission, where, sticking)
+            return np.array([
+                solve(again.columns[:, i], again.nuisance[:, i], again.r_nl[:, i], one.weight,
+                      np.isfinite(one.errors), rows.time_s)[0][_B]
+                for i, one in enumerate(solved)
+            ])  # fmt: skip
+
+        rotors = np.full(log.n, np.nan)
+        if stepping(more, error).all():
+            links = np.median([model.inertia(q) for q in rows.q[::_SPARSE]], axis=0)
+            fitted = np.array([fit.values.get("B", 0.0) for fit in fits])
+            delay_s = 1e-3 * settings.current_delay_ms
+            constants = transmission.torque_constant
+            rotors = rotors_of_whole_periods(log, rows, fitted, links, constants, delay_s, refit)
+        fits = _doubted(fits, more, error, rotors, weighed=weighed)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
@@ -143,15 +165,20 @@ def _uncoupled(
 
 
 def _doubted(
-    fits: list[FrictionFit], more: Vector, error: Vector, *, weighed: bool
+    fits: list[FrictionFit], more: Vector, error: Vector, rotors: Vector, *, weighed: bool
 ) -> list[FrictionFit]:
     """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
-    and without the B of those that step."""
+    of those that step, if all do, with the B of whole periods, two standard errors above the
+    sampled one, so that drives that ramp are not excluded; else without."""
     why = STEPS if weighed else f"{STEPS}; {OR_MASSES}"
     new = []
-    per_joint = zip(fits, stepping(more, error), hidden(more, error), strict=True)
-    for fit, steps, share in per_joint:
+    per_joint = zip(fits, stepping(more, error), hidden(more, error), rotors, strict=True)
+    for fit, steps, share, rotor in per_joint:
         errors = dict(fit.errors)
+        if steps and rotor > 0.0:
+            errors["B"] = float(np.hypot(errors["B"], 0.5 * (rotor - fit.values["B"])))
+            new.append(replace(fit, values={**fit.values, "B": float(rotor)}, errors=errors))
+            continue
         if "B" in errors:
             errors["B"] = float(np.hypot(errors["B"], share * fit.values["B"]))
         doubt = fit.rotor_doubt or (why if steps else "")

@@ -14,8 +14,9 @@ from identification.regression import COLUMNS, GAIN, Regression, Solution
 
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
-_CONSTANT_OFF = 0.015
-"""Least share by which a torque constant is believed to be off."""
+_CONSTANT_OFF = 0.03
+"""Share by which a torque constant is believed to be off before gravity shows it: data sheets state
+those of motors to 5 or 10 %, and efficiencies of gears no better (95 %)."""
 _LOAD_OFF = 0.06
 """Least share by which friction per transmitted torque is believed to be off: gears differ for
 driving and being driven, and what the link alone rubs is not known apart."""
@@ -33,29 +34,34 @@ def with_what_is_believed(
     rows: Intervals,
     *,
     weighed: bool,
+    by_urdf: Intervals | None = None,
 ) -> list[FrictionFit]:
-    """Fits whose errors include those that a log cannot show: the torque constant's own, which is
-    the one that gravity shows, as masses may be right; the model's inertial torque, which comes out
-    as rotor and friction, off by as much as gravity is, or by the least error of a URDF's masses,
-    or of those that were `weighed`; friction that falls with speed (Stribeck's), of which the model
-    knows nothing; and Coulomb friction that is taken for viscous."""
+    """Fits whose errors include those that a log cannot show: the torque constant's own, as
+    `constant_off` has it; the model's inertial torque, which comes out as rotor and friction, off
+    by as much as gravity is, or by the least error of a URDF's masses, or of those that were
+    `weighed`, with what that changed of intervals `by_urdf`; friction that falls with speed
+    (Stribeck's), of which the model knows nothing; and Coulomb friction taken for viscous."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
     least = _IDENTIFIED if weighed else _BY_URDF
     off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least)
     inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
+    moved = np.zeros_like(inertial)
+    if by_urdf is not None:  # what weighing changed is as little sure: gravity shows no inertia
+        moved = inertial - low_pass(by_urdf.inertial - by_urdf.gravity, by_urdf, GAIN)
     new = []
     for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
         columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
         weighted = one.weight[:, None] * columns
-        bias = np.linalg.lstsq(weighted, one.weight * inertial[:, i], rcond=None)[0]
+        torques = one.weight[:, None] * np.column_stack([inertial[:, i], moved[:, i]])
+        bias, change = np.linalg.lstsq(weighted, torques, rcond=None)[0].T
         errors = dict(fit.errors)
-        constant_off = max(_CONSTANT_OFF, _shown_off(fit.gravity_scale))
+        constant = constant_off(float("nan") if weighed else fit.gravity_scale)
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
                 parts = (
                     *(errors[name], _FALLS * one.falls[k]),
-                    *(off * bias[k], constant_off * fit.values[name]),
+                    *(change[k], off * bias[k], constant * (fit.values[name] + abs(bias[k]))),
                 )
                 errors[name] = float(np.linalg.norm(parts))
         if "K_load" in errors:
@@ -68,6 +74,12 @@ def with_what_is_believed(
     return new
 
 
-def _shown_off(gravity_scale: float) -> float:
-    """Share by which gravity shows a torque constant to be off, unless it is masses."""
-    return abs(gravity_scale - 1.0) if np.isfinite(gravity_scale) else 0.0
+def constant_off(gravity_scale: float) -> float:
+    """Share by which a torque constant is believed to be off: by data sheets alone (NaN: gravity
+    does not change, or its masses were identified by this constant), or by gravity too, of which
+    constant and URDF's masses take their parts by their variances."""
+    if not np.isfinite(gravity_scale):
+        return _CONSTANT_OFF
+    both = float(np.hypot(_CONSTANT_OFF, _BY_URDF))
+    part = (_CONSTANT_OFF / both) ** 2
+    return float(np.hypot(part * (gravity_scale - 1.0), _CONSTANT_OFF * _BY_URDF / both))

@@ -123,7 +123,7 @@ def _one_border(name: str, seen: Samples, half: float) -> GapResult:
 def _judged(name: str, fit: StrokeFit, strokes: int, floats: list[Limit]) -> GapResult:
     confidence = fit.confidence
     reason = (f"{strokes} strokes, phi scatters by {1e3 * fit.scatter:.2g} mrad at the borders; "
-              f"the gear bent by {1e3 * fit.bent:.2g} mrad")  # fmt: skip
+              f"the gear bent by {round(1e3 * fit.bent, 3) + 0.0:.2g} mrad")  # fmt: skip
     found = GapResult(
         joint=name,
         verdict=GapVerdict.CLEAR,

@@ -103,7 +103,9 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         )
     elif friction < 2.0 * noise:
         notes.append("too little friction to see the sign of the current")
-    off, allowed = abs(held - gravity), GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
+    allowed = GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
+    # By a wrong motor_sign the current has the other sign, too.
+    off = min(abs(held - gravity), abs(held + gravity) if follows < 0.0 else np.inf)
     if off > allowed:
         problems.append(
             f"the current holds {in_Nm(held)}, gravity is {in_Nm(gravity)} by the URDF: "

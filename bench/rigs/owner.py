@@ -23,11 +23,14 @@ from click.testing import CliRunner
 from bench.rigs.generated_arms import EDS, PROFILE, URDF, GeneratedArm, in_yaml
 from bench.rigs.served_daemon import ServedDaemon, served_daemon, unhurried_drives
 from common.errors import ContactdError
+from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from daemon.service.sensitivity import sensitivity_now
+from identification.regression import NORMAL_95
 from programs.contactd import contactd
 from programs.simulate.simulated_robot import true_arm
 from simulator.hand_script import Clamp, Gap, Lean, Release
+from simulator.mismatch import true_parameters
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
@@ -59,6 +62,7 @@ class Story:
     led: bool = False
     why: str = ""
     machine_s: float = 0.0
+    inside: dict[str, list[bool]] = field(default_factory=dict)  # joint by joint, where answered
 
 
 class Owner:
@@ -89,6 +93,7 @@ class Owner:
                 self._identified(served, "friction")
                 self._identified(served, "thresholds")
                 self._arm_and_lead(served)
+            self.story.inside = self._inside()
         except (GivenUpError, ContactdError, AssertionError) as error:
             self.story.why = str(error) or repr(error)
         self.story.machine_s = round(time.process_time() - begin, 1)
@@ -208,6 +213,24 @@ class Owner:
         self.story.led = yields and float(rig.arm.plant.q[1]) - before > 0.01
         if not self.story.led:
             raise GivenUpError(f"the hand was not felt: {rig.mode}")
+
+    def _inside(self) -> dict[str, list[bool]]:
+        """Whether Coulomb friction and rotor of each joint lie within the intervals found."""
+        robot = load_robot(self.folder)
+        description, simulation = true_arm(robot)
+        true = true_parameters(description, simulation.settings)
+        assert robot.identified is not None
+        found: dict[str, list[bool]] = {"K_theta_s": [], "B": []}
+        for i, joint in enumerate(robot.identified.joints[name] for name in self.arm.names):
+            if (entry := joint.friction) is None:
+                continue
+            coulomb = entry.friction.motor_coulomb + entry.friction.link_coulomb
+            off = {"K_theta_s": coulomb - true.coulomb.reshape(2, -1).sum(axis=0)[i]}
+            if entry.rotor_inertia is not None:
+                off["B"] = entry.rotor_inertia - true.rotor_inertia[i]
+            for name, by in off.items():
+                found[name].append(bool(abs(by) <= NORMAL_95 * entry.errors[name]))
+        return found
 
     # -- how commands are typed ------------------------------------------------------------------
 

@@ -105,11 +105,14 @@ class Tick:
             # The torque that friction held until now is not an external torque.
             self.estimator.reset()
             self._sensing.begin_anew(time_s)
+        if not machine.moving:  # what it met while it stood interrupted nothing
+            self.estimator.interrupted[:] = 0
         # While a brake may carry the arm nothing is sensed.
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
         losses = self.losses.step(samples.fresh, complete=complete)
-        others = (*losses, *loads, *self._learning_news.step())
+        news = self._learning_news.step() if mode in SENSING else ()
+        others = (*losses, *loads, *news)
         self.last = TickRecord(
             number=self.number,
             time_s=time_s,

@@ -110,7 +110,7 @@ def guard(config: Path, port: int | None) -> None:
     "sheets",
     multiple=True,
     metavar="[NAME=]FILE",
-    help="Electronic data sheet of CANopen drives; may be repeated.",
+    help="Electronic data sheet of CANopen drives; may be repeated, joint by joint.",
 )
 @click.option(
     "--drive",

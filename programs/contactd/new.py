@@ -43,11 +43,13 @@ def new_arm(
         )
     if models and objects:
         raise ConfigurationError("--object: only drives with an EDS have objects")
-    named = dict(_named(sheet) for sheet in sheets)
-    if len(named) < len(sheets):
+    given = [_named(sheet) for sheet in sheets]
+    named = dict(given)
+    if len(named) < len(set(given)):
         raise ConfigurationError("--eds: two drives of one name; give them as NAME=FILE")
     _refuse_clashes((urdf, *named.values()))
-    drives, order = _motors(models) if models else _of_sheets(named, objects)
+    order: Sequence[str] = [name for name, _ in given]
+    drives, order = _motors(models) if models else (_of_sheets(named, objects), order)
     plan = planned(text, urdf.name, drives, order)
     written = draft(folder.resolve().name, urdf.name, plan)
     try:
@@ -75,15 +77,13 @@ def new_arm(
     _report(folder, written, [*of_urdf, *plan.verdicts()])
 
 
-def _of_sheets(
-    named: dict[str, Path], objects: Sequence[str]
-) -> tuple[dict[str, Draft], Sequence[str]]:
-    """Drafts of CANopen drives by name, and their order."""
+def _of_sheets(named: dict[str, Path], objects: Sequence[str]) -> dict[str, Draft]:
+    """Drafts of CANopen drives by name."""
     by_hand = _by_hand(objects, tuple(named))
     return {
         name: drafted_drive(load_data_sheet(path), str(path), by_hand[name])
         for name, path in named.items()
-    }, list(named)
+    }
 
 
 def _motors(models: Sequence[str]) -> tuple[dict[str, Draft], Sequence[str]]:

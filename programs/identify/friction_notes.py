@@ -43,16 +43,19 @@ def _longer(fits: list[FrictionFit]) -> str:
         longer = min(LONGEST_S, _STEP_S * ceil(max(enough) / _STEP_S))
         parts.append(f"`--seconds {longer}` narrows that{whose} to {_half(WIDE)}")
     if never:
-        after = ", ".join(f"{f.joint} {_half(f.unsure_after(LONGEST_S))}" for f in never)
+        after = {fit.joint: _half(fit.unsure_after(LONGEST_S)) for fit in never}
+        less = [f"{fit.joint} {after[fit.joint]}" for fit in never
+                if after[fit.joint] != _half(fit.unsure)]  # fmt: skip
         parts.append(
-            f"`--seconds {LONGEST_S}` leaves {after}: a longer motion takes off no error of "
-            "masses, of torque constants, or of friction that falls with speed"
+            (f"`--seconds {LONGEST_S}` leaves {', '.join(less)}: " if less else "")
+            + "a longer motion takes off no error of masses, of torque constants, or of friction "
+            "that falls with speed"
         )
     return "; ".join(parts)
 
 
 def _half(width: float) -> str:
-    return f"+-{50.0 * width:.2g} %"
+    return f"+-{float(f'{50.0 * width:.2g}'):g} %"
 
 
 def off_scale(fits: list[FrictionFit]) -> tuple[str, ...]:

@@ -15,8 +15,10 @@ import click
 from rich.console import Console
 
 from common.errors import ConfigurationError, ControlError
+from daemon.config.evidence import outdated, unidentified
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot, refuse_unreadable
+from daemon.config.schema import ArmingStep
 from daemon.modes.table import Mode
 from programs.clients.client import Client
 from programs.command_line.console import on_stdout
@@ -74,6 +76,12 @@ class Identification:
             if name not in known:
                 raise ConfigurationError(f"no joint {name}; there are: {', '.join(known)}")
         return list(named) or known
+
+    def due(self, step: ArmingStep, named: tuple[str, ...]) -> list[str]:
+        """Named joints, else those of which a live arm's step is missing or void, or all."""
+        c, found = self.robot.configuration, self.robot.identified
+        due = (*unidentified(step, found, c), *outdated(step, found, c, self.robot.urdf))
+        return self.joints(named or (due if self.arm else ()))
 
     def measured(self, live: Callable[[LiveArm], Measured], *, gap_of: str = "") -> Measured:
         """Measurements that `live` takes of the arm, or those of the logs, all of which serve each

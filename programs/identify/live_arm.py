@@ -182,7 +182,8 @@ class LiveArm:
         if float(np.abs(there - here).max()) > MOVED:
             way = point_to_point(here, there, slow(bounds), self.configuration.period_s)
             text = "all joints go back to where they stood"
-            self.move("return", text, way, warning=discarded, touch_ends=True, to_go_on="")
+            how: dict[str, Any] = {"warning": lambda event: event.text, "touch_ends": True}
+            self.move("return", text, way, to_go_on="", **how)
             self.forget("return")
 
     def recover(self, *, on: bool) -> bool:

@@ -8,7 +8,7 @@ from rich.live import Live
 from daemon.protocol.state import State
 from identification.gap_search import Strokes
 from identification.motion_log import MotionLog
-from programs.identify.contact_warnings import other_joint_touched, wiring_spoiled
+from programs.identify.contact_warnings import ends_strokes, other_joint_touched
 from programs.identify.hand import Hand
 from programs.identify.live_arm import LiveArm
 from programs.identify.live_strokes import StrokesOfJoint, UnobservableError, searched
@@ -28,9 +28,9 @@ def gap_by_strokes(arm: LiveArm, joint: str) -> Measured:
     own = StrokesOfJoint.of(arm.configuration, arm.model, i, here)
     arm.show(own.announcement())
     how: dict[str, Any] = {
-        "warning": wiring_spoiled(joint),
+        "warning": ends_strokes(joint),
         "touch_ends": True,
-        "to_go_on": "The same command begins anew",
+        "to_go_on": f"The same command begins {joint} anew",
     }
 
     def record(asked: Strokes) -> MotionLog:
@@ -89,6 +89,6 @@ def _hang(arm: LiveArm, joint: str, i: int) -> None:
         own = StrokesOfJoint.of(arm.configuration, arm.model, i, here)
         if own.weighs:
             text = f"{joint} goes to where it hangs"
-            how: dict[str, Any] = {"warning": wiring_spoiled(joint), "touch_ends": True}
+            how: dict[str, Any] = {"warning": ends_strokes(joint), "touch_ends": True}
             arm.move(f"way-{joint}", text, own.way_to_pose(), to_go_on="", **how)
             arm.forget(f"way-{joint}")

@@ -206,8 +206,11 @@ class Session:
             )
         with collecting(self._connect, settled) as seen:
             yield seen
-        if any(state.mode != Mode.OFF for state in seen):
-            raise ControlError("the drives did not stay off: push the link again")
+        if left := next((state for state in seen if state.mode != Mode.OFF), None):
+            raise ControlError(
+                f"the arm did not stay off: {left.mode}, {left.cause}; after a fault "
+                "`contactctl reset`, then the joints that are left: push softly"
+            )
 
     def parts(self, step: str) -> list[Path]:
         """Recordings of a step that is not concluded, oldest first."""
@@ -231,7 +234,7 @@ class Session:
         to_go_on: str = "What was measured is kept: the same command goes on from there",
     ) -> None:
         """Run link positions (N, n) and record them; `each` gets every State of it and may end
-        it; a `warning` about a contact is shown at once, or with `touch_ends` the contact ends it.
+        it; a `warning` about a contact is shown at once, or with `touch_ends` ends it.
 
         Raises InterruptedStepError for Ctrl-C and for whatever else ends it, with the text
         `to_go_on`; ControlError and TrajectoryError where it cannot begin, LogError where it cannot
@@ -243,7 +246,7 @@ class Session:
 
         def on_contact(event: Notice) -> None:
             if touch_ends:
-                touched.append(event.text)
+                touched.append(warning(event))
             elif text := warning(event):
                 self.say(text)
 

@@ -114,9 +114,9 @@ def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
                 f"place, move {FILE} and {URDF} away first"
             )
     truth = in_yaml(as_configured(robot, at_motor))
-    truth = "".join(NO_LINK_ENCODER.format(name) for name in at_motor) + truth
     before = path.read_text(encoding="utf-8").rstrip() + "\n" if path.exists() else HEAD
     shutil.copyfile(robot.folder / robot.configuration.urdf, urdf)
+    before += "".join(NO_LINK_ENCODER.format(name) for name in at_motor)
     path.write_text(f"{before}urdf: {URDF}\n{truth}", encoding="utf-8")
     return path
 
@@ -132,9 +132,9 @@ def in_yaml(simulation: SimulationFile) -> str:
 
 
 def _stated(part: msgspec.Struct) -> dict[str, Any]:
-    defaults = {field.name: field.default for field in msgspec.structs.fields(part)}
-    given = {k: v for k, v in msgspec.structs.asdict(part).items() if v != defaults[k]}
-    return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in given.items()}
+    fields = {f.name: getattr(part, f.name) for f in msgspec.structs.fields(part)
+              if getattr(part, f.name) not in (f.default, {}, [])}  # fmt: skip
+    return {k: _stated(v) if isinstance(v, msgspec.Struct) else v for k, v in fields.items()}
 
 
 # --- an arm that is its configuration -------------------------------------------------------------
@@ -142,8 +142,8 @@ def _stated(part: msgspec.Struct) -> dict[str, Any]:
 
 def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFile:
     """Truth of an arm that is as its configuration says. at_motor: drives without a link encoder.
-    Identified values are left out, or the arm
-    would change with every identification. Raises ConfigurationError for what the simulator lacks.
+    Identified values are left out, or the arm would change with every identification. Raises
+    ConfigurationError for what the simulator lacks.
     """
     configuration = (robot.by_hand or robot).configuration
     for joint in configuration.joints:

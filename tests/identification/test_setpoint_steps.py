@@ -63,12 +63,12 @@ def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
 @pytest.mark.parametrize("weighed", [True, False])
 def test_masses_that_nobody_identified_may_look_like_steps(moved, arm, monkeypatch, weighed):
     monkeypatch.setattr(
-        "identification.friction.stepping", lambda more, _: np.ones(len(more), bool)
+        "identification.friction.stepping", lambda more, _: np.arange(len(more)) > 0
     )
     log = moved.filtered[0].select(slice(0, 1400))
     known = replace(arm.transmission, half_gap=moved.arms[0].half_gap)
     settings, most = arm.configuration.estimator, arm.max_current
     fits, _ = identify_friction(log, arm.model, known, settings, most, weighed=weighed)
-    for fit in fits:
+    for fit in fits[1:]:
         assert STEPS in fit.rotor_doubt
         assert (OR_MASSES in fit.rotor_doubt) is not weighed

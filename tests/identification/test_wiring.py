@@ -8,7 +8,7 @@ import pytest
 
 from bench.rigs.arm_batch import record_fleet
 from identification.motion_log import MotionLog
-from identification.wiring import check_wiring, scale_unsure, swapped_pairs
+from identification.wiring import OTHER_WAY, check_wiring, scale_unsure, swapped_pairs
 from programs.identify.motions import WIRING_SPEED, WIRING_TRAVEL, wiring_motion
 from simulator.description import SimulationSettings
 from simulator.mismatch import true_parameters
@@ -162,6 +162,16 @@ def test_what_is_wired_wrong_is_named(wired, check, joint, fields, factor, says)
     found = check(log, joint)
     assert not found.passed
     assert any(says in problem for problem in found.problems), found.problems
+
+
+def test_a_turned_motor_explains_the_sign_of_its_current_too(wired, check):
+    turned = ["motor_velocity", "motor_position", "current"]
+    log = only(wired, SHOULDER)
+    for field in turned:
+        log = scaled(log, field, -1.0, SHOULDER)
+    assert check(log, SHOULDER).problems == (OTHER_WAY,)
+    (_, gravity) = check(scaled(log, "current", 3.0, SHOULDER), SHOULDER).problems
+    assert "torque_constant" in gravity
 
 
 def swapped(log: MotionLog, one: int, other: int, fields: tuple[str, ...]) -> MotionLog:

@@ -83,8 +83,9 @@ def friction_outcome(
     model = robot.model
     cycles = limit_cycles(log, measured.reference, old.half_gap)
     weighed = any(joint.body is not None for joint in c.joints)
+    by_urdf = robot.by_hand.model if weighed and robot.by_hand else None
     fits, shown = identify_friction(
-        log, model, old, c.estimator, limit, shortest_s, weighed=weighed
+        log, model, old, c.estimator, limit, shortest_s, weighed=weighed, by_urdf=by_urdf
     )
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     quality=lambda entry: f"{1e3 * entry.half_gap:.2f} +- {1e3 * entry.confidence:.2f} mrad",
 )  # fmt: skip
 def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool) -> bool:
-    """Turn the motors to and fro, joint by joint: sizes of the gaps.
+    """Turn the motors to and fro, joint by joint (those named, else those without a valid gap, or
+    all): sizes of the gaps.
 
     A link that stays at one border of its gap in every pose has to be moved by hand: --by-hand.
     """
@@ -32,7 +33,7 @@ def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool
 
     live = gap_by_hand if by_hand else gap_by_strokes
     outcomes = []
-    for name in identification.joints(joints):
+    for name in identification.due("gap", joints):
         try:
             measured = identification.measured(partial(live, joint=name), gap_of=name)
         except UnobservableError as error:

@@ -24,13 +24,10 @@ TO_GO_ON = "`contactd identify wiring` goes on with what has not passed"
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
     """Check signs and scales by a small motion of each joint: those named, else those that were not
     checked since a change, or all."""
-    from daemon.config.evidence import outdated, unidentified
     from programs.identify.live_wiring import ApartError, move_to_and_fro
 
-    robot = identification.robot
-    c, known = robot.configuration, robot.identified
-    due = (*unidentified("wiring", known, c), *outdated("wiring", known, c, robot.urdf))
-    outcomes, left = list[bool](), identification.joints(joints or due)
+    c = identification.robot.configuration
+    outcomes, left = list[bool](), identification.due("wiring", joints)
     wrong: dict[str, str] = {}
     follows: dict[str, float] = {}
     while left:

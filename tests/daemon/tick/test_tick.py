@@ -45,6 +45,21 @@ def test_stop_ends_the_trajectory_and_the_permission(rig: Rig) -> None:
     assert disarmed == ["disarmed: stop by the bench", "tracking -> stopping: stop by the bench"]
 
 
+def test_what_an_arm_met_while_it_stood_does_not_keep_it_from_going_on(rig: Rig) -> None:
+    rig.enable()
+    rig.tick.estimator.interrupted[:] = 31
+    rig.run(0.05)
+    rig.request(Event.START)
+    rig.run(0.7)
+    assert rig.permit("the test") == []
+    rig.arm.external_torque[ELBOW] = 4.0
+    rig.run(0.3)
+    assert rig.mode is Mode.ADMITTANCE
+    rig.arm.external_torque[ELBOW] = 0.0
+    states = rig.states(3.5)
+    assert states[-1].mode == "tracking", states[-1].cause
+
+
 def test_disable_in_motion_stops_first_and_leaves_the_drives_holding(rig: Rig) -> None:
     rig.enable()
     rig.request(Event.START)

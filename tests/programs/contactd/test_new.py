@@ -220,9 +220,20 @@ def test_a_drive_without_cyclic_velocity_is_refused_and_the_check_says_it(tmp_pa
     assert "drives.drive.eds: drive.eds has 0x000000A5 in 0x6502, without bit 8 (mode 9" in said
 
 
+def test_a_sheet_given_again_is_of_the_next_joint_too(tmp_path):
+    sheets = [f"{name}={ROMEO / 'drive.eds'}" for name in ("big", "big", "small")]
+    assert new(tmp_path / "mine", ROMEO / "arm.urdf", *sheets).exit_code == 0
+    config = yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())
+    of_joint = [joint["wiring"]["profile"] for joint in config["joints"]]
+    assert of_joint == ["big"] * 2 + ["small"] * 5
+    truth = yaml.safe_load((tmp_path / "mine" / "simulation.yaml").read_text())
+    assert not any({} in joint.values() for joint in truth["joints"])
+
+
 def test_two_drives_of_one_name_and_no_urdf_are_refused(tmp_path):
     eds = str(ROMEO / "drive.eds")
-    twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={eds}")
+    other = str(DESK_ARM / "drive.eds")
+    twice = new(tmp_path / "mine", ROMEO / "arm.urdf", eds, f"drive={other}")
     assert (twice.exit_code, "two drives of one name" in twice.output) == (78, True)
     missing = new(tmp_path / "mine", tmp_path / "none.urdf", eds)
     assert (missing.exit_code, "cannot be read" in missing.output) == (78, True)

@@ -39,6 +39,12 @@ def test_a_contact_is_what_the_step_makes_of_it(warning: ContactWarning, says: s
     assert warning(contact("elbow")) == says
 
 
+def test_a_joint_that_is_touched_again_is_named_once_in_a_motion_of_the_wiring() -> None:
+    warning = wiring_spoiled("wrist")
+    said = [bool(warning(contact(joint))) for joint in ("wrist", "wrist", "elbow", "wrist")]
+    assert said == [True, False, True, False]
+
+
 def pushed(arm: CommissionedArm, *words: str) -> str:
     """What a step says that is stopped after a push of half a second, which the daemon felt."""
     with arm.served() as served:

@@ -1,19 +1,24 @@
 """The gap of a live joint without a hand, in lockstep: found, touched, refused, too far."""
 
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
 import pytest
 from rich.console import Console
 
+from bench.rigs.generated_arms import generate
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
+from daemon.config.identified import GapEntry, write_identified
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from estimator.model import Model
 from programs.identify.identification import Identification
+from programs.identify.live_arm import LiveArm
 from programs.identify.live_strokes import StrokesOfJoint, UnobservableError
+from programs.identify.merge import merged
 from programs.identify.motions import WIRING_SPEED, strokes
 from programs.identify.steps.gap import gap
 from tests.programs.identify.commissioned_arm import CommissionedArm
@@ -65,8 +70,10 @@ def test_a_touch_ends_it_and_nothing_is_written(arm: CommissionedArm) -> None:
         status, said = typed.ends()
         assert served.rig.mode is Mode.HOLDING
     assert status == 1
-    assert "contact" in said
-    assert "The same command begins anew" in said
+    (torque,) = re.findall(r"joint ([+-]\S+) Nm \(contact\)", said)
+    (level,) = re.findall(r"set its thresholds.contact to (\S+) until", " ".join(said.split()))
+    assert float(level) == pytest.approx(2.0 * abs(float(torque)), abs=0.06)
+    assert "The same command begins joint anew" in " ".join(said.split())
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
@@ -78,6 +85,20 @@ def test_a_joint_that_gravity_holds_wants_a_hand() -> None:
     held = msgspec.structs.replace(c, joints=[msgspec.structs.replace(c.joints[0], limits=limits)])
     with pytest.raises(UnobservableError, match="identify gap joint --by-hand"):
         StrokesOfJoint.of(held, Model(robot.urdf, c.joint_names), 0, np.array([0.5]))
+
+
+def test_without_names_it_goes_on_with_what_has_no_gap(tmp_path: Path) -> None:
+    folder = generate(3).write(tmp_path / "arm")
+    names = load_robot(folder).configuration.joint_names
+    found = GapEntry(date="2026-01-02T03:04:05+00:00", log="0", half_gap=0.005, confidence=0.0)
+    entries = merged(load_robot(folder), "gap", dict.fromkeys(names[1:], found), {})
+    write_identified(folder / "identified.yaml", entries)
+    identification = Identification(load_robot(folder), Console(), dry=True)
+    assert identification.due("gap", ()) == names  # of logs
+    identification.arm = cast(LiveArm, "an arm")
+    assert identification.due("gap", ()) == [names[0]]
+    assert identification.due("gap", (names[2],)) == [names[2]]
+    assert identification.due("wiring", ()) == names
 
 
 def test_one_that_wants_a_hand_is_listed_and_the_others_go_on(

@@ -1,8 +1,10 @@
 """Signs and zeros of link encoders: from positions seen, and at a simulated arm."""
 
 import io
+import time
 from dataclasses import replace
 from pathlib import Path
+from typing import IO, Any, cast
 
 import msgspec
 import numpy as np
@@ -10,16 +12,18 @@ import pytest
 
 from bench.rigs.generated_arms import generate
 from bench.rigs.lockstep import OPENARM, SINGLE_JOINT
-from bench.rigs.served_daemon import served_daemon
+from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.drive_checks import profiles
 from daemon.config.evidence import outdated
 from daemon.config.identified import Identified, WiringEntry, ZeroEntry, applied, identified_keys
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
+from daemon.modes.table import Mode
 from identification.resting_link import stands
 from programs.identify.merge import merged
 from programs.identify.steps.zero import not_possible, zero_outcome
 from programs.simulate.simulated_robot import true_arm
+from simulator.hand_script import Lean
 
 WIRED = WiringEntry(date="today", log="00", follows=1.0)
 REST = [0.0] * 20  # [rad] from where the link stood
@@ -156,3 +160,35 @@ def test_links_are_pushed_while_the_drives_are_off(tmp_path: Path) -> None:
     assert "and hold it there until you have answered" in " ".join(unmoved.output.split())
     assert "the arm is holding: links are pushed while the drives are off" in holding.output
     assert not (folder / "identified.yaml").exists()
+
+
+class Wrench(io.RawIOBase):
+    """An answer of a person who pushed a link so hard that its gear gave way."""
+
+    def __init__(self, served: ServedDaemon) -> None:
+        self._served = served
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, into: Any) -> int:
+        rig = self._served.rig
+        rig.arm.hand.take(Lean(at_s=0.0, joint="elbow", torque=150.0))
+        until = rig.time_s + 2.0
+        while rig.mode is Mode.OFF and rig.time_s < until:
+            time.sleep(0.001)
+        into[:2] = b"+\n"
+        return 2
+
+
+def test_a_fault_that_ends_it_is_named(tmp_path: Path) -> None:
+    folder = generate(1).write(tmp_path / "arm")
+    with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
+        served.run(0.3)
+        stood = f"elbow={served.rig.arm.plant.q[2]:.2f}"
+        with io.BufferedReader(Wrench(served)) as answers:
+            result = served.contactd("identify", "zero", stood, answers=cast(IO[bytes], answers))
+    said = " ".join(result.output.split())
+    assert result.exit_code == 1
+    assert "did not stay off: faulted, motor and link apart: elbow" in said, said
+    assert "`contactctl reset`" in said
