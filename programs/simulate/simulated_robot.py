@@ -22,7 +22,7 @@ from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
 from simulator.supplied import in_words
-from simulator.truth import DAMIAO, SimulationFile, described
+from simulator.truth import SimulationFile, described
 
 FILE, URDF = "simulation.yaml", "simulation.urdf"
 HEAD = """\
@@ -174,7 +174,7 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     if isinstance(profile, CanopenProfile):
         return {}
     return {
-        "drive": f"{DAMIAO}{profile.model}",
+        "drive": f"damiao:{profile.model}",
         "registers": {
             "PMAX": profile.position_max,
             "VMAX": profile.velocity_max,
