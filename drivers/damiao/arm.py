@@ -24,14 +24,11 @@ from drivers.damiao.frames import (
 )
 from drivers.damiao.guardian import BEAT, Doing
 from drivers.damiao.registers import Registers, same
-from drivers.damiao.settings import DamiaoDrive
+from drivers.damiao.settings import FAR, DamiaoDrive
 
 LISTEN_S: Final = 0.15  # for another master, before the start
 #: Motors that hold hear a setpoint at least so often in the time that they wait for one.
 BEATS: Final = 4
-#: Position of the motor's encoder and of the output's may differ by the gap, a wrong gear by far
-#: more [rad], whole turns apart.
-FAR: Final = 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +119,7 @@ class DamiaoArm(DamiaoDrives):
     def let_go(self) -> None:
         """Switch off the motors' watch on us: those that hold go on holding. Raises
         the first DriveError after all were written."""
-        registers, errors = Registers(self._wire), []
+        registers, errors = Registers(self._wire, lambda: self._beat(lambda: None)), []
         for drive in self._drives:
             timeout_s = drive.profile.answer_timeout_ms / 1000.0
             try:

@@ -64,7 +64,7 @@ class DamiaoDrives:
             for request in (refresh(motor), read(motor, Register.OUTPUT_POSITION))
         ]
         self._last = [0.0] * n  # target velocities that went out [rad/s at the link]
-        self._measured = [math.nan] * n  # positions of the motors [rad at the link]
+        self._measured = [math.nan] * n  # positions of the motors that both encoders show
         self._stopping = [True] * n
         self._were = [Status.UNKNOWN] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
@@ -110,7 +110,7 @@ class DamiaoDrives:
         if self._backlog or awaited.punctuality.leaves_out(now):
             self._backlog = True
             return
-        awaited.expect_all(now)
+        self.replies.begin_tick(now)
         self._port.send(self._requests)
 
     def collect(self, deadline: float) -> Samples:
@@ -178,8 +178,7 @@ class DamiaoDrives:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
         self._port.report(*self._stops.step(self._now, targets, self.samples, velocity))
-        motors = self.samples.motor_position
-        self._measured = [math.nan] * n if motors is None else motors.tolist()
+        self._measured = self.replies.witnessed.tolist()
         frames: list[Frame] = []
         for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):
             self._command_one(i, targets[i], next_velocity, reset, frames)
@@ -198,7 +197,10 @@ class DamiaoDrives:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
         if self._port.taken_over and not self._setpoints.known(i):
             return  # the guardian goes on until its setpoint is heard, and taken up
-        if not self._setpoints.write(i, self._last[i], self._measured[i], runs=runs):
+        # One that lost its power without us, or says so, has its setpoint stay until a reset.
+        powered = status in (Status.ENABLED, Status.UNKNOWN) or target is _STOP
+        here, current = self._measured[i], float(self.samples.current[i])
+        if not self._setpoints.write(i, self._last[i], here, current, powered=powered):
             return
         frames.append(self._setpoints.frames[i])
         self.replies.pending[i] = 1  # one that was lost is not awaited for ever
@@ -213,13 +215,15 @@ class DamiaoDrives:
     ) -> bytes | None:
         watches = self._stops.watches
         if target is _OFF or watches.each[i].cut:
-            # A moving one gets its ramp first.
-            off = status is Status.ENABLED and watches.may_be_off(i)
-            return DISABLE if off else None
+            # A moving one gets its ramp first; one that runs on is disabled, whatever it reports.
+            on = status is Status.ENABLED or watches.each[i].cut
+            return DISABLE if on and watches.may_be_off(i) else None
         if status not in WORKING:
             return CLEAR_ERROR if reset else None
         enables = target is _ON and status is Status.DISABLED and i not in self._unset
-        return ENABLE if enables else None
+        # One that is not heard may be elsewhere by now, and would jump back.
+        here = bool(self.samples.fresh[i]) and self._setpoints.at(i, self._measured[i])
+        return ENABLE if enables and here else None
 
     def unproved(self) -> tuple[str, ...]:
         """Joints commanded to stop and not confirmed at standstill since."""

@@ -163,7 +163,6 @@ class Feedback:
     """Feedback in counts, from 0 at -MAX on."""
 
     status: int
-    motor: int  # the id's lower four bits
     position: int
     velocity: int
     torque: int
@@ -171,12 +170,13 @@ class Feedback:
     coil_C: int
 
 
-def feedback_of(data: bytes | bytearray) -> Feedback:
-    """Feedback in eight bytes. Raises struct.error for fewer."""
+def feedback_of(motor: int, data: bytes | bytearray) -> Feedback | None:
+    """Feedback of a motor; None where it is another motor's, or shorter than eight bytes."""
+    if len(data) < 8 or (data[0] ^ motor) & 0xF:
+        return None
     head, position, fast, both, torque, bridge, coil = _FEEDBACK.unpack_from(data)
     return Feedback(
         status=head >> 4,
-        motor=head & 0xF,
         position=position,
         velocity=fast << 4 | both >> 4,
         torque=(both & 0xF) << 8 | torque,

@@ -67,9 +67,10 @@ class _Motor:
 
     def hear(self, data: bytes | bytearray) -> None:
         """Take an answer of the motor."""
-        if len(data) < 8 or register_of(self.drive.node, data) is not None:
+        if register_of(self.drive.node, data) is not None:
             return
-        answer = feedback_of(data)
+        if (answer := feedback_of(self.drive.node, data)) is None:
+            return
         self.enabled = answer.status == Status.ENABLED
         self.here = (answer.position - 0x7FFF) * self.scales.position
         self.hot = max(answer.bridge_C, answer.coil_C) >= HOT_C
@@ -111,7 +112,7 @@ class Guardian:
             if (found := setpoint_of(data)) is not None:
                 motor.heard_s = now
                 counts, _, *gains = found
-                motor.position = (counts - 0x7FFF) * motor.scales.position
+                motor.position = (counts - 0xFFFF / 2) * motor.scales.position
                 motor.gains = gains[0], gains[1]
         elif (motor := self._by_answer.get(can_id)) is not None:
             motor.hear(data)

@@ -88,7 +88,8 @@ class Port:
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
         joint = self._replies.joint_of(can_id)
         if joint is not None:
-            self._replies.take(joint, data)
+            if not self._replies.take(joint, data):
+                self.report(Event(Kind.DISTURBED, f"an answer at 0x{can_id:03X} cannot be its own"))
         elif can_id & ERROR:
             event = error_frame(can_id & ~ERROR, data)
             if event.kind is Kind.OFF_BUS:

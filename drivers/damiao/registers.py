@@ -17,13 +17,15 @@ from drivers.damiao.frames import ANSWERS, Register, read, register_of, value_of
 TRIES: Final = 3
 #: A float that was set reads the same but for its 24 bits.
 SAME: Final = 1e-6
+#: Of a wait, between two calls of `meanwhile` [s].
+SLICE_S: Final = 0.005
 #: Frames that may be queued before a question; more is a flood.
 _QUEUED: Final = 2000
 
 
 @dataclass(frozen=True, slots=True)
 class Registers:
-    """Registers of the motors on one wire. `meanwhile` is called before each question."""
+    """Registers of the motors on one wire. `meanwhile` is called at least every SLICE_S."""
 
     wire: Wire
     meanwhile: Callable[[], None] = lambda: None
@@ -51,7 +53,6 @@ class Registers:
         self, motor: int, register: Register, question: Frame, timeout_s: float, name: str
     ) -> float:
         for _ in range(TRIES):
-            self.meanwhile()
             try:
                 for _ in range(_QUEUED):
                     if self.wire.receive(0.0) is None:
@@ -59,11 +60,13 @@ class Registers:
                 self.wire.send([question])
                 deadline = self.clock() + timeout_s
                 while (left := deadline - self.clock()) > 0.0:
-                    frame = self.wire.receive(left)
-                    if frame is None:
-                        break
-                    can_id, data = frame
-                    if can_id == motor + ANSWERS and register_of(motor, data) == register:
+                    self.meanwhile()
+                    frame = self.wire.receive(min(left, SLICE_S))
+                    if frame is None or frame[0] != motor + ANSWERS:
+                        continue
+                    data = frame[1]
+                    # Reading and writing have answers of their own.
+                    if register_of(motor, data) == register and data[2] == question[1][2]:
                         return value_of(register, data)
             except BUS_FAILURES as error:
                 raise BusError(f"the bus fails: {error}") from error

@@ -24,8 +24,9 @@ from drivers.damiao.frames import (
     status_of,
     value_of,
 )
-from drivers.damiao.settings import TURN, DamiaoDrive
+from drivers.damiao.settings import FAR, TURN, DamiaoDrive
 from drivers.drive import harmonics
+from drivers.plausibility import Plausibility
 
 _C = DriveCondition
 CONDITION_OF: Final = {
@@ -97,6 +98,12 @@ class Replies:
             Scales.of(p.position_max, p.velocity_max, p.torque_max_Nm)
             for p in (drive.profile for drive in drives)
         ]
+        self._plausibility = Plausibility(
+            [
+                drive.profile.figures.speed * period_s / scale.position
+                for drive, scale in zip(drives, scales, strict=True)
+            ]
+        )
         signs = np.array([float(drive.wiring.motor_sign) for drive in drives])
         constants = [drive.profile.Nm_per_A for drive in drives]
         # Motors truncate: half a count more is the middle of what a count may be, and 0 is exact.
@@ -114,28 +121,40 @@ class Replies:
         self._harmonics = harmonics(drives)
         self._counts = np.full((3, n), np.nan)
         self._output = np.full(n, np.nan)
+        self._furthest = [drive.profile.position_max for drive in drives]
         self.statuses = [Status.UNKNOWN] * n
         self.pending = [0] * n
         """Setpoints of each motor that its feedback still is to come of."""
         self.acknowledged = [0] * n
         """Setpoints that each motor has answered since it was last asked to stop."""
-        self.late_frames = self.missing_frames = self.short_frames = 0
+        self.witnessed: Vector = np.full(n, np.nan)
+        """Position of each motor [rad at the link]; NaN where its output does not agree."""
+        self.late_frames = 0
+
+    def begin_tick(self, now: float) -> None:
+        """Await all: the question is about to go out."""
+        self._plausibility.begin_tick()
+        self.awaited.expect_all(now)
 
     def joint_of(self, can_id: int) -> int | None:
         """Joint whose motor answers at this identifier."""
         return self._joint_of.get(can_id)
 
-    def take(self, joint: int, data: bytes | bytearray) -> None:
-        """Keep a motor's frame."""
-        if len(data) < 8:
-            self.short_frames += 1
-            return
+    def take(self, joint: int, data: bytes | bytearray) -> bool:
+        """Keep a motor's frame; False for one that cannot be its own."""
         register = register_of(self._motors[joint], data)
         if register is None:
-            self._feedback(joint, feedback_of(data))
+            found = feedback_of(self._motors[joint], data)
+            if found is None or not self._plausibility.admits(joint, found.position):
+                return False
+            self._feedback(joint, found)
         elif register == Register.OUTPUT_POSITION:
-            self._output[joint] = value_of(register, data)
+            output = value_of(register, data)
+            if not abs(output) <= self._furthest[joint]:  # so for NaN
+                return False
+            self._output[joint] = output
             self._arrived(2 << 2 * joint)
+        return True
 
     def _feedback(self, joint: int, found: Feedback) -> None:
         self.statuses[joint] = status_of(found.status)
@@ -157,7 +176,9 @@ class Replies:
         """Samples of what came so far; `stopping`: joints held by command."""
         position, velocity, current = self._gain * (self._counts - self._middle)
         # The output encoder repeats itself with each turn; the motor's position says which it is.
-        turns = np.round((self._signs * position - self._output) / TURN)
+        apart = self._signs * position - self._output
+        turns = np.round(apart / TURN)
+        self.witnessed = np.where(np.abs(apart - turns * TURN) <= FAR, position, np.nan)
         link: Vector = self._link_sign * (self._output + turns * TURN) + self._offset
         correct(link, self._offset, self._harmonics)
         pairs = zip(self.statuses, stopping, strict=True)

@@ -3,16 +3,22 @@
     torque = stiffness (p - q) + damping (v - q_dot),  p += v T
 
 In the motor this is a velocity loop with an integral, whose gains have units, and whose joint ends
-next to p where setpoints cease. A motor that does not run has p where it is, so that it holds there
-when it is enabled; p goes no further from it than the torque that its current limit allows.
+next to p where setpoints cease. A motor without power has p where it is, so that it holds there
+when it is enabled; one that is found holding has it where its torque says. p goes no further from
+the motor than the torque that its current limit allows, and follows a motor that is forced further
+no faster than the joint may move: a false position moves it little.
 """
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 from drivers.can.wire import Frame
 from drivers.damiao.frames import MOST_DAMPING, STIFFEST, scaled, setpoint, setpoint_of
 from drivers.damiao.settings import DamiaoDrive
+
+#: What a motor that is enabled may be away from its p [rad].
+AT: Final = 1e-3
 
 
 class Setpoints:
@@ -26,9 +32,9 @@ class Setpoints:
             (_share(d.profile.stiffness, STIFFEST), _share(d.profile.damping, MOST_DAMPING))
             for d in drives
         ]
-        self._reach = [
-            d.wiring.max_current_A * d.profile.Nm_per_A / d.profile.stiffness for d in drives
-        ]
+        self._rad_per_A = [d.profile.Nm_per_A / d.profile.stiffness for d in drives]
+        self._most_A = [d.wiring.max_current_A for d in drives]
+        self._follows = [d.velocity * period_s for d in drives]
         self._data = [bytearray(8) for _ in drives]
         self.frames: list[Frame] = [
             (drive.node, data) for drive, data in zip(drives, self._data, strict=True)
@@ -36,23 +42,40 @@ class Setpoints:
         self.positions: list[float] = [math.nan] * len(drives)
         """Position p of each motor [rad at the link]; NaN where it is not known yet."""
 
-    def write(self, joint: int, velocity: float, measured: float, *, runs: bool) -> bool:
-        """Move p of a joint on with its target velocity [rad/s], about its `measured` motor [rad];
-        take it to the motor where it does not run. False where neither was ever known: there is no
-        setpoint then."""
-        before, reach = self.positions[joint], self._reach[joint]
-        here = measured if math.isfinite(measured) else before
-        p = before + velocity * self._period_s if runs and math.isfinite(before) else here
-        self.positions[joint] = min(max(p, here - reach), here + reach)
-        if known := math.isfinite(here):
-            self._pack(joint, velocity if runs else 0.0)
+    def write(
+        self, joint: int, velocity: float, measured: float, current: float, *, powered: bool
+    ) -> bool:
+        """Move p of a joint on with its target velocity [rad/s], about its motor, `measured` [rad]
+        with this `current` [A]; take it to the motor where that has no power. False where neither
+        was ever known: there is no setpoint then."""
+        before, heard = self.positions[joint], math.isfinite(measured)
+        if self.known(joint):
+            p = before + velocity * self._period_s if powered or not heard else measured
+            if heard:
+                p = measured + self._bounded(joint, p - measured)
+            most = max(abs(velocity) * self._period_s, self._follows[joint])
+            self.positions[joint] = min(max(p, before - most), before + most)
+        elif heard:
+            held = current * self._rad_per_A[joint] if powered and math.isfinite(current) else 0.0
+            self.positions[joint] = measured + self._bounded(joint, held)
+        if known := self.known(joint):
+            self._pack(joint, velocity)
         return known
+
+    def _bounded(self, joint: int, beyond: float) -> float:
+        """Way from the motor to its p, within what the current limit allows [rad]."""
+        reach = self._most_A[joint] * self._rad_per_A[joint]
+        return min(max(beyond, -reach), reach)
 
     def adopt(self, joint: int, data: bytes | bytearray) -> None:
         """Take the p of a setpoint that the guardian sent: the motor is held there."""
         if (found := setpoint_of(data)) is not None:
             step = 2.0 * self._most[joint][0] / 0xFFFF
-            self.positions[joint] = self._signs[joint] * step * (found[0] - 0x7FFF)
+            self.positions[joint] = self._signs[joint] * step * (found[0] - 0xFFFF / 2)
+
+    def at(self, joint: int, measured: float) -> bool:
+        """True where p is at its motor, so that it may be enabled."""
+        return abs(self.positions[joint] - measured) <= AT
 
     def known(self, joint: int) -> bool:
         """True where p is known."""

@@ -4,7 +4,6 @@ Sources: enactic/openarm_can (C++), jia-xie/python-damiao-driver, cmjang/DM_Cont
 """
 
 import math
-import struct
 
 import pytest
 from hypothesis import given
@@ -87,8 +86,8 @@ def test_a_scaled_value_is_the_nearest_that_there_is(value: float, bits: int) ->
 
 def test_a_feedback_of_a_public_client() -> None:
     # DM4310, id 1, enabled, at 0 rad, 0 rad/s, 0 Nm, 30 and 28 degC: the middle of all ranges.
-    found = feedback_of(bytes.fromhex("117FFF7FF7FF1E1C"))
-    assert found == Feedback(1, 1, 0x7FFF, 0x7FF, 0x7FF, 30, 28)
+    found = feedback_of(1, bytes.fromhex("117FFF7FF7FF1E1C"))
+    assert found == Feedback(1, 0x7FFF, 0x7FF, 0x7FF, 30, 28)
     scales = Scales.of(12.5, 30.0, 10.0)
     assert (found.position - 0xFFFF / 2.0) * scales.position == pytest.approx(0.0, abs=2e-4)
     assert scales.position == pytest.approx(0.38e-3, rel=0.01)
@@ -102,14 +101,18 @@ def test_a_feedback_of_a_public_client() -> None:
 )  # fmt: skip
 def test_a_feedback_is_unpacked_as_it_was_packed(status, motor, p, v, t, bridge, coil) -> None:
     packed = status << 60 | motor << 56 | p << 40 | v << 28 | t << 16 | bridge << 8 | coil
-    found = feedback_of(packed.to_bytes(8, "big"))
-    assert found == Feedback(status, motor, p, v, t, bridge, coil)
+    found = feedback_of(0x40 | motor, packed.to_bytes(8, "big"))
+    assert found == Feedback(status, p, v, t, bridge, coil)
 
 
 @given(st.binary(max_size=7))
-def test_a_short_feedback_is_refused(data: bytes) -> None:
-    with pytest.raises(struct.error):
-        feedback_of(data)
+def test_a_short_feedback_is_none(data: bytes) -> None:
+    assert feedback_of(1, data) is None
+
+
+@given(st.integers(1, 15), st.binary(min_size=8, max_size=8))
+def test_a_feedback_is_of_one_motor(motor: int, data: bytes) -> None:
+    assert (feedback_of(motor, data) is None) is (data[0] & 0xF != motor)
 
 
 @pytest.mark.parametrize(

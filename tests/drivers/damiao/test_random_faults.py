@@ -1,97 +1,247 @@
-"""Random faults of the arm of configs/openarm_left: motors, frames, daemon, hand and requests."""
+"""Random faults of Damiao motors and their bus: what a person at the arm may rely on."""
 
-from contextlib import suppress
-from random import Random
-from typing import Any
+import struct
+from collections.abc import Sequence
 
+import numpy as np
 import pytest
 
+from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
-from common.errors import ContactdError
+from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
-from drivers.can.wire import Wire
-from drivers.damiao.frames import ENABLE, Status, setpoint_of
-from tests.drivers.damiao.test_arm import Filter
+from drivers.can.wire import Frame, Wire
+from drivers.damiao.frames import ANSWERS, ENABLE, setpoint_of
+from drivers.damiao.guardian import BEAT
+from simulator.damiao.motor import OVERLOAD, DamiaoMotor
 
-T, SECONDS = 0.01, 15.0
-WITHOUT_POWER = (Mode.OFF, Mode.FAULTED)
+T = 0.01
+FAULTS = (
+    "lost", "late", "silent", "reset", "error", "nonsense", "foreign", "false", "stall", "hand",
+    "taken up", "doubted",
+)  # fmt: skip
+STILL = 0.02  # the way of a link that is held [rad]
+CARRIED = 0.12  # the same, where another of the arm falls
+SETTLED = 60  # ticks
+UNHEARD = 0.1  # way of a motor since it was heard [rad]
+REQUESTS = (Event.STOP, Event.DISABLE, Event.ENABLE, Event.START, Event.RESET)
+
+
+class Chaos:
+    """Wire that loses, delays and spoils frames, and notes what the daemon sends."""
+
+    wire: Wire
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self.random = random
+        self.lose = self.spoil = 0.0
+        self.late: int | None = None  # answer id
+        self.false: int | None = None  # the same, of feedback that is not true
+        self.queued: list[Frame] = []
+        self.held: list[Frame] = []  # until the next period
+        self.sent: list[tuple[int, bytes]] = []
+
+    def before(self, wire: Wire) -> Wire:
+        """This, before another wire."""
+        self.wire = wire
+        return self
+
+    def receive(self, timeout: float) -> Frame | None:
+        if self.queued:
+            return self.queued.pop(0)
+        while (frame := self.wire.receive(timeout)) is not None:
+            can_id, data = frame[0], bytes(frame[1])
+            if self.random.random() < self.lose:
+                continue
+            if can_id == self.false and self.random.random() < 0.1:
+                status = int(self.random.choice([0, 1, 5, 13, 14]))
+                data = bytes([status << 4 | can_id & 0xF]) + self.random.bytes(7)
+            if can_id == self.late:
+                self.held.append((can_id, data))
+                continue
+            if data[2:4] == b"\x33\x51" and self.random.random() < self.spoil:
+                junk = struct.pack("<f", np.nan), self.random.bytes(4)
+                data = data[:4] + junk[self.random.integers(2)]
+            return can_id, data
+        return None
+
+    def tick(self) -> None:
+        """Let those of the last period come."""
+        self.queued += self.held
+        self.held = []
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        kept = [(can_id, bytes(data)) for can_id, data in frames]
+        self.sent += kept
+        self.wire.send([f for f in kept if self.random.random() >= self.lose])
 
 
 class Run:
-    """One arm, whose luck is drawn by a seed."""
+    """One run, and what it is held to."""
 
-    def __init__(self, rig: Rig, wire: Filter, rng: Random) -> None:
-        self.rig, self.wire, self.rng = rig, wire, rng
-        self.acts: list[Any] = [
-            self.silence, self.restart, self.fail, self.hold_up, self.chatter, self.push,
-            lambda: self.request(Event.STOP), lambda: self.request(Event.START),
-            lambda: self.request(Event.DISABLE), lambda: self.ask(Event.ENABLE),
-            lambda: self.ask(Event.RESET),
-        ]  # fmt: skip
+    def __init__(self, rig: Rig, chaos: Chaos, random: np.random.Generator) -> None:
+        self.rig, self.chaos, self.random = rig, chaos, random
+        drives = rig.robot.configuration.joint_drives
+        self.drives = drives
+        self.most = [t.total for t in travels(rig.robot.configuration)]
+        self.reach = [
+            d.wiring.max_current_A * d.profile.Nm_per_A / d.profile.stiffness for d in drives
+        ]
+        self.p: list[float | None] = [None] * len(drives)
+        self.faulted_at: np.ndarray | None = None
+        self.still_at: np.ndarray | None = None
+        self.still_ticks = 0
+        self.limp: set[int] = set()
 
-    def silence(self) -> None:
-        motor = self.rng.choice(self.rig.arm.motors)
-        motor.silent = not motor.silent
+    def step(self) -> None:
+        """One tick, and what must be true of it."""
+        self.chaos.sent.clear()
+        self.chaos.tick()
+        self.rig.step()
+        self._check_setpoints()
+        enables = [i for i, data in self.chaos.sent if data == ENABLE]
+        assert not enables or self.rig.mode not in (Mode.OFF, Mode.FAULTED), self.rig.mode
+        self.limp |= {i for i, motor in enumerate(self.rig.arm.motors) if motor.status != 1}
+        if self.rig.mode in (Mode.HOLDING, Mode.TRACKING):
+            self.limp.clear()
+        self._check_travel()
+        self._check_stillness()
 
-    def restart(self) -> None:
-        self.rng.choice(self.rig.arm.motors).boot()
+    def _check_setpoints(self) -> None:
+        """No setpoint is further from where its motor is than the current limit allows, nor from
+        the last one than its velocity takes it."""
+        for can_id, data in self.chaos.sent:
+            if can_id >= ANSWERS or (found := setpoint_of(data)) is None:
+                continue
+            i = can_id - 1
+            profile = self.drives[i].profile
+            count = 2 * profile.position_max / 0xFFFF
+            p, before = (found[0] - 0xFFFF / 2) * count, self.p[i]
+            speed = abs(found[1] - 0xFFF / 2) * 2 * profile.velocity_max / 0xFFF
+            here = self.rig.drives._measured[i]
+            motor = self.rig.arm.motors[i]
+            apart = abs(p - motor.positions[0])
+            assert motor.status != 1 or apart < self.reach[i] + UNHEARD, (i, p, motor.positions)
+            assert speed < self.drives[i].velocity * 1.01 + profile.velocity_max / 0xFFF
+            holds = self.rig.drives.replies.statuses[i] == 1 and motor.status == 1
+            if holds and before is not None and abs(before - here) < 0.9 * self.reach[i]:
+                step = speed * T + profile.velocity_max / 0xFFF * T
+                assert abs(p - before) < step + 2 * count, (i, p, before, speed)
+            self.p[i] = p if holds else None
 
-    def fail(self) -> None:
-        self.rng.choice(self.rig.arm.motors).fail(self.rng.choice((8, 10, 13, 14)))
+    def _check_travel(self) -> None:
+        """After a fault no joint that has power goes further than its worst travel."""
+        q = self.rig.arm.plant.q
+        if self.rig.mode is not Mode.FAULTED or self._pushed:
+            self.faulted_at = None
+            return
+        if self.faulted_at is None:
+            self.faulted_at = q.copy()
+        beyond = np.abs(q - self.faulted_at) >= self.most
+        assert not set(np.flatnonzero(beyond)) - self.limp, (q - self.faulted_at, self.limp)
 
-    def hold_up(self) -> None:
-        """The daemon does nothing for a while."""
-        ticks = self.rng.choice((5, 15, 50))
+    def _check_stillness(self) -> None:
+        """An arm that is to stand, and is not touched, does not move by itself."""
+        q = self.rig.arm.plant.q
+        if self.rig.mode not in (Mode.HOLDING, Mode.OFF, Mode.FAULTED) or self._pushed:
+            self.still_ticks, self.still_at = 0, None
+            return
+        self.still_ticks += 1
+        if self.still_ticks == SETTLED:
+            self.still_at = q.copy()
+        if self.still_at is not None:
+            most = CARRIED if self.limp else STILL
+            moved = set(np.flatnonzero(np.abs(q - self.still_at) > most))
+            assert not moved - self.limp, (q - self.still_at, self.limp)
+
+    @property
+    def _pushed(self) -> bool:
+        return bool(self.rig.arm.external_torque.any())
+
+    def fault(self, what: str) -> None:
+        """Begin a fault, keep it for a while, end it."""
+        rig, chaos, random = self.rig, self.chaos, self.random
+        joint = int(random.integers(7))
+        motor = rig.arm.motors[joint]
+        ticks = int(random.integers(2, 40))
+        if what in ("late", "false"):
+            setattr(chaos, what, ANSWERS + joint + 1)
+        elif what in ("lost", "nonsense"):
+            chaos.lose = random.uniform(0.01, 0.1) if what == "lost" else 0.0
+            chaos.spoil = 0.2 if what == "nonsense" else 0.0
+        elif what in ("silent", "reset", "error"):
+            self._break(rig.arm.motors[joint], what)
+        elif what == "taken up":
+            rig.take_up(rig.robot)
+            self.p = [None] * 7
+        elif what == "doubted":
+            rig.drives.distrust([joint])
+        elif what == "stall":
+            self._stall(int(random.integers(5, 51)))
+        elif what == "hand":
+            rig.arm.external_torque[joint] = random.uniform(-8.0, 8.0)
         for _ in range(ticks):
-            self.rig.arm.advance(self.rig.arm.now + T)
-            self.rig.guard()
-            self.rig.lockstep.pump()
-        self.rig.ticks += ticks
+            if what == "foreign":
+                can_id = (int(random.integers(0x7F0)), 0x11 + joint, BEAT)[random.integers(3)]
+                chaos.queued.append((can_id, random.bytes(int(random.integers(9)))))
+            self.step()
+        chaos.lose = chaos.spoil = 0.0
+        chaos.late = chaos.false = None
+        motor.silent = False
+        rig.arm.external_torque[:] = 0.0
 
-    def chatter(self) -> None:
-        data = bytes(self.rng.randrange(256) for _ in range(self.rng.randrange(9)))
-        self.wire.more.append((self.rng.randrange(0x7FF), data))
+    def _break(self, motor: DamiaoMotor, what: str) -> None:
+        if what == "silent":
+            motor.silent = True
+        elif what == "reset":
+            motor.boot()
+        else:
+            motor.fail(OVERLOAD)
 
-    def push(self) -> None:
-        self.rig.arm.external_torque[:] = 0.0
-        self.rig.arm.external_torque[self.rng.randrange(7)] = self.rng.uniform(-4.0, 4.0)
+    def _stall(self, ticks: int) -> None:
+        rig = self.rig
+        assert isinstance(rig.guard, GuardianAtBus)
+        for _ in range(ticks):
+            rig.arm.advance(rig.arm.now + T)
+            rig.guard()
+            rig.lockstep.pump()
+        rig.ticks += ticks
+        self.step()
+        self.p = [None] * 7  # the guardian's last setpoint may come after our first
 
-    def request(self, event: Event) -> None:
-        self.rig.tick.controller.request(event, "the test", self.rig.time_s)
+    def ask(self) -> None:
+        """Ask for anything, as a client may."""
+        self.rig.ask(REQUESTS[self.random.integers(len(REQUESTS))])
 
-    def ask(self, event: Event) -> None:
-        for motor in self.rig.arm.motors:
-            motor.silent = False
-        with suppress(ContactdError):
-            self.rig.ask(event)
+    def recover(self) -> None:
+        """Reset, enable and start, as far as that is allowed."""
+        for mode, event in (
+            (Mode.FAULTED, Event.RESET), (Mode.OFF, Event.ENABLE), (Mode.HOLDING, Event.START)
+        ):  # fmt: skip
+            if self.rig.mode is mode:
+                self.rig.ask(event)
+            self.steps(80)
+
+    def steps(self, count: int) -> None:
+        """So many ticks."""
+        for _ in range(count):
+            self.step()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_fault_moves_or_enables_a_motor(seed: int) -> None:
-    rng, filters = Random(seed), []
+@pytest.mark.parametrize("seed", range(24))
+def test_random_faults(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    chaos = Chaos(random)
 
-    def between(wire: Wire) -> Wire:
-        filters.append(Filter(wire))
-        return filters[0]
-
-    with lockstep_rig(OPENARM, between=between) as rig:
-        drives, wire = rig.robot.configuration.joint_drives, filters[0]
-        most = [d.wiring.max_current_A * d.profile.Nm_per_A / d.profile.stiffness for d in drives]
-        loss = rng.choice((0.0, 0.01, 0.1))
-        run = Run(rig, wire, rng)
+    with lockstep_rig(OPENARM, between=chaos.before) as rig:
         rig.enable()
-        rig.request(Event.START)
-        for _ in range(round(SECONDS / T)):
-            if rng.random() < 0.01:
-                rng.choice(run.acts)()
-            wire.passes = lambda can_id, data: rng.random() >= loss
-            rig.step()
-            for can_id, data in wire.sent:
-                assert data != ENABLE or rig.mode not in WITHOUT_POWER
-                found = setpoint_of(data) if can_id <= len(drives) else None
-                motor = rig.arm.motors[can_id - 1] if found else None
-                if found and motor and motor.status == Status.ENABLED:
-                    step = 2.0 * drives[can_id - 1].profile.position_max / 0xFFFF
-                    position = (found[0] - 0x7FFF) * step
-                    # What it may give, and the way of a motor that is not heard meanwhile.
-                    assert abs(position - motor.positions[0]) < most[can_id - 1] + 0.3
+        if random.random() < 0.7:
+            rig.request(Event.START)
+        run = Run(rig, chaos, random)
+        run.steps(int(random.integers(20, 150)))
+        for _ in range(4):
+            run.fault(FAULTS[random.integers(len(FAULTS))])
+            if random.random() < 0.3:
+                run.ask()
+            run.steps(100)
+            run.recover()

@@ -1,0 +1,44 @@
+"""Plausibility of a motor's positions: one that is further from the last than the motor can have
+come counts once another, of a later tick, agrees with it. Pure.
+
+A frame may come from another motor, or be spoiled in an adapter; no setpoint may follow it.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+#: After more ticks without a position [ticks] a motor may be anywhere.
+RECENT: Final = 3
+
+
+class Plausibility:
+    """Last positions of the motors of one arm, in any one unit of each."""
+
+    def __init__(self, ways: Sequence[float]) -> None:
+        """ways: furthest way of each motor in a tick."""
+        self._ways = tuple(ways)
+        self._tick = 0
+        self._nowhere = math.nan, 0
+        self._taken = [self._nowhere] * len(ways)  # position and its tick
+        self._doubted = [self._nowhere] * len(ways)
+
+    def begin_tick(self) -> None:
+        """Begin a tick."""
+        self._tick += 1
+
+    def admits(self, joint: int, position: float) -> bool:
+        """True for a position where the motor of this joint may be."""
+        doubted = self._doubted[joint]
+        agrees = self._near(joint, position, doubted)
+        if self._near(joint, position, self._taken[joint]) or (agrees and doubted[1] < self._tick):
+            self._taken[joint], self._doubted[joint] = (position, self._tick), self._nowhere
+            return True
+        if not agrees:
+            self._doubted[joint] = position, self._tick
+        return False
+
+    def _near(self, joint: int, position: float, last: tuple[float, int]) -> bool:
+        before, tick = last
+        ticks = self._tick - tick
+        return ticks <= RECENT and abs(position - before) <= self._ways[joint] * (ticks + 1)

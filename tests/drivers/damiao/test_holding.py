@@ -1,0 +1,186 @@
+"""Motors that hold while the daemon begins, asks, doubts or ends: they go on holding."""
+
+import struct
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+
+from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
+from common.arrays import Vector
+from common.errors import DriveError
+from daemon.modes.table import Event, Mode
+from daemon.protocol.requests import Go
+from daemon.service.poses import Poses
+from drivers.can.wire import Frame, Wire
+from drivers.damiao.frames import ANSWERS, ENABLE, Register, Status, setpoint_of
+
+#: Where gravity pulls at every large joint.
+RAISED = {"joint1": -0.9, "joint2": -0.5, "joint4": 0.9}
+STILL = 0.01  # the way of a link that is held [rad]
+
+
+class Tap:
+    """Wire that can lose answers or change them, and notes what is sent and when."""
+
+    def __init__(self, wire: Wire) -> None:
+        self.wire = wire
+        self.lost: set[int] = set()
+        self.output: tuple[int, float] | None = None  # answer id, and what its encoder is to read
+        self.sent: list[tuple[float, int, bytes]] = []
+
+    def receive(self, timeout: float) -> Frame | None:
+        while (frame := self.wire.receive(timeout)) is not None:
+            can_id, data = frame[0], bytes(frame[1])
+            if can_id in self.lost:
+                continue
+            if self.output and can_id == self.output[0] and data[2:4] == bytes((0x33, 81)):
+                return can_id, data[:4] + struct.pack("<f", self.output[1])
+            return frame
+        return None
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        now = time.monotonic()
+        self.sent += [(now, can_id, bytes(data)) for can_id, data in frames]
+        self.wire.send(frames)
+
+
+class Held:
+    rig: Rig
+    tap: Tap
+
+
+@pytest.fixture
+def held() -> Iterator[Held]:
+    held = Held()
+
+    def between(wire: Wire) -> Wire:
+        held.tap = Tap(wire)
+        return held.tap
+
+    with lockstep_rig(OPENARM, between=between) as rig:
+        held.rig = rig
+        rig.enable()
+        path = Poses(rig.robot).path(Go(targets=RAISED), rig.samples.link_position)
+        assert not rig.tick.controller.request(Event.START, "the test", rig.time_s, path)
+        rig.run(9.0)
+        assert rig.mode is Mode.HOLDING
+        yield held
+
+
+def furthest(rig: Rig, seconds: float) -> Vector:
+    begun, most = rig.arm.plant.q.copy(), np.zeros(rig.arm.plant.n)
+
+    def each() -> None:
+        np.maximum(most, np.abs(rig.arm.plant.q - begun), out=most)
+
+    rig.run(seconds, each)
+    return most
+
+
+def enabled(rig: Rig) -> list[bool]:
+    return [motor.status == Status.ENABLED for motor in rig.arm.motors]
+
+
+def longest_gaps(tap: Tap, since: float, until: float) -> list[float]:
+    """Longest time that each motor heard no setpoint [s]."""
+    gaps = []
+    for motor in range(1, 8):
+        at = [t for t, i, data in tap.sent if i == motor and t >= since and setpoint_of(data)]
+        gaps.append(max(np.diff([since, *at, until])))
+    return gaps
+
+
+# --- the daemon begins ----------------------------------------------------------------------------
+
+
+def test_a_daemon_that_takes_up_an_arm_that_holds_does_not_move_it(held: Held) -> None:
+    held.rig.take_up(held.rig.robot)
+    assert furthest(held.rig, 1.0).max() < STILL
+    assert all(enabled(held.rig))
+
+
+def test_nor_where_the_first_samples_are_lost(held: Held) -> None:
+    rig = held.rig
+    rig.take_up(rig.robot)
+    held.tap.lost = {ANSWERS + 1, ANSWERS + 2, ANSWERS + 4}
+    assert furthest(rig, 0.03).max() < STILL
+    heard = {i for _, i, data in held.tap.sent if setpoint_of(data)}
+    assert heard.isdisjoint({1, 2, 4})  # no p is known that would hold them
+    held.tap.lost = set()
+    assert furthest(rig, 1.0).max() < STILL
+
+
+def test_a_hold_before_the_first_sample_sends_nothing(held: Held) -> None:
+    held.rig.take_up(held.rig.robot)
+    held.rig.drives.quick_stop()
+    assert not [i for _, i, _ in held.tap.sent if i < ANSWERS]
+
+
+# --- it doubts ------------------------------------------------------------------------------------
+
+
+def test_motors_whose_set_up_is_doubted_go_on_holding(held: Held) -> None:
+    held.rig.drives.distrust(range(7))
+    assert furthest(held.rig, 2.0).max() < STILL
+    assert all(enabled(held.rig))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30, -40.0])
+def test_an_output_encoder_that_says_nonsense_is_a_missing_sample(held: Held, value: float) -> None:
+    held.tap.output = (ANSWERS + 2, value)
+    assert furthest(held.rig, 0.02).max() < STILL
+    assert held.rig.samples.fresh.tolist() == [True, False, *[True] * 5]
+    assert abs(held.rig.samples.link_position[1] - -0.5) < 0.02
+    held.tap.output = None
+    furthest(held.rig, 0.2)
+    assert held.rig.mode is Mode.HOLDING
+
+
+def test_a_motor_that_is_not_heard_is_not_enabled() -> None:
+    taps: list[Tap] = []
+
+    def between(wire: Wire) -> Wire:
+        taps.append(Tap(wire))
+        return taps[-1]
+
+    with lockstep_rig(OPENARM, between=between) as rig:
+        rig.run(0.1)
+        rig.request(Event.ENABLE)
+        taps[-1].lost = {ANSWERS + 4}
+        rig.run(0.5)
+        assert (4, ENABLE) not in [(i, data) for _, i, data in taps[-1].sent]
+
+
+# --- it asks --------------------------------------------------------------------------------------
+
+
+def test_setpoints_reach_all_motors_while_one_stays_silent(held: Held) -> None:
+    rig = held.rig
+    rig.arm.motors[6].silent = True
+    begun = time.monotonic()
+    with rig.lockstep.serving(), pytest.raises(DriveError, match="joint7"):
+        rig.drives.prove(lambda: None, lambda line: None, lambda line: None)
+    assert max(longest_gaps(held.tap, begun, time.monotonic())) < 0.04  # the guardian's patience
+
+
+def test_and_while_the_watch_on_them_ends(held: Held) -> None:
+    rig = held.rig
+    rig.arm.motors[0].silent = True
+    begun = time.monotonic()
+    with rig.lockstep.serving(), pytest.raises(DriveError, match="joint1"):
+        rig.drives.let_go()
+    assert max(longest_gaps(held.tap, begun, time.monotonic())) < 0.04
+    assert [m.registers.number(Register.TIMEOUT) for m in rig.arm.motors[1:]] == [0] * 6
+
+
+def test_a_minute_off_and_enabled_again(held: Held) -> None:
+    rig = held.rig
+    rig.request(Event.DISABLE)
+    rig.run(1.0)
+    assert rig.mode is Mode.OFF
+    assert furthest(rig, 60.0).max() < STILL
+    assert rig.ask(Event.ENABLE) == []
+    assert furthest(rig, 1.0).max() < STILL
+    assert all(enabled(rig))
