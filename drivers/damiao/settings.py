@@ -1,6 +1,5 @@
 """Settings of Damiao motors, with bounds where they are read, and figures of their models."""
 
-import math
 from typing import Annotated, Final, Literal
 
 from msgspec import Meta
@@ -59,8 +58,3 @@ class DamiaoProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make", t
 
 
 DamiaoDrive = Drive[DamiaoProfile]
-#: Position of the motor's encoder and of the output's may differ by the gap, a wrong gear by far
-#: more [rad], whole turns apart.
-FAR: Final = 0.35
-#: Two turns of the output look the same to its encoder.
-TURN: Final = 2.0 * math.pi

@@ -5,7 +5,9 @@ from pathlib import Path
 
 from drivers.can.load import FrameLoad
 from drivers.drive import Counts, Measure, ProfileProblem
+from drivers.motors.recorded import MotorTicks
 from drivers.robstride.frames import HOST, Kind, identifier, setpoint_id
+from drivers.robstride.language import RobStrideLanguage
 from drivers.robstride.settings import RobStrideDrive, RobStrideProfile
 
 
@@ -85,3 +87,8 @@ def frames(
             FrameLoad(f"{drive.name} answers", answers, 8, 2.0 * tick_hz),
         ]
     return tuple(table)
+
+
+def recorded(drives: Sequence[RobStrideDrive], period_s: float) -> MotorTicks:
+    """Ticks of recorded frames of an arm."""
+    return MotorTicks(drives, RobStrideLanguage(drives), period_s)

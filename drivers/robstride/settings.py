@@ -78,3 +78,8 @@ class RobStrideProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make"
 
 
 RobStrideDrive = Drive[RobStrideProfile]
+
+
+def serial_of(uid: int) -> int:
+    """Number of a motor for `wiring.serial`: both halves of its controller's 64 bits, by XOR."""
+    return uid >> 32 ^ uid & 0xFFFF_FFFF

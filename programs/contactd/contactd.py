@@ -117,7 +117,8 @@ def guard(config: Path, port: int | None) -> None:
     "models",
     multiple=True,
     metavar="[NAME=]MAKE:MODEL",
-    help="Model of motors without an EDS, as damiao:DM4340; may be repeated, joint by joint.",
+    help="Model of motors without an EDS, as damiao:DM4340 or robstride:RS02; may be repeated, "
+    "joint by joint.",
 )
 @click.option(
     "--object",

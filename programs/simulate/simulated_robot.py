@@ -18,6 +18,7 @@ from daemon.config.load import Robot
 from daemon.config.schema import Joint
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import CanopenProfile, Quantity
+from drivers.damiao.settings import DamiaoProfile
 from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
@@ -173,13 +174,14 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     """Fields of a joint whose motor is its drive: the model, and registers as configured."""
     if isinstance(profile, CanopenProfile):
         return {}
+    if isinstance(profile, DamiaoProfile):
+        make, names = "damiao", ("PMAX", "VMAX", "TMAX")
+    else:
+        make, names = "robstride", ("P_MAX", "V_MAX", "T_MAX")
+    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     return {
-        "drive": f"damiao:{profile.model}",
-        "registers": {
-            "PMAX": profile.position_max,
-            "VMAX": profile.velocity_max,
-            "TMAX": profile.torque_max_Nm,
-        },
+        "drive": f"{make}:{profile.model}",
+        "registers": dict(zip(names, ranges, strict=True)),
     }
 
 

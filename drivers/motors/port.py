@@ -9,9 +9,10 @@ from typing import Final
 from drivers.api import Event, Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
-from drivers.can.wire import ERROR, Frame, Wire
-from drivers.damiao.guardian import BEAT, GONE_S, Doing
-from drivers.damiao.replies import Replies
+from drivers.can.wire import ERROR, IDENTIFIER, Frame, Wire
+from drivers.motors.guardian import BEAT, GONE_S, Doing
+from drivers.motors.language import Language
+from drivers.motors.replies import Replies
 
 #: Bounds of a pass and of a tick: a flooded bus must not hold the loop, nor take the memory.
 FRAMES_PER_PASS: Final = 512
@@ -19,19 +20,18 @@ EVENTS_PER_TICK: Final = 32
 
 
 class Port:
-    """Port with the replies that it feeds; only we, and a guardian, may send to the `motors`."""
+    """Port with the replies that it feeds; only we, and a guardian, may command the motors."""
 
     def __init__(
         self,
         wire: Wire,
         replies: Replies,
-        motors: Sequence[int],
+        language: Language,
         on_bus_off: Callable[[], None],
-        on_held: Callable[[int, bytes | bytearray], None],
+        on_held: Callable[[int, float], None],
     ) -> None:
-        """on_held takes a joint and the setpoint with which the guardian holds its motor."""
-        self._wire, self._replies = wire, replies
-        self._joint_of = {motor: joint for joint, motor in enumerate(motors)}
+        """on_held takes a joint and the position at which the guardian holds its motor [rad]."""
+        self._wire, self._replies, self._language = wire, replies, language
         self._on_bus_off, self._on_held = on_bus_off, on_held
         self._events: list[Event] = []
         self.now = 0.0
@@ -86,10 +86,11 @@ class Port:
         return not all(self.take_next(0.0) for _ in range(FRAMES_PER_PASS))
 
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
-        joint = self._replies.joint_of(can_id)
+        joint = self._language.answering(can_id)
         if joint is not None:
-            if not self._replies.take(joint, data):
-                self.report(Event(Kind.DISTURBED, f"an answer at 0x{can_id:03X} cannot be its own"))
+            if not self._replies.take(joint, can_id, data):
+                text = f"an answer at {_named(can_id)} cannot be its own"
+                self.report(Event(Kind.DISTURBED, text))
         elif can_id & ERROR:
             event = error_frame(can_id & ~ERROR, data)
             if event.kind is Kind.OFF_BUS:
@@ -98,12 +99,15 @@ class Port:
         elif can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
             self.taken_over = data[0] != Doing.WATCHES
-        elif can_id in self._joint_of and self.taken_over:
-            self._on_held(self._joint_of[can_id], data)
+        elif (joint := self._language.commanded(can_id)) is None:
+            return
+        elif self.taken_over:
+            if (found := self._language.setpoint_of(joint, can_id, data)) is not None:
+                self._on_held(joint, found[0])
             if self.now - self._begun_s > GONE_S:  # at the start it has held the arm in order
                 self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
-        elif can_id in self._joint_of:
-            self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))
+        else:
+            self.report(Event(Kind.FOREIGN_MASTER, f"it sends {_named(can_id)}"))
 
     @property
     def guarded(self) -> bool:
@@ -116,3 +120,7 @@ class Port:
             self._guarded = self.taken_over = False
             text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"
             self.report(Event(Kind.UNGUARDED, text))
+
+
+def _named(can_id: int) -> str:
+    return f"0x{can_id & IDENTIFIER:03X}"
