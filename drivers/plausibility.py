@@ -5,7 +5,7 @@ A frame may come from another motor, or be spoiled in an adapter; no setpoint ma
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 #: After more ticks without a position [ticks] a motor may be anywhere.
@@ -22,6 +22,14 @@ class Plausibility:
         self._nowhere = math.nan, 0
         self._taken = [self._nowhere] * len(ways)  # position and its tick
         self._doubted = [self._nowhere] * len(ways)
+        self.jumped = [False] * len(ways)
+        """Motors whose position changed by more than they can move, since it was forgotten."""
+
+    def forget(self, joints: Iterable[int]) -> None:
+        """Let the motors of these joints be anywhere."""
+        for joint in joints:
+            self._taken[joint] = self._doubted[joint] = self._nowhere
+            self.jumped[joint] = False
 
     def begin_tick(self) -> None:
         """Begin a tick."""
@@ -32,6 +40,9 @@ class Plausibility:
         doubted = self._doubted[joint]
         agrees = self._near(joint, position, doubted)
         if self._near(joint, position, self._taken[joint]) or (agrees and doubted[1] < self._tick):
+            before, tick = self._taken[joint]
+            if abs(position - before) > self._ways[joint] * (self._tick - tick + 1):
+                self.jumped[joint] = True
             self._taken[joint], self._doubted[joint] = (position, self._tick), self._nowhere
             return True
         if not agrees:

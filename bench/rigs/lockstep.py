@@ -42,6 +42,7 @@ ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
 OPENARM = ROMEO.parent / "openarm_left"
+BEAM = ROMEO.parent / "beam_arm"
 
 #: Of an arm whose configuration is right by construction.
 TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")

@@ -68,6 +68,8 @@ class MotorTick:
         fresh = range(len(self.names)) if renewed is None else renewed
         self._unset -= set(fresh)
         self._setpoints.forget(fresh)
+        jumped = self.replies.plausibility.jumped
+        self.replies.plausibility.forget([i for i in fresh if jumped[i]])
         self._port.begin(now)
         self.replies.awaited.start_anew()
         self._port.read_queued()
@@ -134,6 +136,13 @@ class MotorTick:
             if answers:
                 joints = self._named(self.replies.awaited.joints_of(answers))
                 self._port.report(Event(kind, f"{joints}: {text}"))
+        if not self._language.outputs:
+            # Its only encoder is not believed any more; what it has to hold is found anew.
+            for i, jumped in enumerate(self.replies.plausibility.jumped):
+                if jumped and i not in self._unset:
+                    self._unset.add(i)
+                    text = f"{self.names[i]}: its position changed by more than it can move"
+                    self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
             before, self._were[i] = self._were[i], status
             news, text = news_of(before, status, let_go=self._let_go[i])

@@ -67,7 +67,7 @@ class Replies:
         answers = 2 if language.outputs else 1  # of each motor
         self._bits = [1 << answers * i for i in range(n)]
         self.awaited = Awaited([(1 << answers) - 1 << answers * i for i in range(n)], period_s)
-        self._plausibility = Plausibility(
+        self.plausibility = Plausibility(
             [
                 drive.profile.figures.speed * period_s / position
                 for drive, (position, _, _) in zip(drives, language.steps, strict=True)
@@ -90,12 +90,13 @@ class Replies:
         self.acknowledged = [0] * n
         """Setpoints that each motor has answered since it was last asked to stop."""
         self.witnessed: Vector = np.full(n, np.nan)
-        """Position of each motor [rad at the link]; NaN where its output does not agree."""
+        """Position of each motor [rad at the link]; NaN where its output does not agree, or,
+        where it has no encoder, its position jumped."""
         self.late_frames = 0
 
     def begin_tick(self, now: float) -> None:
         """Await all: the question is about to go out."""
-        self._plausibility.begin_tick()
+        self.plausibility.begin_tick()
         self.awaited.expect_all(now)
 
     def take(self, joint: int, can_id: int, data: bytes | bytearray) -> bool:
@@ -104,7 +105,7 @@ class Replies:
         if found is None:
             return False
         if isinstance(found, Feedback):
-            if not self._plausibility.admits(joint, found.position):
+            if not self.plausibility.admits(joint, found.position):
                 return False
             self._feedback(joint, found)
         elif found.position is not None:
@@ -139,7 +140,8 @@ class Replies:
             self.witnessed = np.where(np.abs(apart - turns * TURN) <= FAR, position, np.nan)
             link = self._link_sign * (self._output + turns * TURN) + self._offset
         else:
-            self.witnessed, link = position, position + self._offset
+            self.witnessed = np.where(self.plausibility.jumped, np.nan, position)
+            link = position + self._offset
         correct(link, self._offset, self._harmonics)
         pairs = zip(self.statuses, stopping, strict=True)
         return Samples(

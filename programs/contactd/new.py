@@ -61,7 +61,7 @@ def new_arm(
         (folder / "config.yaml").write_text(written, encoding="utf-8")
         for path in (urdf, *named.values()):
             shutil.copyfile(path, folder / path.name)
-        at_motor = {name for name, drive in drives.items() if not drive.link_encoder}
+        at_motor = {name for name in named if not drives[name].link_encoder}
         write_truth(load_robot(folder), at_motor)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
