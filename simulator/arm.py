@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import can
+import msgspec
 import numpy as np
 
 from common.arrays import Vector
@@ -15,7 +16,7 @@ from simulator.drive import Drive
 from simulator.events import Happening, Listener
 from simulator.hand import Hand
 from simulator.hand_script import AnyAct
-from simulator.mismatch import true_gears, true_parameters
+from simulator.mismatch import steady_steps, true_gears, true_parameters
 from simulator.motor import Motor
 from simulator.motor_laws import MotorLaws
 from simulator.plant import Plant
@@ -48,13 +49,17 @@ class SimulatedArm:
         on_event: Listener = lambda _: None,
     ) -> None:
         """Raises ConfigurationError or ModelError when description or script do not fit."""
-        self.description, self.settings = description, settings
         self._per_period = round(SERVO_PERIOD_S / settings.step_s)
         if abs(self._per_period * settings.step_s - SERVO_PERIOD_S) > 1e-12:
             raise ConfigurationError(
                 f"simulation: step_s = {settings.step_s}, not a divider of 1 ms"
             )
         parameters = true_parameters(description, settings)
+        if (finer := steady_steps(settings, parameters)) > self._per_period:
+            self._per_period = finer
+            settings = msgspec.structs.replace(settings, step_s=SERVO_PERIOD_S / finer)
+            parameters = true_parameters(description, settings)
+        self.description, self.settings = description, settings
         n = len(description.joints)
         self.plant = Plant(
             parameters,

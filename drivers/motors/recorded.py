@@ -26,7 +26,7 @@ class MotorTicks:
 
     def begin(self, now: float) -> None:
         """Begin a tick."""
-        self._replies.awaited.expect_all(now)
+        self._replies.begin_tick(now)
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
         """Take another frame of it."""

@@ -23,6 +23,8 @@ HELD: Final = "held"
 #: Position of a motor and of its output may differ by the gap, a wrong gear by far more [rad],
 #: whole turns apart.
 FAR: Final = 0.35
+#: Most by which a motor's position may change in a tick unlike its velocity says [rad].
+CHANGES: Final = 0.03
 #: Two turns of the output look the same to its encoder.
 TURN: Final = 2.0 * math.pi
 _C = DriveCondition
@@ -67,12 +69,18 @@ class Replies:
         answers = 2 if language.outputs else 1  # of each motor
         self._bits = [1 << answers * i for i in range(n)]
         self.awaited = Awaited([(1 << answers) - 1 << answers * i for i in range(n)], period_s)
+        # An output's encoder bears a motor's position out; without one, its own velocity has to.
+        per_count = [position for position, _, _ in language.steps]
         self.plausibility = Plausibility(
             [
-                drive.profile.figures.speed * period_s / position
-                for drive, (position, _, _) in zip(drives, language.steps, strict=True)
+                (drive.profile.figures.speed * period_s if language.outputs else CHANGES) / step
+                for drive, step in zip(drives, per_count, strict=True)
             ]
         )
+        self._speeds = [
+            0.0 if language.outputs else velocity * period_s / position
+            for position, velocity, _ in language.steps
+        ]
         signs = np.array([float(drive.wiring.motor_sign) for drive in drives])
         # Motors truncate: half a count more is the middle of what a count may be, and 0 is exact.
         self._middle = np.array([language.middle]).T
@@ -105,7 +113,8 @@ class Replies:
         if found is None:
             return False
         if isinstance(found, Feedback):
-            if not self.plausibility.admits(joint, found.position):
+            speed = (found.velocity - self._language.middle[1]) * self._speeds[joint]
+            if not self.plausibility.admits(joint, found.position, speed):
                 return False
             self._feedback(joint, found)
         elif found.position is not None:

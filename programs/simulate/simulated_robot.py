@@ -177,11 +177,11 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     if isinstance(profile, DamiaoProfile):
         make, names = "damiao", ("PMAX", "VMAX", "TMAX")
     else:
-        make, names = "robstride", ("P_MAX", "V_MAX", "T_MAX")
-    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
+        make, names = "robstride", ("P_MAX", "V_MAX", "T_MAX", "zero_sta")
+    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm, 1.0
     return {
         "drive": f"{make}:{profile.model}",
-        "registers": dict(zip(names, ranges, strict=True)),
+        "registers": dict(zip(names, ranges, strict=False)),
     }
 
 

@@ -12,8 +12,6 @@ from bench.rigs.lockstep import BEAM, Rig, lockstep_rig
 from common.errors import DriveError, SilentDriveError
 from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
-from daemon.protocol.requests import Go
-from daemon.service.poses import Poses
 from drivers.can.wire import Wire
 from drivers.makes import make_of
 from drivers.motors.guardian import Doing
@@ -21,8 +19,8 @@ from drivers.robstride.frames import Kind, Parameter, identifier, kind_of, setpo
 from simulator.robstride import motor as m
 from tests.drivers.damiao.test_arm import Broken, Filter, cause, stands
 
-JOINT = 1  # which bears a load
-RAISED = {"joint2": 0.8, "joint3": 0.9}
+JOINT = 1
+LOAD = 3.0  # [Nm]
 T = 0.01
 
 
@@ -53,12 +51,13 @@ def moving(arm: Broken) -> Broken:
 
 
 @pytest.fixture
-def raised(arm: Broken) -> Broken:
+def loaded(arm: Broken) -> Broken:
+    """One that holds against a load."""
     rig = arm.rig
     rig.enable()
-    path = Poses(rig.robot).path(Go(targets=RAISED), rig.samples.link_position)
-    assert not rig.tick.controller.request(Event.START, "the test", rig.time_s, path)
-    rig.run(6.0)
+    rig.run(0.5)
+    rig.arm.external_torque[JOINT] = LOAD
+    rig.run(1.0)
     assert rig.mode is Mode.HOLDING
     return arm
 
@@ -183,6 +182,7 @@ def test_a_stop_is_a_ramp_that_is_proved(moving: Broken) -> None:
 
 def test_a_hand_is_felt_and_yielded_to(moving: Broken) -> None:
     rig = moving.rig
+    assert rig.permit() == []
     rig.arm.external_torque[JOINT] = 4.0
     rig.run(0.3)
     assert rig.mode in (Mode.ADMITTANCE, Mode.RETRACTING), cause(rig)
@@ -229,7 +229,7 @@ def test_recorded_frames_give_the_same_samples_and_setpoints(moving: Broken) -> 
 # --- what fails -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fault", m.FAULT_WORDS)
+@pytest.mark.parametrize("fault", [m.UNDER_VOLTAGE, m.OVERLOAD])
 def test_a_motor_in_fault_stops_the_arm_until_a_reset(moving: Broken, fault: int) -> None:
     rig = moving.rig
     rig.arm.motors[5].fail(fault)
@@ -295,12 +295,14 @@ class Falsified:
         return frame[0], counts.to_bytes(2, "big") + bytes(frame[1][2:])
 
 
-@pytest.mark.parametrize("way", [6.2832, 3.0, 0.25])
-@pytest.mark.parametrize("frames", [1, 2, 20, 400])
-def test_a_false_feedback_moves_nothing(raised: Broken, way: float, frames: int) -> None:
-    rig = raised.rig
-    false = Falsified(raised.filter.wire)
-    raised.filter.wire = false
+@pytest.mark.parametrize(
+    ("way", "frames"),
+    [(6.2832, 2), (6.2832, 4), (3.0, 20), (3.0, 400), (0.25, 2), (0.25, 20), (0.25, 400)],
+)
+def test_a_false_feedback_moves_nothing(loaded: Broken, way: float, frames: int) -> None:
+    rig = loaded.rig
+    false = Falsified(loaded.filter.wire)
+    loaded.filter.wire = false
     false.left, false.way = frames, way
     begun, furthest = rig.arm.plant.q.copy(), [0.0]
 
@@ -308,9 +310,9 @@ def test_a_false_feedback_moves_nothing(raised: Broken, way: float, frames: int)
         furthest[0] = max(furthest[0], float(np.abs(rig.arm.plant.q - begun).max()))
 
     rig.run(3.0, each)
-    assert furthest[0] < (0.003 if way > 1.0 or frames < 3 else 0.03)
+    assert furthest[0] < 0.003
     assert all(running(rig))
-    assert rig.mode is (Mode.HOLDING if frames <= 2 and way < 1.0 or frames == 1 else Mode.FAULTED)
+    assert rig.mode is (Mode.HOLDING if frames == 2 else Mode.FAULTED)
     if frames < 400 and rig.mode is Mode.FAULTED:
         rig.run(1.0)
         rig.reset()
@@ -322,24 +324,24 @@ def test_a_false_feedback_moves_nothing(raised: Broken, way: float, frames: int)
 # --- the guardian ---------------------------------------------------------------------------------
 
 
-def test_a_daemon_that_dies_leaves_an_arm_that_holds(raised: Broken) -> None:
-    rig = raised.rig
+def test_a_daemon_that_dies_leaves_an_arm_that_holds(loaded: Broken) -> None:
+    rig = loaded.rig
     assert without_the_daemon(rig, 5.0) < 0.01
     assert all(running(rig))
     assert isinstance(rig.guard, GuardianAtBus)
     assert rig.guard.guardian.doing is Doing.HOLDS
 
 
-def test_without_a_guardian_the_arm_falls(raised: Broken) -> None:
-    rig = raised.rig
+def test_without_a_guardian_the_arm_falls(loaded: Broken) -> None:
+    rig = loaded.rig
     assert isinstance(rig.guard, GuardianAtBus)
     rig.guard.killed = True
     assert without_the_daemon(rig, 2.0) > 0.2
     assert not any(running(rig))
 
 
-def test_a_daemon_that_comes_back_finds_a_fault_and_an_arm_where_it_was(raised: Broken) -> None:
-    rig = raised.rig
+def test_a_daemon_that_comes_back_finds_a_fault_and_an_arm_where_it_was(loaded: Broken) -> None:
+    rig = loaded.rig
     without_the_daemon(rig, 0.5)
     begun = rig.arm.plant.q.copy()
     rig.ticks += round(0.5 / T)
@@ -352,9 +354,9 @@ def test_a_daemon_that_comes_back_finds_a_fault_and_an_arm_where_it_was(raised: 
 
 @pytest.mark.parametrize("left", [False, True])
 def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
-    raised: Broken, left: bool, monkeypatch: pytest.MonkeyPatch
+    loaded: Broken, left: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig = raised.rig
+    rig = loaded.rig
     monkeypatch.setattr("drivers.motors.guardian.LOWERS_AFTER_S", 1.0)
     if left:
         with rig.lockstep.serving():
