@@ -39,6 +39,7 @@ from bench.rigs.breakable_arm import BreakableArm, start
 from bench.rigs.bus_faults import pdos_stale
 from bench.rigs.drive_faults import heartbeat_lost, runaway, samples_repeat, stone_deaf
 from bench.rigs.faults import PLACES, SHOWN, Case, MakeOnWire
+from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.measurement_faults import all_frozen, encoder_frozen
 from bench.study.fault_pairs import PAIRS, judged_each, sampled
 from common.errors import ProgramError
@@ -46,7 +47,7 @@ from daemon.ending import stop_on_error
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
-from simulator.state_machine import State
+from drivers.motors.guardian import Doing
 
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link
@@ -190,13 +191,12 @@ def program_error(place: MakeOnWire) -> dict[str, Any]:
 
 
 def killed(place: MakeOnWire) -> dict[str, Any]:
-    """Without the daemon: found is when the last drive has missed its heartbeat."""
+    """Without the daemon: found is when the last drive has missed it, or the guardian holds."""
     with place.stage() as on:
         start(on, armed=True)
-        drives, c = on.rig.arm.drives, on.rig.robot.configuration
+        c = on.rig.robot.configuration
         timeout_ms = max(profile.master_timeout_ms for profile in c.drives.values())
-        runs = State.OPERATION_ENABLED
-        found = silent_ticks(on, lambda: all(drive.state is not runs for drive in drives))
+        found = silent_ticks(on, lambda: unheard(on))
         stands = found + silent_ticks(on, lambda: on.speed < STANDS)
     return {
         "make": place.make.name,
@@ -209,6 +209,13 @@ def killed(place: MakeOnWire) -> dict[str, Any]:
         "mute_ticks": 0,
         "stands_tick": stands,
     }
+
+
+def unheard(on: BreakableArm) -> bool:
+    """Whether every drive has stopped by itself, or the guardian holds them."""
+    if isinstance(on.rig.guard, GuardianAtBus):
+        return on.rig.guard.guardian.doing is Doing.HOLDS
+    return on.make.speech.operating not in on.states
 
 
 def silent_ticks(on: BreakableArm, done: Callable[[], bool]) -> int:

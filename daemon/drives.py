@@ -88,7 +88,7 @@ def build_drives(
     if _canopen(c):
         return build_canopen(robot, build_boot(robot, wire, ring, setups), wire, clock)
     kept = RecordedWire(wire, ring) if ring else wire
-    return ARMS[type(setups[0].profile)](kept, setups, c.period_s, clock)
+    return ARMS[type(setups[0].profile)](kept, setups, c.period_s, clock, c.bus.bitrate)
 
 
 def _canopen(c: Configuration) -> bool:

@@ -14,19 +14,15 @@ import numpy as np
 from bench.rigs.durand_arm import durand_rig
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lines import OpenLine, virtual_line
-from bench.rigs.lockstep import DESK_ARM, ROMEO, Rig, lockstep_rig
+from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, Rig, lockstep_rig
+from bench.rigs.speech import CANOPEN, DAMIAO_BUS, Speech
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import ON_TIME, Wakeup
-from drivers.can.wire import Wire
-from drivers.canopen.cia402 import QUICK_STOP
-from drivers.canopen.codec import receive_pdos
-from drivers.canopen.ids import EMERGENCY, SYNC
-from drivers.canopen.settings import CanopenDrive
-from simulator.drive import Drive as SimulatedDrive
+from drivers.can.wire import Frame, Wire
+from drivers.canopen.ids import EMERGENCY
 from simulator.sensors import Readings
-from simulator.state_machine import State
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +34,31 @@ class Make:
     joint: int  # that is disturbed
     pushed: int  # that has narrow limits, to be pushed out of
     push_Nm: float
+    hit_Nm: float
     saturated: int  # whose current is at its limit
     stuck: int  # whose current is stuck
-    after_silence: State  # Where a drive ends that has lost its master.
+    after_silence: str  # state in which a drive ends that has lost its master
+    speech: Speech = CANOPEN
+    ways: tuple[tuple[str, float], ...] = ()  # of joints with less room than the others [rad]
 
 
-ROMEO_ARM = Make("romeo", partial(lockstep_rig, ROMEO), 2, 5, 1.4, 6, 0, State.QUICK_STOP_ACTIVE)
-DESK = Make("desk arm", partial(lockstep_rig, DESK_ARM), 0, 1, 5.5, 0, 1, State.FAULT)
-DURAND = Make("durand", durand_rig, 0, -1, 0.0, 0, 0, State.FAULT)
-MAKES = (ROMEO_ARM, DESK, DURAND)
+ROMEO_ARM = Make("romeo", partial(lockstep_rig, ROMEO), 2, 5, 1.4, 9.0, 6, 0, "QUICK_STOP_ACTIVE")
+DESK = Make("desk arm", partial(lockstep_rig, DESK_ARM), 0, 1, 5.5, 9.0, 0, 1, "FAULT")
+DURAND = Make("durand", durand_rig, 0, -1, 0.0, 0.0, 0, 0, "FAULT")
+DAMIAO = Make(
+    "damiao",
+    partial(lockstep_rig, OPENARM),
+    2,
+    5,
+    3.7,
+    40.0,
+    0,
+    0,
+    "ENABLED",
+    DAMIAO_BUS,
+    (("joint2", 0.04),),
+)
+MAKES = (ROMEO_ARM, DESK, DURAND, DAMIAO)
 
 #: Of a joint that is to be fast: as slow as its range allows, so that it is fast for longer.
 FAST_HZ = 0.4
@@ -101,6 +113,7 @@ class BreakableArm:
     rig: Rig
     wire: FaultyWire
     first_pose: np.ndarray
+    before: list[Frame] = field(default_factory=list)  # sent in the tick before
     late_s: float = 0.0  # How late the next ticks begin.
     left_out: int = 0  # Deadlines that this costs, each time.
     changes: list[Callable[[Readings], Readings]] = field(default_factory=list)
@@ -117,19 +130,28 @@ class BreakableArm:
         return self.make.joint
 
     @property
-    def drives(self) -> tuple[CanopenDrive, ...]:
+    def drives(self) -> tuple[Any, ...]:
         """Drives of the arm, as the daemon knows them."""
         return self.rig.robot.configuration.joint_drives
 
     @property
-    def drive(self) -> CanopenDrive:
+    def drive(self) -> Any:
         """That of the disturbed joint."""
         return self.drives[self.joint]
 
     @property
-    def simulated(self) -> SimulatedDrive:
+    def simulated(self) -> Any:
         """The same at the other end of the bus."""
-        return self.rig.arm.drives[self.joint]
+        return self.make.speech.simulated(self.rig.arm, self.joint)
+
+    @property
+    def states(self) -> set[str]:
+        """States of all simulated drives."""
+        return self.make.speech.states(self.rig.arm)
+
+    def answers(self, drive: Any) -> list[int]:
+        """Identifiers of a drive's samples."""
+        return self.make.speech.answers(drive)
 
     def say(self, cob_id: int, data: bytes = b"", *, error: bool = False) -> None:
         """Let a frame of somebody else arrive before the next SYNC."""
@@ -141,16 +163,18 @@ class BreakableArm:
 
     def tick(self) -> None:
         """One tick of the daemon, on time or late."""
-        rig, self.wire.sent[:] = self.rig, []
+        rig, self.before = self.rig, list(self.wire.sent)
+        self.wire.sent[:] = []
         if self.late_s:
             rig.arm.advance(rig.arm.now + self.left_out * self.period_s)
             rig.ticks += self.left_out
         wakeup = Wakeup(lateness_s=self.late_s, left_out=self.left_out) if self.late_s else ON_TIME
         rig.tick.begin(rig.time_s)
-        if all(cob_id != SYNC for cob_id, _ in self.wire.sent):
-            rig.arm.advance(rig.arm.now + self.period_s)  # without a SYNC nobody else moves it
+        if self.make.speech.request not in dict(self.wire.sent):
+            rig.arm.advance(rig.arm.now + self.period_s)  # nothing else moves it then
         self.wire.pass_tick()
         rig.lockstep.pump()
+        rig.guard()
         rig.tick.finish(0.0, wakeup)
         rig.ticks += 1
 
@@ -158,7 +182,13 @@ class BreakableArm:
         """The time of a tick after the program has ended: the drives hear no master."""
         self.wire.sent[:] = []
         self.rig.arm.advance(self.rig.arm.now + self.period_s)
+        self.rig.guard()
         self.rig.lockstep.pump()
+
+    def alone(self, seconds: float) -> None:
+        """Time without the daemon."""
+        for _ in range(round(seconds / self.period_s)):
+            self.silence()
 
     def run(self, seconds: float) -> None:
         """Undisturbed, if nothing was left broken."""
@@ -176,17 +206,9 @@ class BreakableArm:
         raise AssertionError(f"{self.rig.mode}: {self.rig.tick.controller.machine.cause}")
 
     def setpoints(self) -> dict[int, tuple[int, int]]:
-        """Controlword and target velocity [counts] that the last tick sent, by node."""
-        sent, found = dict(self.wire.sent), {}
-        for drive in self.drives:
-            told: dict[str, int] = {}
-            for pdo in receive_pdos(drive):
-                if pdo.cob_id in sent:
-                    counts = pdo.layout.unpack(sent[pdo.cob_id])
-                    told |= zip((field.entry for field in pdo.fields), counts, strict=True)
-            if told:
-                found[drive.node] = told["controlword"], told["target_velocity"]
-        return found
+        """Whether the last tick told a drive to follow (0 if not), and its target velocity
+        [counts], by node."""
+        return self.make.speech.setpoints(self.drives, self.wire.sent)
 
     @property
     def stops(self) -> bool:
@@ -195,17 +217,20 @@ class BreakableArm:
         if self.rig.drives.silenced:
             return True
         setpoints, drives = self.setpoints(), self.rig.drives
-        by_sdo = {
+        by_sdo: tuple[str, ...] = getattr(drives, "restarted", tuple)()
+        others = {drive.node for drive in self.drives if drive.name not in by_sdo}
+        before = self.make.speech.setpoints(self.drives, self.before)
+
+        def brakes(node: int, counts: int) -> bool:
+            return node in before and abs(counts) < abs(before[node][1])
+
+        ramps = self.make.speech.stops_by_ramp
+        told = [
             node
-            for name, node in zip(drives.names, drives.nodes, strict=True)
-            if name in drives.restarted()
-        }
-        halted = {
-            node
-            for node, (word, counts) in setpoints.items()
-            if word & 0x0F in (0, QUICK_STOP) and not counts
-        }
-        return setpoints.keys() == halted and halted | by_sdo == set(drives.nodes)
+            for node, (follows, counts) in setpoints.items()
+            if (follows or counts) and not (ramps and brakes(node, counts))
+        ]
+        return not told and others <= setpoints.keys()
 
     @property
     def mute(self) -> bool:
@@ -332,7 +357,8 @@ def _configured(c: Configuration, make: Make, speed: float) -> Configuration:
             limits = msgspec.structs.replace(limits, lower=-0.3, upper=0.3)
         return msgspec.structs.replace(joint, limits=limits)
 
-    waves = {name: Sinusoid(amplitude=0.15, frequency_Hz=0.4) for name in c.joint_names}
+    ways = dict.fromkeys(c.joint_names, 0.15) | dict(make.ways)
+    waves = {name: Sinusoid(amplitude=way, frequency_Hz=0.4) for name, way in ways.items()}
     if speed:
         joint = c.joints[make.joint]
         amplitude = speed * joint.limits.velocity / (2.0 * np.pi * FAST_HZ)

@@ -8,38 +8,31 @@ import can
 
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever, once, throughout
 from bench.rigs.drive_faults import emergency
+from bench.rigs.speech import MASTER_SILENT
 from daemon.config.schema import frames_of
 from drivers.api import Kind
 from drivers.can.load import bus_load
-from drivers.canopen.codec import receive_pdos, transmit_pdos
-from drivers.canopen.emergency_codes import MASTER_SILENT
-from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, NMT, SYNC
 from drivers.canopen.inbox import FRAMES_PER_PASS
-from drivers.canopen.settings import CanopenDrive
 
 SHORTEST_FRAME = 111  # bits: eight bytes, no stuff bit, and the gap to the next frame
 
 
-def _answers(drive: CanopenDrive) -> list[int]:
-    return [pdo.cob_id for pdo in transmit_pdos(drive)]
-
-
-one_pdo_missing = throughout(lambda on: on.losing(_answers(on.drive)[-1]), 1)
-pdos_stale = throughout(lambda on: on.losing(*_answers(on.drive)))
+one_pdo_missing = throughout(lambda on: on.losing(on.answers(on.drive)[-1]), 1)
+pdos_stale = throughout(lambda on: on.losing(*on.answers(on.drive)))
 
 
 def pdos_lost_in_turn(on: BreakableArm) -> Iterator[None]:
     """Never a tick with all drives, never two in a row without the same one."""
     for _ in range(30):
         for drive in on.drives[:2]:
-            with on.losing(_answers(drive)[0]):
+            with on.losing(on.answers(drive)[0]):
                 yield
 
 
 def pdos_lost_in_most_ticks(on: BreakableArm) -> Iterator[None]:
     """Two of three, never three in a row."""
     while True:
-        with on.losing(_answers(on.drive)[0]):
+        with on.losing(on.answers(on.drive)[0]):
             yield
             yield
         yield
@@ -48,7 +41,7 @@ def pdos_lost_in_most_ticks(on: BreakableArm) -> Iterator[None]:
 def deaf_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
     """Never three samples of the drive in a row are missing, but ticks are, beside them."""
     for _ in range(3):
-        with on.losing(*_answers(on.drive)):
+        with on.losing(*on.answers(on.drive)):
             with on.late(0.022):
                 yield
             yield
@@ -56,7 +49,7 @@ def deaf_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
 
 
 def pdos_stale_on_a_late_machine(on: BreakableArm) -> Iterator[None]:
-    with on.losing(*_answers(on.drive)), on.late(0.012):
+    with on.losing(*on.answers(on.drive)), on.late(0.012):
         for _ in range(4):
             yield
 
@@ -65,7 +58,7 @@ def answers_a_period_late(on: BreakableArm) -> Iterator[None]:
     """Each answer comes while that to the next SYNC is awaited; at last they are in time again."""
     on.rig.drives.start(on.rig.time_s, [])  # no SYNC was left out lately
     old = on.rig.drives.samples
-    with on.delaying(*_answers(on.drive)):
+    with on.delaying(*on.answers(on.drive)):
         while not any(event.kind is Kind.OLD_SAMPLES for event in old.events):
             yield
             old = on.rig.drives.samples
@@ -74,7 +67,7 @@ def answers_a_period_late(on: BreakableArm) -> Iterator[None]:
 
 
 # Another drive with the same node number answers every SYNC, too.
-two_drives = throughout(lambda on: on.doubling(*_answers(on.drive)))
+two_drives = throughout(lambda on: on.doubling(*on.answers(on.drive)))
 
 
 def flood(on: BreakableArm) -> None:
@@ -100,14 +93,17 @@ def flooded_and_unheard(on: BreakableArm) -> Iterator[None]:
     yield from emergency(MASTER_SILENT)(on)
 
 
-def foreign_setpoint(on: BreakableArm) -> Iterator[None]:
-    pdo = receive_pdos(on.drive)[0]
-    on.say(pdo.cob_id, bytes(pdo.layout.size))
-    yield
+def foreign(what: int) -> Fault:
+    """Another master's request, command or setpoint."""
+
+    def say(on: BreakableArm) -> None:
+        can_id, data = on.make.speech.foreign(on.drive)[what]
+        on.say(can_id, bytes(data))
+
+    return once(say)
 
 
-foreign_sync = once(lambda on: on.say(SYNC))
-foreign_nmt = once(lambda on: on.say(NMT, bytes([ENTER_PRE_OPERATIONAL, on.drive.node])))
+foreign_request, foreign_command, foreign_setpoint = map(foreign, range(3))
 one_enobufs = throughout(lambda on: on.raising(on.rig.line.full), 1)
 enobufs = throughout(lambda on: on.raising(on.rig.line.full), 5)
 
@@ -120,11 +116,11 @@ def bus_down(on: BreakableArm) -> Iterator[None]:
 
 def old_frames(on: BreakableArm) -> Iterator[None]:
     """The bus returns with more old answers of every drive than one pass reads."""
-    answers = [pdo for drive in on.drives for pdo in transmit_pdos(drive)]
+    answers = [can_id for drive in on.drives for can_id in on.answers(drive)]
     for _ in range(4):
         for _ in range(FRAMES_PER_PASS // len(answers) + 14):
-            for pdo in answers:
-                on.say(pdo.cob_id, bytes(pdo.layout.size))
+            for can_id in answers:
+                on.say(can_id, bytes(8))
         yield
 
 
@@ -137,8 +133,8 @@ def bus_off(on: BreakableArm) -> Iterator[None]:
         yield
 
 
-# No drive hears our SYNC any more; everything else they hear.
-sync_lost = throughout(lambda on: on.not_sending(SYNC))
+# No drive hears our SYNC, or requests, any more; everything else they hear.
+sync_lost = throughout(lambda on: on.not_sending(on.make.speech.request))
 
 
 def bus_off_for(seconds: float) -> Fault:

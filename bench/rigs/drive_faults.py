@@ -7,13 +7,13 @@ from dataclasses import replace
 
 from bench.rigs import foreign_tool
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever, lasting, once, throughout
+from bench.rigs.speech import DAMIAO_BUS, HOT
 from drivers.canopen.cia402 import VOLTAGE_ENABLED
 from drivers.canopen.codec import transmit_pdos
 from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
 from simulator.state_machine import Trigger
 
 OTHER_MODE = {"romeo": 0, "desk arm": 3, "durand": 1}  # that they have, too
-OVER_CURRENT, UNDER_VOLTAGE, OVER_TEMPERATURE = 0x2310, 0x3220, 0x4310
 
 
 heartbeat_lost = throughout(lambda on: on.losing(HEARTBEAT + on.drive.node))
@@ -21,17 +21,16 @@ heartbeat_lost = throughout(lambda on: on.losing(HEARTBEAT + on.drive.node))
 
 def emergency(code: int) -> Fault:
     def fault(on: BreakableArm) -> Iterator[None]:
-        cob_id = EMERGENCY + on.drive.node
-        on.say(cob_id, code.to_bytes(2, "little") + bytes([1, 0, 0, 0, 0, 0]))
+        on.make.speech.emergency(on, code)
         yield
-        on.say(cob_id, bytes(8))  # it is over
+        on.make.speech.emergency(on, 0)  # it is over
 
     return fault
 
 
 def fault_bit(on: BreakableArm) -> Iterator[None]:
     with on.losing(EMERGENCY + on.drive.node):  # no emergency message: the statusword alone
-        on.simulated.fault(OVER_CURRENT, "over-current")
+        on.make.speech.fail(on)
         yield from for_ever()
 
 
@@ -63,10 +62,10 @@ def false_statusword(word: int) -> Fault:
 def samples_repeat(on: BreakableArm) -> Iterator[None]:
     """Its PDOs repeat what they said, statusword and all; by SDO it says what is."""
     kept: dict[int, bytes] = {}
-    answers = {pdo.cob_id for pdo in transmit_pdos(on.drive)}
+    answers, told_by = set(on.answers(on.drive)), on.make.speech.told_by
 
     def repeated(can_id: int, data: bytes) -> bytes:
-        return kept.setdefault(can_id, data) if can_id in answers else data
+        return kept.setdefault(can_id << 8 | told_by(data), data) if can_id in answers else data
 
     with on.saying(repeated):
         yield from for_ever()
@@ -78,11 +77,11 @@ emergency_stop = once(lambda on: on.simulated.axis.happen(Trigger.DISABLE_VOLTAG
 def supply_gone(on: BreakableArm) -> Iterator[None]:
     """Its power stage has no voltage, and its logic goes on."""
     word = on.simulated.axis.statusword
-    on.simulated.axis.statusword = lambda remote: word(remote) & ~VOLTAGE_ENABLED  # type: ignore[method-assign]
+    on.simulated.axis.statusword = lambda remote: word(remote) & ~VOLTAGE_ENABLED
     try:
         yield from for_ever()
     finally:
-        on.simulated.axis.statusword = word  # type: ignore[method-assign]
+        on.simulated.axis.statusword = word
 
 
 left_operational = lasting(lambda on: on.simulated.on_nmt(ENTER_PRE_OPERATIONAL))
@@ -120,10 +119,10 @@ def restarts_operational(on: BreakableArm) -> Iterator[None]:
 mode_changed = lasting(
     lambda on: on.simulated.on_sdo(foreign_tool.mode_changed(OTHER_MODE[on.make.name]))
 )
-rpdo_off = lasting(lambda on: on.simulated.on_sdo(foreign_tool.rpdo_off(on.drive)))
+rpdo_off = lasting(lambda on: on.make.speech.ignore_setpoints(on))
 sync_moved = lasting(lambda on: on.simulated.on_sdo(foreign_tool.sync_moved()))
 # It has missed its master, says that this is over, and takes no fault reset.
-locked = lasting(lambda on: on.simulated.lock())
+locked = lasting(lambda on: on.make.speech.lock(on))
 
 
 def locked_and_slow(on: BreakableArm) -> Iterator[None]:
@@ -146,7 +145,14 @@ def another_product(on: BreakableArm) -> Iterator[None]:
 
 
 def runaway(on: BreakableArm) -> Iterator[None]:
-    """A drive that does what it likes, but still knows the quick stop."""
+    """A drive that does what it likes, but still knows the quick stop, or that it is disabled."""
+    if on.make.speech is DAMIAO_BUS:
+        laws, joint = on.rig.arm._laws, on.joint
+        on.simulated._act = lambda: laws.impede(joint, 0.0, 3.2, 0.0, 5.0, 0.0)
+        try:
+            yield from for_ever()
+        finally:
+            del on.simulated._act
     servo, axis = on.rig.arm.servo, on.simulated.axis
     while axis.state.name == "OPERATION_ENABLED":
         servo.ramp(on.joint, 3.2, 60.0)
@@ -166,7 +172,7 @@ def quick_stop_hunts(on: BreakableArm) -> Iterator[None]:
 
 def _in_quick_stop(on: BreakableArm, velocity: Callable[[float], float]) -> Iterator[None]:
     servo, axis, ticks = on.rig.arm.servo, on.simulated.axis, 0
-    yield from emergency(OVER_TEMPERATURE)(on)
+    yield from emergency(HOT)(on)
     while servo.energised(on.joint) or axis.state.name == "QUICK_STOP_ACTIVE":
         servo.ramp(on.joint, velocity(ticks * on.period_s), 60.0)
         ticks += 1
@@ -175,24 +181,23 @@ def _in_quick_stop(on: BreakableArm, velocity: Callable[[float], float]) -> Iter
 
 
 @contextmanager
-def _deaf(on: BreakableArm, *to: str) -> Iterator[None]:
-    """The drive no longer hears these."""
-    drive = on.simulated
-    for method in to:
+def _deaf(on: BreakableArm, to: str) -> Iterator[None]:
+    """The drive no longer hears this."""
+    drive, methods = on.simulated, on.make.speech.deaf(to)
+    for method in methods:
         setattr(drive, method, lambda *_: None)
     try:
         yield
     finally:
-        for method in to:
+        for method in methods:
             drive.__dict__.pop(method, None)
 
 
 # It answers every SYNC and hears our heartbeat, and goes on at its last velocity.
-deaf_to_setpoints = throughout(lambda on: _deaf(on, "on_pdo"))
+deaf_to_setpoints = throughout(lambda on: _deaf(on, "setpoints"))
 # An NMT stop is all that it hears; and not even that: our silence would stop it.
-deaf_to_sdo_too = throughout(lambda on: _deaf(on, "on_pdo", "on_sdo"))
-deaf_to_nmt_too = throughout(lambda on: _deaf(on, "on_pdo", "on_sdo", "on_nmt"))
+deaf_to_sdo_too = throughout(lambda on: _deaf(on, "set-up"))
+deaf_to_nmt_too = throughout(lambda on: _deaf(on, "all but silence"))
 # It never takes a setpoint, nor answers, and our heartbeat tells it that all is well.
-deaf_to_sync = throughout(lambda on: _deaf(on, "latch", "transmit"))
-_HEARS = ("on_pdo", "on_sdo", "on_nmt", "on_heartbeat", "transmit", "latch")
-stone_deaf = throughout(lambda on: _deaf(on, *_HEARS))  # and sends its heartbeat
+deaf_to_sync = throughout(lambda on: _deaf(on, "requests"))
+stone_deaf = throughout(lambda on: _deaf(on, "all"))  # and sends its heartbeat

@@ -13,6 +13,7 @@ from bench.rigs import drive_faults as drive
 from bench.rigs import measurement_faults as measured
 from bench.rigs.breakable_arm import MAKES, BreakableArm, Fault, Make, stage, throughout
 from bench.rigs.lines import LINES
+from bench.rigs.speech import HOT, SUPPLY
 from daemon.faults.conditions import Condition
 
 
@@ -33,6 +34,7 @@ class Case:
     before: tuple[Condition, ...] = ()  # What is found of it sooner, and latched.
     provable: bool = True  # something can say that the drive stands; else only silence is left
     by_motor: bool = False  # a stand is proved only where the motor's position is reported
+    by_sdo: bool = False  # ... only where a drive can be asked beside its samples
     obeys: bool = False
     """Whether the drive says that it obeys and nothing says where it is: then it is neither proved
     to stand nor silenced, as silence would ask no more of it."""
@@ -44,14 +46,14 @@ class Case:
 _C = Condition
 CASES = (
     Case("one PDO missing", _C.SAMPLE_MISSING, bus.one_pdo_missing, 1, frames=True),
-    Case("a drive's PDOs missing", _C.STALE, bus.pdos_stale, 3, frames=True),
+    Case("a drive's PDOs missing", _C.STALE, bus.pdos_stale, 3, frames=True, by_sdo=True),
     Case("... on a late machine", _C.STARVED, bus.pdos_stale_on_a_late_machine, 3),
     Case("... now and then on a late machine", _C.DEAF, bus.deaf_on_a_late_machine, 8),
     Case("PDOs missing in turn", _C.SAMPLE_MISSING, bus.pdos_lost_in_turn, 1, frames=True),
     Case("PDOs missing in most ticks", _C.STALE, bus.pdos_lost_in_most_ticks, 27, frames=True),
     Case("heartbeat of a drive lost", _C.HEARTBEAT_LOST, drive.heartbeat_lost, 21, frames=True),
-    Case("over-temperature", _C.EMERGENCY, drive.emergency(drive.OVER_TEMPERATURE), 1, frames=True),
-    Case("under-voltage", _C.EMERGENCY, drive.emergency(drive.UNDER_VOLTAGE), 1, frames=True),
+    Case("over-temperature", _C.EMERGENCY, drive.emergency(HOT), 1, frames=True),
+    Case("under-voltage", _C.EMERGENCY, drive.emergency(SUPPLY), 1, frames=True),
     Case("fault bit", _C.DRIVE_FAULT, drive.fault_bit, 1, frames=True),
     Case("emergency stop of a drive", _C.DRIVE_DROPPED, drive.emergency_stop, 1, frames=True),
     Case("statusword false once: stops", _C.DRIVE_DROPPED, drive.false_statusword(0x0217), 1),
@@ -79,14 +81,14 @@ CASES = (
     Case("... and slow to boot", _C.UNHEARD, drive.locked_and_slow, 1, frames=True),
     Case("drive without supply", _C.SUPPLY_LOST, drive.supply_gone, 2),
     Case("mode changed by a tool (0x6060)", _C.IGNORES_SETPOINT, drive.mode_changed, 4),
-    Case("RPDO turned off by a tool", _C.NOT_FOLLOWING, drive.rpdo_off, 60),
-    Case("drive deaf to SYNC", _C.STALE, drive.deaf_to_sync, 3),
+    Case("setpoints turned off by a tool", _C.NOT_FOLLOWING, drive.rpdo_off, 60),
+    Case("drive deaf to SYNC", _C.STALE, drive.deaf_to_sync, 3, by_sdo=True),
     Case("SYNC moved by a tool (0x1005)", _C.STALE, drive.sync_moved, 3),
-    Case("SYNC lost", _C.STALE, bus.sync_lost, 3, frames=True),
+    Case("SYNC lost", _C.STALE, bus.sync_lost, 3, frames=True, by_sdo=True),
     Case("a drive answers a period late", _C.OLD, bus.answers_a_period_late, 12, frames=True),
     Case("two drives with one node", _C.TWO_DRIVES, bus.two_drives, 7, frames=True),
-    Case("foreign SYNC", _C.FOREIGN_MASTER, bus.foreign_sync, 1, frames=True),
-    Case("foreign NMT command", _C.FOREIGN_MASTER, bus.foreign_nmt, 1, frames=True),
+    Case("foreign SYNC, or request", _C.FOREIGN_MASTER, bus.foreign_request, 1, frames=True),
+    Case("foreign NMT command, or disable", _C.FOREIGN_MASTER, bus.foreign_command, 1, frames=True),
     Case("foreign setpoint", _C.FOREIGN_MASTER, bus.foreign_setpoint, 1, frames=True),
     Case("bus flooded", _C.BUS_LOADED, bus.flooded, 12, frames=True),
     Case("... and a drive misses us", _C.UNHEARD, bus.flooded_and_unheard, 14, frames=True),
@@ -109,11 +111,11 @@ CASES = (
          obeys=True),
     Case("every encoder dark", _C.NOT_FOLLOWING, measured.encoders_dark, 45, provable=False,
          obeys=True),
-    Case("PDOs repeat themselves", _C.FROZEN, drive.samples_repeat, 12, frames=True),
+    Case("PDOs repeat themselves", _C.FROZEN, drive.samples_repeat, 12, frames=True, by_sdo=True),
     Case("gear slips at 0.8 rad/s", _C.APART, measured.gear_slips, 9),
     Case("current stuck", _C.TORQUE_STUCK, measured.torque_stuck, 150, armed=False),
     Case("current at its limit", _C.TORQUE_SATURATED, measured.torque_saturated, 20, armed=False),
-    Case("hit of 9 Nm", _C.RESIDUAL_LIMIT, measured.hit_hard, 15, driven=True),
+    Case("hard hit", _C.RESIDUAL_LIMIT, measured.hit_hard, 15, driven=True),
     Case("drive runs away", _C.OVERSPEED, drive.runaway, 15, own=True),
     Case("pushed beyond a limit", _C.JOINT_LIMIT, measured.pushed_beyond_a_limit, 100, driven=True),
     Case("one late tick", _C.LATE, late(0.012), 1),
@@ -133,12 +135,47 @@ _NO_SWITCH = "the stack has no switch for it; the wire loses SYNC for all in ano
 _NO_BIT_12 = "its statusword does not say whether it follows"
 _NO_6007 = "the stack does nothing by itself when it leaves NMT operational (0x6007)"
 _NO_BIT_4 = "its statusword does not say whether it is supplied"
+_ASKED = "these motors say nothing unasked: no heartbeat, no boot-up message"
+_ONE_STATUS = "its only word is the status in its feedback: test_false_feedback.py"
+_LIMP = "without setpoints these motors let go, and say so: another case"
+_NO_STOP = "a motor that reports an error has no power; one that runs on is another case"
 _NO_PLANT = "its motor follows its setpoints at once: there is nothing that could be pushed"
 
 # (case, make or wire): why it cannot be shown there.
 EXCLUDED: dict[tuple[str, str], str] = {
     ("current at its limit", "desk arm"): "with less than its current a motor reaches the "
     "collision level, which stops the arm before",
+    ("current at its limit", "damiao"): "what nothing bears is a residual beyond its limit",
+    ("heartbeat of a drive lost", "damiao"): _ASKED,
+    (
+        "pushed beyond a limit",
+        "damiao",
+    ): "its setpoint draws back before the limit, until the residual is beyond its own",
+    (
+        "emergency stop of a drive",
+        "damiao",
+    ): "one that is off has lost its set-up: another case",
+    ("fault bit", "damiao"): "an error is in its status, which is found as such: another case",
+    ("statusword false once: stops", "damiao"): _ONE_STATUS,
+    ("... switched on", "damiao"): _ONE_STATUS,
+    ("... without power", "damiao"): _ONE_STATUS,
+    ("... fault", "damiao"): _ONE_STATUS,
+    ("drive deaf to setpoints", "damiao"): _LIMP,
+    ("... and to SDO", "damiao"): _LIMP,
+    ("... and to NMT", "damiao"): _LIMP,
+    ("quick stop said, and not kept", "damiao"): _NO_STOP,
+    ("quick stop said, and hunts", "damiao"): _NO_STOP,
+    ("drive leaves operational", "damiao"): "it has one state with power",
+    ("... unheard, and starts by itself", "damiao"): _ASKED,
+    ("... heard, says late that a PDO was too long", "damiao"): _ASKED,
+    ("another product in its place", "damiao"): "a motor does not name its product",
+    ("... and slow to boot", "damiao"): "it answers as soon as it has power",
+    ("drive without supply", "damiao"): "it reports under-voltage, an error: another case",
+    (
+        "mode changed by a tool (0x6060)",
+        "damiao",
+    ): "no answer names its mode: it takes no setpoint, another case",
+    ("SYNC moved by a tool (0x1005)", "damiao"): "it is asked by its own id",
     ("PDOs missing in turn", "durand"): "one drive has none to take turns with",
     ("drive deaf to setpoints", "durand"): _NO_6007,
     ("... and to SDO", "durand"): _NO_6007,
@@ -154,7 +191,7 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("mode changed by a tool (0x6060)", "durand"): _NO_BIT_12,
     ("drive without supply", "durand"): _NO_BIT_4,
     ("current at its limit", "durand"): "what nothing bears is a residual beyond its limit",
-    ("hit of 9 Nm", "durand"): _NO_PLANT,
+    ("hard hit", "durand"): _NO_PLANT,
     ("quick stop said, and not kept", "durand"): _NO_PLANT,
     ("quick stop said, and hunts", "durand"): _NO_PLANT,
     ("drive runs away", "durand"): _NO_PLANT,

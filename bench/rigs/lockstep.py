@@ -253,7 +253,8 @@ def lockstep_rig(
         def motors(robot: Robot) -> MotorArm:
             c = robot.configuration
             arm_of = ARMS[type(c.joint_drives[0].profile)]
-            drives = arm_of(between(bus.wire), c.joint_drives, c.period_s, lambda: 0.0, 0.0)
+            wire, bitrate = between(bus.wire), c.bus.bitrate
+            drives = arm_of(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
             with lockstep.serving():
                 drives.boot_up(lambda line: None)
             bus.hand_over()

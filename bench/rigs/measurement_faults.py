@@ -45,7 +45,7 @@ def infinite_reference(on: BreakableArm) -> Iterator[None]:
 
 
 def _counts(on: BreakableArm, rad: float) -> int:
-    return round(rad / on.drive.profile.link_position.scale)
+    return round(rad / on.make.speech.link_scale(on.drive))
 
 
 def _at(values: list[int], joint: int, value: int) -> list[int]:
@@ -116,7 +116,7 @@ def encoders_dark(on: BreakableArm) -> Iterator[None]:
 
 def gear_slips(on: BreakableArm) -> Iterator[None]:
     """It slips while its motor turns."""
-    slipped, joint, per_rad = 0.0, on.joint, 1.0 / on.drive.profile.link_position.scale
+    slipped, joint, per_rad = 0.0, on.joint, _counts(on, 1.0)
 
     def slipping(r: Readings) -> Readings:
         where = r.link_position[joint] + round(slipped * per_rad)
@@ -161,5 +161,5 @@ def _pushed(on: BreakableArm, joint: int, torque: float) -> Iterator[None]:
         on.rig.arm.external_torque[joint] = 0.0
 
 
-hit_hard = throughout(lambda on: _pushed(on, on.joint, 9.0), 15)
+hit_hard = throughout(lambda on: _pushed(on, on.joint, on.make.hit_Nm), 15)
 pushed_beyond_a_limit = throughout(lambda on: _pushed(on, on.make.pushed, on.make.push_Nm), 100)

@@ -9,8 +9,9 @@ from collections.abc import Callable, Sequence
 from random import Random
 
 from bench.rigs import foreign_tool
-from bench.rigs.drive_faults import OTHER_MODE, OVER_TEMPERATURE
+from bench.rigs.drive_faults import OTHER_MODE
 from bench.rigs.processes import Pair
+from bench.rigs.speech import HOT
 from drivers.canopen.ids import (
     EMERGENCY,
     ENTER_PRE_OPERATIONAL,
@@ -50,7 +51,7 @@ def _hold_up(pid: int, seconds: float) -> None:
 def emergency(both: Pair, rng: Random, drives: Sequence[CanopenDrive]) -> None:
     """A drive is too hot for a second."""
     node = rng.choice(drives).node
-    code = OVER_TEMPERATURE.to_bytes(2, "little")
+    code = HOT.to_bytes(2, "little")
     say(both.port, (EMERGENCY + node, code + bytes([0x08, 0, 0, 0, 0, 0])))
     time.sleep(1.0)
     say(both.port, (EMERGENCY + node, bytes(8)))

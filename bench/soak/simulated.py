@@ -47,7 +47,7 @@ from daemon.tick.loop import Loop
 UNFIT = {
     "adapter gone", "drive deaf to setpoints", "... and to SDO", "... and to NMT",
     "drive stone-deaf", "drive runs away", "current stuck", "encoder frozen",
-    "gear slips at 0.8 rad/s", "infinite reference", "pushed beyond a limit", "hit of 9 Nm",
+    "gear slips at 0.8 rad/s", "infinite reference", "pushed beyond a limit", "hard hit",
 }  # fmt: skip
 # A robot has losses every day: each is drawn as often as three faults.
 FAULTS = (*(case for case in CASES if case.name not in UNFIT), *LOSSES * 3)

@@ -38,7 +38,8 @@ ALIKE: Final = frozenset({
 })  # fmt: skip
 #: These disturb the bus, the machine, or joints that the make names: where else is nothing new.
 JOINTLESS: Final = frozenset({
-    "PDOs missing in turn", "SYNC lost", "foreign SYNC", "foreign NMT command", "ENOBUFS once",
+    "PDOs missing in turn", "SYNC lost", "foreign SYNC, or request",
+    "foreign NMT command, or disable", "ENOBUFS once",
     "ENOBUFS for 3 ticks", "old frames come back", "error-passive", "bus-off", "... for 80 ms",
     "... for 400 ms", "unheard for 80 ms", "unheard for 400 ms", "current stuck",
     "current at its limit", "pushed beyond a limit", "one late tick", "8 late ticks",
@@ -118,7 +119,8 @@ class Judge:
         return abs(float(self._on.rig.arm.plant.theta_dot[joint]))
 
     def _name(self, joint: int) -> str:
-        return self._on.drives[joint].name
+        name: str = self._on.drives[joint].name
+        return name
 
     def see(self) -> None:
         """Judge a tick."""

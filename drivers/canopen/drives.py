@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from common.arrays import Vector
-from drivers.api import Kind, Objection, PowerTarget, Samples
+from drivers.api import Event, Kind, Objection, PowerTarget, Samples
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.answers import Counters
 from drivers.canopen.emergencies import Emergencies
@@ -191,7 +191,8 @@ class CanopenDrives:
             frames_left -= 1
         answers.judge()
         self._inbox.traffic.step(self._now, self.counters.late_frames)
-        self._report(self._inbox.traffic.loaded)
+        if loaded := self._inbox.traffic.loaded:
+            self._report(Event(Kind.LOADED, loaded.text))
         events = self._events.take()
         crossed = [event for each in events if (event := crossing(each, self._joints))]
         samples = answers.finish(tuple(crossed))

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 from drivers.api import Event, Kind
 from drivers.canopen.emergency_codes import MASTER_SILENT, NO_LONGER, UNKNOWN_CODE, emergency_words
@@ -50,25 +49,7 @@ class Emergency:
         return f"{code}, error register 0x{self.register:02X}"
 
 
-@dataclass(frozen=True, slots=True)
-class BusLoaded:
-    """Too much of the bus is taken, by frames of others beside those of the arm."""
-
-    load: float  # share of the bus, at least
-    unknown_hz: float  # frames of unknown senders, per second
-    most: int | None  # identifier of the most of these, if one stands out
-    kind: ClassVar[Kind] = Kind.LOADED
-    nodes: ClassVar[tuple[int, ...]] = ()
-
-    @property
-    def text(self) -> str:
-        """Load and its senders in words."""
-        unknown = f", {self.unknown_hz:.0f} unknown frames/s" if self.unknown_hz else ""
-        most = "" if self.most is None else f", 0x{self.most:03X} among them"
-        return f"at least {self.load:.0%} of the bus is taken{unknown}{most}".replace("%", " %")
-
-
-BusEvent = Fact | Emergency | BusLoaded | Event
+BusEvent = Fact | Emergency | Event
 
 
 def crossing(event: BusEvent, joints: Mapping[int, str]) -> Event | None:
@@ -80,7 +61,7 @@ def crossing(event: BusEvent, joints: Mapping[int, str]) -> Event | None:
     return Event(event.kind, described(event, joints))
 
 
-def described(event: Fact | Emergency | BusLoaded, joints: Mapping[int, str]) -> str:
+def described(event: Fact | Emergency, joints: Mapping[int, str]) -> str:
     """Text of an event, with the joint of each drive."""
     drives = ", ".join(
         f"node {node} ({joints[node]})" if node in joints else f"node {node}"

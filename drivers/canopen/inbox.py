@@ -9,15 +9,16 @@ from typing import Final
 from drivers.api import Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
+from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, Frame, Wire
 from drivers.canopen.answers import Answers, Counters
 from drivers.canopen.emergency_codes import OF_COMMUNICATION
 from drivers.canopen.event_queue import Report
 from drivers.canopen.events import Emergency, Fact
 from drivers.canopen.ids import HEARTBEAT, NODE, SDO_ANSWER
+from drivers.canopen.make import frames
 from drivers.canopen.node_watches import NodeWatches
 from drivers.canopen.settings import CanopenDrive
-from drivers.canopen.traffic import Traffic
 
 #: Bound of one pass: a flooded bus must not hold the loop.
 FRAMES_PER_PASS: Final = 512
@@ -44,7 +45,7 @@ class Inbox:
         Raises ConfigurationError if a PDO layout does not fit."""
         self.answers = Answers(drives, counters, report, period_s)
         self.nodes = NodeWatches(drives, counters)
-        self.traffic = Traffic(drives, period_s, bitrate)
+        self.traffic = Traffic(frames(drives, period_s), period_s, bitrate)
         self._wire, self._masters_own = wire, masters_own
         self._counters, self._report = counters, report
         self._on_sdo, self._on_node, self._on_bus_off = on_sdo, on_node, on_bus_off

@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Sequence
 
+from drivers.can.traffic import Traffic
 from drivers.can.wire import Wire
 from drivers.damiao.language import DamiaoLanguage
+from drivers.damiao.make import frames
 from drivers.damiao.settings import DamiaoDrive
 from drivers.damiao.setup import DamiaoSetup
 from drivers.motors.arm import LISTEN_S, MotorArm
@@ -18,8 +20,9 @@ class DamiaoArm(MotorArm):
         drives: Sequence[DamiaoDrive],
         period_s: float,
         clock: Callable[[], float],
+        bitrate: int,
         listen_s: float = LISTEN_S,
     ) -> None:
-        super().__init__(
-            wire, drives, DamiaoLanguage(drives), DamiaoSetup, period_s, clock, listen_s
-        )
+        traffic = Traffic(frames(drives, period_s), period_s, bitrate)
+        language = DamiaoLanguage(drives)
+        super().__init__(wire, drives, language, DamiaoSetup, traffic, period_s, clock, listen_s)

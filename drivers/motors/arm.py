@@ -9,6 +9,7 @@ from typing import Any, Final, Protocol
 from common.errors import BusError, ContactdError, DriveError
 from drivers.api import Report
 from drivers.can.bus import BUS_FAILURES
+from drivers.can.traffic import Traffic
 from drivers.can.wire import IDENTIFIER, Wire
 from drivers.motors.drives import MotorTick
 from drivers.motors.guardian import BEAT, Doing
@@ -62,11 +63,12 @@ class MotorArm(MotorTick):
         drives: Motors,
         language: Language,
         setup: NewSetup,
+        traffic: Traffic,
         period_s: float,
         clock: Callable[[], float],
         listen_s: float = LISTEN_S,
     ) -> None:
-        super().__init__(wire, drives, language, period_s, clock)
+        super().__init__(wire, drives, language, traffic, period_s, clock)
         self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
         self._new_setup = setup
         self._identities: list[MotorIdentity] = []

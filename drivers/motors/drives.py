@@ -11,6 +11,7 @@ from typing import Final
 
 from common.arrays import Vector
 from drivers.api import Event, Kind, Objection, PowerTarget, Samples
+from drivers.can.traffic import Traffic
 from drivers.can.wire import Frame, Wire
 from drivers.motors.language import UNREPORTED, Language, State, Status
 from drivers.motors.language import MotorDrives as Motors
@@ -38,6 +39,7 @@ class MotorTick:
         wire: Wire,
         drives: Motors,
         language: Language,
+        traffic: Traffic,
         period_s: float,
         clock: Callable[[], float],
     ) -> None:
@@ -50,7 +52,7 @@ class MotorTick:
         self._language = language
         self._setpoints = Setpoints(drives, language, period_s)
         adopt = self._setpoints.adopt
-        self._port = Port(wire, self.replies, language, self._presence.lost, adopt)
+        self._port = Port(wire, self.replies, traffic, language, self._presence.lost, adopt)
         self._last = [0.0] * n  # target velocities that went out [rad/s at the link]
         self._measured = [math.nan] * n  # positions of the motors that are not doubted
         self._stopping = [True] * n
@@ -117,7 +119,7 @@ class MotorTick:
                 break
             frames_left -= 1
         self._judge()
-        self._port.watch_guardian()
+        self._port.end_tick()
         self.samples = self.replies.samples(awaited.finish(), self._held(), self._port.events())
         return self.samples
 

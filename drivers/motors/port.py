@@ -9,6 +9,7 @@ from typing import Final
 from drivers.api import Event, Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
+from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, IDENTIFIER, Frame, Wire
 from drivers.motors.guardian import BEAT, GONE_S, Doing
 from drivers.motors.language import Language
@@ -26,12 +27,14 @@ class Port:
         self,
         wire: Wire,
         replies: Replies,
+        traffic: Traffic,
         language: Language,
         on_bus_off: Callable[[], None],
         on_held: Callable[[int, float], None],
     ) -> None:
         """on_held takes a joint and the position at which the guardian holds its motor [rad]."""
-        self._wire, self._replies, self._language = wire, replies, language
+        self._wire, self._replies, self._traffic = wire, replies, traffic
+        self._language = language
         self._on_bus_off, self._on_held = on_bus_off, on_held
         self._events: list[Event] = []
         self.now = 0.0
@@ -44,6 +47,7 @@ class Port:
     def begin(self, now: float) -> None:
         """Begin to tick."""
         self.now = self._begun_s = now
+        self._traffic.begin(now, self._replies.late_frames)
         if self.taken_over:  # as heard before
             self._beat_s, self._guarded = now, True
 
@@ -86,27 +90,29 @@ class Port:
         return not all(self.take_next(0.0) for _ in range(FRAMES_PER_PASS))
 
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
-        joint = self._language.answering(can_id)
-        if joint is not None:
+        language = self._language
+        if (joint := language.answering(can_id)) is not None:
             if not self._replies.take(joint, can_id, data):
                 text = f"an answer at {_named(can_id)} cannot be its own"
                 self.report(Event(Kind.DISTURBED, text))
-        elif can_id & ERROR:
+            return
+        if can_id & ERROR:
             event = error_frame(can_id & ~ERROR, data)
             if event.kind is Kind.OFF_BUS:
                 self._on_bus_off()
             self.report(event)
-        elif can_id == BEAT and len(data):
+            return
+        joint = language.commanded(can_id)
+        self._traffic.take(can_id, len(data), unknown=joint is None and can_id != BEAT)
+        if can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
             self.taken_over = data[0] != Doing.WATCHES
-        elif (joint := self._language.commanded(can_id)) is None:
-            return
-        elif self.taken_over:
-            if (found := self._language.setpoint_of(joint, can_id, data)) is not None:
+        elif joint is not None and self.taken_over:
+            if (found := language.setpoint_of(joint, can_id, data)) is not None:
                 self._on_held(joint, found[0])
             if self.now - self._begun_s > GONE_S:  # at the start it has held the arm in order
                 self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
-        else:
+        elif language.masters(can_id):
             self.report(Event(Kind.FOREIGN_MASTER, f"it sends {_named(can_id)}"))
 
     @property
@@ -114,8 +120,11 @@ class Port:
         """True while a guardian is heard."""
         return self.now - self._beat_s <= GONE_S
 
-    def watch_guardian(self) -> None:
-        """Report a guardian that has gone, once."""
+    def end_tick(self) -> None:
+        """Report a bus that others load, and a guardian that has gone, once."""
+        self._traffic.step(self.now, self._replies.late_frames)
+        if loaded := self._traffic.loaded:
+            self.report(Event(Kind.LOADED, loaded.text))
         if self._guarded and not self.guarded:
             self._guarded = self.taken_over = False
             text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"

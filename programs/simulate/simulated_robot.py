@@ -174,15 +174,13 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     """Fields of a joint whose motor is its drive: the model, and registers as configured."""
     if isinstance(profile, CanopenProfile):
         return {}
+    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     if isinstance(profile, DamiaoProfile):
-        make, names = "damiao", ("PMAX", "VMAX", "TMAX")
+        make, registers = "damiao", dict(zip(("PMAX", "VMAX", "TMAX"), ranges, strict=True))
     else:
-        make, names = "robstride", ("P_MAX", "V_MAX", "T_MAX", "zero_sta")
-    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm, 1.0
-    return {
-        "drive": f"{make}:{profile.model}",
-        "registers": dict(zip(names, ranges, strict=False)),
-    }
+        make, registers = "robstride", dict(zip(("P_MAX", "V_MAX", "T_MAX"), ranges, strict=True))
+        registers["zero_sta"] = 1.0
+    return {"drive": f"{make}:{profile.model}", "registers": registers}
 
 
 def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:

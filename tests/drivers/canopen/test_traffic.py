@@ -3,9 +3,9 @@
 import pytest
 
 from drivers.can.load import bus_load
+from drivers.can.traffic import WINDOW_S, Traffic
 from drivers.can.wire import EXTENDED
 from drivers.canopen.make import frames
-from drivers.canopen.traffic import WINDOW_S, Traffic
 
 PERIOD_S = 0.01
 BITRATE = 1_000_000
@@ -13,7 +13,7 @@ BITRATE = 1_000_000
 
 @pytest.fixture
 def traffic(joint_drives) -> Traffic:
-    return Traffic(joint_drives, PERIOD_S, BITRATE)
+    return Traffic(frames(joint_drives, PERIOD_S), PERIOD_S, BITRATE)
 
 
 def flooded(traffic: Traffic, ids: list[int], ticks: int = 12, late: int = 0) -> None:

@@ -13,7 +13,6 @@ from common.errors import DriveError, SilentDriveError
 from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Wire
-from drivers.makes import make_of
 from drivers.motors.guardian import Doing
 from drivers.robstride.frames import Kind, Parameter, identifier, kind_of, setpoint_id
 from simulator.robstride import motor as m
@@ -189,41 +188,6 @@ def test_a_hand_is_felt_and_yielded_to(moving: Broken) -> None:
     before = float(rig.arm.plant.q[JOINT])
     rig.run(1.0)
     assert float(rig.arm.plant.q[JOINT]) - before > 0.1
-
-
-def test_recorded_frames_give_the_same_samples_and_setpoints(moving: Broken) -> None:
-    rig, wire = moving.rig, moving.filter.wire
-    drives = rig.robot.configuration.joint_drives
-    ticks = make_of(drives[0].profile).recorded(drives, T)
-    begun = [0]
-
-    def take(can_id: int, data: bytes, sent: bool) -> None:
-        if ticks.begins(can_id, bytes(data), sent=sent):
-            begun[0] += 1
-            ticks.begin(begun[0] * T)
-        elif begun[0]:
-            ticks.take(can_id, bytes(data), sent=sent)
-
-    class Tapped:
-        def send(self, frames) -> None:
-            for can_id, data in frames:
-                take(can_id, data, True)
-            wire.send(frames)
-
-        def receive(self, timeout: float):
-            frame = wire.receive(timeout)
-            if frame is not None:
-                take(*frame, False)
-            return frame
-
-    moving.filter.wire = Tapped()
-    rig.run(0.5)
-    samples = ticks.finish()
-    assert begun[0] == 50
-    assert samples.link_position == pytest.approx(rig.samples.link_position)
-    assert samples.current == pytest.approx(rig.samples.current)
-    assert ticks.velocity == pytest.approx(rig.drives._last, abs=1e-3)
-    assert samples.fresh.all()
 
 
 # --- what fails -----------------------------------------------------------------------------------

@@ -1,17 +1,15 @@
-"""Traffic on the bus beside the arm's own PDOs: how loaded it is, and by whom. Pure.
+"""Traffic on the bus beside the arm's own frames: how loaded it is, and by whom. Pure.
 
 The arm's own periodic frames are computed once; only the others are counted, as they come. Time is
 an argument.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from drivers.can.load import HIGHEST_LOAD
+from drivers.can.load import HIGHEST_LOAD, FrameLoad
 from drivers.can.wire import EXTENDED, IDENTIFIER
-from drivers.canopen.events import BusLoaded
-from drivers.canopen.make import frames
-from drivers.canopen.settings import CanopenDrive
 
 #: Long enough for a rate, shorter than any drive waits for our heartbeat.
 WINDOW_S: Final = 0.05
@@ -23,20 +21,35 @@ NAMED_SHARE: Final = 0.1
 _FRAME_BITS, _EXTENDED_BITS = 47, 67
 
 
+@dataclass(frozen=True, slots=True)
+class BusLoaded:
+    """Too much of the bus is taken, by frames of others beside those of the arm."""
+
+    load: float  # share of the bus, at least
+    unknown_hz: float  # frames of unknown senders, per second
+    most: int | None  # identifier of the most of these, if one stands out
+
+    @property
+    def text(self) -> str:
+        """Load and its senders in words."""
+        unknown = f", {self.unknown_hz:.0f} unknown frames/s" if self.unknown_hz else ""
+        most = "" if self.most is None else f", 0x{self.most:03X} among them"
+        return f"at least {self.load:.0%} of the bus is taken{unknown}{most}".replace("%", " %")
+
+
 class Traffic:
     """Counter of frames; `loaded` is the result of the last window."""
 
-    def __init__(self, drives: Sequence[CanopenDrive], period_s: float, bitrate: int) -> None:
+    def __init__(self, own: Sequence[FrameLoad], period_s: float, bitrate: int) -> None:
+        """own: frames of the arm."""
         self._bitrate = bitrate
         self._window_s = WINDOW_S - 0.5 * period_s
         # Per second. Heartbeats are counted as they come.
         self._own_bits = sum(
-            (_FRAME_BITS + 8 * frame.size) * frame.rate_hz
-            for frame in frames(drives, period_s)
-            if frame.every_tick
+            (_FRAME_BITS + 8 * frame.size) * frame.rate_hz for frame in own if frame.every_tick
         )
-        # A TPDO that is not awaited, as a mean.
-        self._tpdo_bits = _FRAME_BITS + 64
+        # An answer that is not awaited, as a mean.
+        self._answer_bits = _FRAME_BITS + 64
         self.begin(0.0, 0)
 
     def begin(self, now: float, late_frames: int) -> None:
@@ -48,7 +61,7 @@ class Traffic:
         self._most, self._votes = 0, 0  # a majority's identifier, if there is one (Boyer, Moore)
 
     def take(self, can_id: int, size: int, *, unknown: bool) -> None:
-        """Count a frame that is none of the arm's PDOs."""
+        """Count a frame that is none of the arm's answers."""
         self._bits += (_EXTENDED_BITS if can_id & EXTENDED else _FRAME_BITS) + 8 * size
         if not unknown:
             return
@@ -61,11 +74,11 @@ class Traffic:
             self._most, self._votes = can_id, 1
 
     def step(self, now: float, late_frames: int) -> None:
-        """Once per tick; late_frames: TPDOs until now that no SYNC awaited."""
+        """Once per tick; late_frames: answers until now that were not awaited."""
         passed_s = now - self._begun_s
         if passed_s < self._window_s:
             return
-        bits = self._bits + (late_frames - self._late) * self._tpdo_bits
+        bits = self._bits + (late_frames - self._late) * self._answer_bits
         load = (self._own_bits + bits / passed_s) / self._bitrate
         loaded = None
         if load > HIGHEST_LOAD:
