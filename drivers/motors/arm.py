@@ -106,7 +106,7 @@ class MotorArm(MotorTick):
         renewed = []
         try:
             for i, drive in enumerate(self._drives):
-                problem = "silent, or let go by itself" if i in self.unfit() else None
+                problem = "silent, let go by itself, or jumped" if i in self.unfit() else None
                 problem = problem or setup.deviation(drive)
                 if problem is None:
                     continue
