@@ -65,9 +65,9 @@ $(STAMP): requirements.lock requirements-web.lock requirements-ros.lock requirem
 compiled: $(STAMP)  ## build the compiled modules where a source is another
 	@$(BIN)/python hatch_build.py || true
 
-# WEB=1: on a page in your browser, too.
+# WEB=1: on a page in your browser, too. ARM=openarm_left: Damiao motors, with their guardian.
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
-	@trap : INT; $(BIN)/contactd demo $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
+	@trap : INT; $(BIN)/contactd demo $(if $(ARM),--arm $(ARM)) $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
 
 # A test that fails beside others is run again alone, and must pass then; both runs are in the output
 # (docs/decisions/0022-tests.md).

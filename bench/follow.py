@@ -154,13 +154,13 @@ def targets(done: Sequence[tuple[Job, Any]]) -> list[Target]:
         Target("false contacts", sum(w.false for w in of("false")), 0),
     ]
     for share in (50, 95):
-        stream, trajectory = (_percentile(felt[what], share) for what in ("stream", "trajectory"))
+        stream, trajectory = (percentile(felt[what], share) for what in ("stream", "trajectory"))
         ratio = stream / trajectory
         found.append(Target(f"touches, p{share} over that of a trajectory", ratio, 1.1, "x"))
     return found
 
 
-def _percentile(delays: np.ndarray, share: float) -> float:
+def percentile(delays: np.ndarray, share: float) -> float:
     """Percentile of delays [s], NaN without any; a missed touch is as late as any. Delays are whole
     ticks; touches begin anywhere between two of them, so it is read within the tick."""
     if not len(delays):
@@ -194,8 +194,8 @@ def in_words(done: Sequence[tuple[Job, Any]]) -> dict[str, Any]:
         felt[what] = {
             "touches": len(delays),
             "missed": int(np.isinf(delays).sum()),
-            "p50_ms": round(1e3 * _percentile(delays, 50)),
-            "p95_ms": round(1e3 * _percentile(delays, 95)),
+            "p50_ms": round(1e3 * percentile(delays, 50)),
+            "p95_ms": round(1e3 * percentile(delays, 95)),
         }
     longest = [f.longest_us for f in _of(done, "quality")]
     held = [d.held_rad for d in _of(done, "death")]

@@ -9,7 +9,8 @@ exception in the tick, and a daemon that dies.
 Ticks, of 10 ms, count from the one in which the fault is made, which is the first. `found` is held
 against what its row in `daemon.faults.table` says; the stop command against two ticks after that.
 Where the bus takes no frame, its ticks count from when it does. `proved` is when every drive was
-seen to stand; `silence` where nothing can say so, and the drives are left to stop by themselves.
+seen to stand; `silence` where nothing can say so, and the drives are left to stop by themselves;
+those that would let go in silence are `commanded` on.
 `stands` is when no motor moves any more. `travel` is that of the joint that came nearest to what
 `contactd check` prints, from the fault on, beside that figure (`own way` where a drive runs away);
 joints that a hand moves faster than any setpoint are printed, and not held against it.
@@ -141,6 +142,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
         stands_tick=course.stood if moved else None,
         proved_tick=course.proved if latched else None,
         silenced=on.rig.tick.drives.silenced,
+        commanded=on.make.speech.stops_by_ramp,
         obeys=case.obeys,
         travel_rad=float(course.furthest[nearest]) if moved else None,
         travel_printed_rad=float(bound[nearest]) if moved else None,
@@ -288,7 +290,9 @@ def singles(*, as_json: bool) -> None:
     further = [r for r in held if r["travel_rad"] > r["travel_printed_rad"]]
     latched = [r for r in rows if r.get("one_reset") is not None]
     open_ends = [
-        r for r in latched if r["proved_tick"] is None and not (r["silenced"] or r["obeys"])
+        r
+        for r in latched
+        if r["proved_tick"] is None and not (r["silenced"] or r["obeys"] or r["commanded"])
     ]
     unended = [r for r in latched if not r["one_reset"]]
     share = max(r["travel_rad"] / r["travel_printed_rad"] for r in held)

@@ -42,6 +42,10 @@ class DriveKind(Protocol):
     def sends_motor_position(self) -> bool:
         """True where the position of the motor is among the samples."""
 
+    @property
+    def one_sign(self) -> bool:
+        """True where both encoders are in the motor, and count the same way."""
+
 
 Measure = Literal["effort", "link_position", "motor_velocity", "target_velocity"]
 """Quantity of a drive; `effort` is its current, or its torque as a current."""

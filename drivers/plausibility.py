@@ -54,7 +54,7 @@ class Plausibility:
         return recent and self._off(joint, position, speed, last) <= 0.0
 
     def _off(self, joint: int, position: float, speed: float, last: tuple[float, int]) -> float:
-        """Distance of a position beyond where its motor can have come from a last one; NaN for none."""
+        """Distance of a position beyond where its motor can be since a last one; NaN for none."""
         ticks = self._tick - last[1]
         most = self._ways[joint] * (ticks + 1) + abs(speed)
         return abs(position - last[0] - speed * ticks) - most

@@ -33,8 +33,8 @@ NO_SETPOINTS = (
 STEPS = (
     "the drives take setpoints as steps, or ramp too fast, and their current when it is sampled is "
     "not that of the period: B would come out wrong, mostly too small, and keeps its value. Have "
-    "them ramp over the period (0x60C2, or what their manual calls interpolation), or give "
-    "`rotor_inertia` by the motor's data sheet, times gear squared"
+    "them ramp over the period (0x60C2, or what their manual calls interpolation); where they "
+    "cannot, as Damiao motors, give `rotor_inertia` by the motor's data sheet, times gear squared"
 )
 
 OR_MASSES = (

@@ -14,6 +14,7 @@ PIECE = 0.012
 """Less than the link is to move [rad]"""
 _WHOLE = 0.75  # of the same
 _FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
+_MEASURED = 0.3  # of its way by velocity, that a motor's position shows; else it is another's
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
@@ -48,6 +49,10 @@ def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     for a, b in itertools.pairwise(edges):
         if direction[a] and b - a >= 10:
             turned = np.cumsum(np.abs(velocity[a:b]) * steps[a:b])
+            if log.motor_position is not None:  # a coarse velocity is off by half a count, steadily
+                by_position = direction[a] * log.motor_position[a:b, joint]
+                if by_position[-1] - by_position[0] > _MEASURED * turned[-1]:
+                    turned = np.maximum.accumulate(by_position)
             ways.append((a, turned - turned[0], direction[a] * (q[a:b] - q[a])))
     longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
     strokes = []

@@ -80,8 +80,8 @@ def measures(root: Path = ROOT) -> list[Measure]:
     return [
         Measure("lines of the product", lines(PRODUCT, root), 61_750, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 13_600, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 14_100, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 63_100, 45_000),
+        Measure("lines of bench/", lines(["bench"], root), 14_400, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 63_400, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 2, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 52_400, 50_000),
         Measure("decision records", decisions, 29, 28),

@@ -27,7 +27,7 @@ from daemon.modes.table import Mode
 from daemon.service.sensitivity import sensitivity_now
 from programs.contactd import contactd
 from programs.simulate.simulated_robot import true_arm
-from simulator.hand_script import Gap, Lean, Release
+from simulator.hand_script import Clamp, Gap, Lean, Release
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
@@ -63,6 +63,9 @@ class Story:
 
 class Owner:
     """One owner with one arm; `folder` gets what is on the desk, and the configuration."""
+
+    push = 0.5  # of a hand at a link that a brake or the drive holds: a share of its motor's torque
+    carried = False  # the links that are not pushed, as they would hang limp
 
     def __init__(
         self, arm: GeneratedArm, folder: Path, show: Callable[[str], None] = lambda _: None
@@ -122,7 +125,7 @@ class Owner:
         stood = zip(self.arm.names, served.rig.arm.plant.q.tolist(), strict=True)
         stated = [f"{name}={round(q / SEEN) * SEEN:.2f}" for name, q in stood]
         self.note("contactd identify zero")
-        with io.BufferedReader(Pushes(served, self.arm)) as pushes:
+        with io.BufferedReader(Pushes(served, self)) as pushes:
             answers = cast(IO[bytes], pushes)
             result = served.contactd("identify", "zero", *stated, answers=answers)
         self.show(result.output)
@@ -283,8 +286,9 @@ class Owner:
 class Pushes(io.RawIOBase):
     """What a person types who is asked which way a link went, joint by joint: pushes it first."""
 
-    def __init__(self, served: ServedDaemon, arm: GeneratedArm) -> None:
-        self._rig, self._joints = served.rig, iter(enumerate(arm.joints))
+    def __init__(self, served: ServedDaemon, owner: Owner) -> None:
+        self._rig, self._owner = served.rig, owner
+        self._joints = iter(enumerate(owner.arm.joints))
 
     def close(self) -> None:
         """Let go."""
@@ -300,9 +304,12 @@ class Pushes(io.RawIOBase):
         i, joint = next(self._joints)
         hand, plant = self._rig.arm.hand, self._rig.arm.plant
         stood = float(plant.q[i])
-        torque = 0.5 * joint["torque_constant"] * joint["wiring"]["max_current_A"]
+        torque = self._owner.push * joint["torque_constant"] * joint["wiring"]["max_current_A"]
         for way in (1.0, -1.0):
             hand.take(Release(at_s=0.0))
+            if self._owner.carried:
+                others = tuple(name for name in self._owner.arm.names if name != joint["name"])
+                hand.take(Clamp(at_s=0.0, joints=others))
             hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
             self._let_pass(1.0)
             went = float(plant.q[i]) - stood

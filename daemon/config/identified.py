@@ -64,6 +64,7 @@ class ZeroEntry(Entry, frozen=True):
 
     link_sign: Sign
     link_offset: float
+    motor_sign: Sign | None = None  # the same, where both encoders are in the motor
 
 
 class EncodersEntry(Entry, frozen=True):

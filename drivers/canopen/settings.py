@@ -1,6 +1,6 @@
 """Settings of the drives, with bounds where they are read."""
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 from msgspec import Meta, field
 
@@ -77,6 +77,7 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
     # More objects to set at boot-up, none that contactd sets itself.
     write: list[ObjectValue] = field(default_factory=list)
     any_product: bool = False  # true: the drive's vendor and product need not be those of the EDS
+    one_sign: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if (self.current is None) is (self.torque is None):

@@ -5,9 +5,11 @@ without setpoints after which it lets go.
 """
 
 import math
+from collections.abc import Mapping
 
 from common.errors import DriveError
-from drivers.damiao.frames import ANSWERS, IMPEDANCE_MODE, TIMEOUT_S, Register
+from drivers.can.wire import Frame
+from drivers.damiao.frames import ANSWERS, IMPEDANCE_MODE, TIMEOUT_S, Register, write
 from drivers.damiao.registers import Registers
 from drivers.damiao.settings import DamiaoDrive
 from drivers.motors.arm import MotorIdentity
@@ -38,10 +40,21 @@ class DamiaoSetup(Registers):
             None if serial in (0, 0xFFFFFFFF) else serial,
         )
 
+    def begin(self, drive: DamiaoDrive) -> Frame:
+        """Set a motor up but for its time-out, before which it would let go; that is to follow its
+        first setpoint, and is read back when the arm is enabled. Raises DriveError."""
+        wanted = _wanted(drive)
+        behind = write(drive.node, Register.TIMEOUT, wanted.pop(Register.TIMEOUT))
+        self._set_up(drive, wanted)
+        return behind
+
     def set_up(self, drive: DamiaoDrive) -> None:
         """Write what is wanted, and check that both encoders are in one unit. Raises DriveError."""
+        self._set_up(drive, _wanted(drive))
+
+    def _set_up(self, drive: DamiaoDrive, wanted: Mapping[Register, float]) -> None:
         timeout_s = drive.profile.answer_timeout_s
-        for register, value in _wanted(drive).items():
+        for register, value in wanted.items():
             self.write(drive.node, register, value, timeout_s, str(drive))
         motor, output = (
             self.read(drive.node, register, timeout_s, str(drive))

@@ -10,7 +10,7 @@ from common.errors import BusError, ContactdError, DriveError
 from drivers.api import Report
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.traffic import Traffic
-from drivers.can.wire import IDENTIFIER, Wire
+from drivers.can.wire import IDENTIFIER, Frame, Wire
 from drivers.motors.drives import MotorTick
 from drivers.motors.guardian import BEAT, Doing
 from drivers.motors.language import Language
@@ -39,6 +39,9 @@ class Setup(Protocol):
 
     def identified(self, drive: Any) -> MotorIdentity:
         """Identity of a motor that is as configured."""
+
+    def begin(self, drive: Any) -> Frame | None:
+        """Set a motor up that may be holding; what is to follow its first setpoint."""
 
     def set_up(self, drive: Any) -> None:
         """Set a motor up, and read back what can be read."""
@@ -95,8 +98,9 @@ class MotorArm(MotorTick):
             identity = _identified(setup, drive)
             self._identities.append(identity)
             report(f"{drive}: {identity}")
-        for drive in self._drives:
-            setup.set_up(drive)
+        for i, drive in enumerate(self._drives):
+            if (behind := setup.begin(drive)) is not None:
+                self._behind[i] = behind
             report(f"{drive}: set up and read back")
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:

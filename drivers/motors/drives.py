@@ -59,6 +59,7 @@ class MotorTick:
         self._were = [UNREPORTED] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
         self._unset: set[int] = set()
+        self._behind: dict[int, Frame] = {}  # what follows the joint's first setpoint
         self._backlog = False
         self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
         """Samples of the last tick."""
@@ -203,6 +204,8 @@ class MotorTick:
         if not self._setpoints.write(i, self._last[i], here, current, powered=powered):
             return
         frames.append(self._language.setpoints[i])
+        if (behind := self._behind.pop(i, None)) is not None:
+            frames.append(behind)
         self.replies.pending[i] = 1  # one that was lost is not awaited for ever
         words, lets_go = self._words(i, target, status, reset)
         self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)

@@ -1,7 +1,7 @@
 """Settings that profiles of motors of any make share, and figures of a model."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
@@ -37,6 +37,7 @@ class MotorProfile(Settings, frozen=True, kw_only=True):
     answer_timeout_ms: Annotated[int, Meta(ge=5, le=5000)] = 50
     # What the motor gives per A, at its output [Nm/A]; left out: as published for its model.
     torque_constant: Annotated[float, Meta(gt=0, le=100)] | None = None
+    one_sign: ClassVar[bool] = True
 
     @property
     def figures(self) -> ModelFigures:

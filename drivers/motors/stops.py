@@ -7,6 +7,7 @@ Only one that is seen to go on beyond its travel loses its power.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from common.arrays import Vector
@@ -73,4 +74,6 @@ class Stops:
         if self.watches.repeat[joint]:
             condition = samples.drives[joint].condition
             return Seen(condition, math.nan) if condition in OBEYING else None
-        return seen_in(samples, joint)
+        seen = seen_in(samples, joint)
+        # A hand or the load moves a limp one: what it reports as torque then is noise.
+        return seen if seen.condition.powered else replace(seen, current=math.nan)

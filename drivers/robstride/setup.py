@@ -53,6 +53,10 @@ class RobStrideSetup(Asking):
             )
         return MotorIdentity(drive.profile.model, serial_of(found))
 
+    def begin(self, drive: RobStrideDrive) -> None:
+        """Set a motor up that may be holding. Raises DriveError."""
+        self.set_up(drive)
+
     def set_up(self, drive: RobStrideDrive) -> None:
         """Write what is wanted, and compare two reports of the position. Raises DriveError."""
         found = self._write(drive, Parameter.TORQUE_LIMIT, torque_limit(drive))

@@ -102,6 +102,7 @@ class Witness:
         "_commanded_s",
         "_current",
         "_died",
+        "_fast_s",
         "_moved_s",
         "_same",
         "_sudden",
@@ -118,7 +119,9 @@ class Witness:
         self.link, self.motor = Position(sudden), Position(sudden)
         self._velocity = self._velocity_s = self._current = math.nan
         self._died = False  # its velocity came down as by a failure, and nothing has changed since
-        self._unseen_rad = 0.0  # way by its velocity since a position last changed
+        # Way by its velocity since a position last changed, or since it was that of one that stands
+        # for STILL_S: some have a bias.
+        self._unseen_rad, self._fast_s = 0.0, -math.inf
         self._changed_s = -math.inf  # when any of it was last another than before
         self._same = 0  # readings since, of a motor that was to move or reported motion
         self._moved_s = -math.inf  # when its velocity last was a motion
@@ -181,7 +184,9 @@ class Witness:
     def _dies(self, now: float, velocity: float, moved: bool) -> bool:
         """True if the velocity comes, or came, down as by a failure; moved: a position changed."""
         speed, before, elapsed_s = abs(velocity), abs(self._velocity), now - self._velocity_s
-        self._unseen_rad = 0.0 if moved else self._unseen_rad + before * elapsed_s
+        self._fast_s = now if speed >= STANDS else self._fast_s
+        rests = moved or now - self._fast_s > STILL_S
+        self._unseen_rad = 0.0 if rests else self._unseen_rad + before * elapsed_s
         if velocity == self._velocity:
             return self._died and not moved
         if before >= MOVES and before - speed > self._sudden * elapsed_s:

@@ -231,34 +231,34 @@ def simulate(
 
 
 @main.command()
+@click.option(
+    "--arm", type=click.Choice(["romeo_left_arm", "openarm_left"]), default="romeo_left_arm",
+    show_default=True, help="Arm of configs/: CANopen drives, or Damiao motors and their guardian.",
+)  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON at the end.")
 @click.option(
-    "--seconds",
-    type=Range(min=25, max=600),
-    default=32.0,
-    show_default=True,
+    "--seconds", type=Range(min=25, max=600), default=32.0, show_default=True,
     help="Length of the demonstration.",
-)
+)  # fmt: skip
 @click.option("--record", "file", type=PATH, metavar="FILE.mcap", help="Record it to a new file.")
 @click.option("--web", is_flag=True, help="Show it on the page, too, and print its address.")
 @click.option(
-    "--web-port",
-    type=click.IntRange(0, 65535),
-    default=8420,
-    show_default=True,
+    "--web-port", type=click.IntRange(0, 65535), default=8420, show_default=True,
     help="Port of the page; 0 takes a free one.",
-)
-def demo(as_json: bool, seconds: float, file: Path | None, web: bool, web_port: int) -> None:
-    """The paper's third experiment: a hand pushes, guides and lets go of a simulated Romeo arm.
+)  # fmt: skip
+def demo(
+    arm: str, as_json: bool, seconds: float, file: Path | None, web: bool, web_port: int
+) -> None:
+    """The paper's third experiment: a hand pushes, guides and lets go of a simulated arm.
 
-    Simulator and daemon are two processes that speak CANopen in real time; the page is a third.
+    Simulator and daemon are two processes that speak CAN in real time; the page is a third.
     Exit status 0 only if every step of it happened, 130 if Ctrl-C ended it.
     """
     from programs.demo.demo import run_demo
 
     port = web_port if web else None
     try:
-        happened = run_demo(as_json=as_json, seconds=seconds, file=file, page_port=port)
+        happened = run_demo(as_json=as_json, seconds=seconds, arm=arm, file=file, page_port=port)
     except KeyboardInterrupt:
         click.echo("ended by Ctrl-C", err=True)
         sys.exit(ENDED_BY_CTRL_C)

@@ -13,9 +13,8 @@ from daemon.config.mistakes import urdf_mistakes
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from programs.command_line.sentences import say
 from programs.contactd.drafts.choice import RULES
-from programs.contactd.drafts.configuration import draft, guesses, planned
+from programs.contactd.drafts.configuration import Draft, draft, guesses, planned
 from programs.contactd.drafts.drive import drafted_drive
-from programs.contactd.drafts.motor import Draft
 from programs.contactd.drafts.motors import model_of
 from programs.simulate import simulated_robot
 from programs.simulate.simulated_robot import write_truth

@@ -1,4 +1,5 @@
-"""`contactd demo`: simulator and daemon as two processes, a hand, and a report of the run."""
+"""`contactd demo`: simulator and daemon as two processes, a guardian where the drives let go in
+silence, a hand, and a report of the run."""
 
 import contextlib
 import json
@@ -27,8 +28,8 @@ from programs.clients.client import Client
 from programs.clients.dashboard import Dashboard, History
 from programs.demo.demo_story import Story, touch_of
 
-ROBOT = Path(__file__).resolve().parents[2] / "configs" / "romeo_left_arm"
-HAND = ROBOT / "third_experiment.yaml"
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+HAND = "third_experiment.yaml"
 START_PATIENCE_S = 20.0
 SETTLE_S = 1.5  # at rest after the drives are enabled, before the arm is armed
 ARM_PATIENCE_S = 5.0
@@ -46,27 +47,34 @@ class _Run:
 
 
 def run_demo(
-    *, as_json: bool, seconds: float, file: Path | None = None, page_port: int | None = None
+    *,
+    as_json: bool,
+    seconds: float,
+    arm: str,
+    file: Path | None = None,
+    page_port: int | None = None,
 ) -> bool:
-    """Play the third experiment, recorded to a new file if one is named; True if the story
-    happened. With `page_port` the page shows it, and a person at a terminal begins and ends it.
-    Raises ContactdError."""
+    """Play the third experiment on an arm of configs/, recorded to a new file if one is named; True
+    if the story happened. With `page_port` the page shows it, and a person at a terminal begins
+    and ends it. Raises ContactdError."""
     if file is not None:
         refuse_suffix(file, (".mcap",))
         refuse_unless_new(file)
-    robot = load_robot(ROBOT)
+    robot = load_robot(where := CONFIGS / arm)
+    alone = all(drive.profile.stops_alone for drive in robot.configuration.joint_drives)
     person = sys.stdout.isatty() and sys.stdin.isatty() and not as_json
     live = sys.stdout.isatty() and not as_json and page_port is None
     console = Console()
     run = _Run()
     with tempfile.TemporaryDirectory(prefix="contactd-demo-") as folder:
         door, log = Path(folder) / "control", Path(folder) / "contactd.log"
-        port = str(_free_port())
+        at = (where, "--port", str(_free_port()))
         with (
             log.open("w") as log_file,
-            _process("simulate", ROBOT, "--port", port, "--hand", HAND, out=subprocess.PIPE) as sim,
+            _process("simulate", *at, "--hand", where / HAND, out=subprocess.PIPE) as sim,
             _listening(sim),
-            _process("run", ROBOT, "--port", port, "--socket", door, err=log_file) as daemon,
+            contextlib.nullcontext() if alone else _process("guard", *at, err=log_file),
+            _process("run", *at, "--socket", door, err=log_file) as daemon,
             _page(door, page_port),
         ):
             try:
@@ -126,7 +134,7 @@ def _recorded(daemon: subprocess.Popen[str], door: Path, file: Path | None) -> I
     with _connect(daemon, door) as client:
         _patiently(client)  # it can be recorded from here on
     with _process(
-        "--socket", door, "record", file, of="contactctl", out=subprocess.PIPE
+        "--socket", door, "record", file, of="contactctl.contactctl", out=subprocess.PIPE
     ) as process:
         assert process.stdout is not None
         deadline = time.monotonic() + START_PATIENCE_S

@@ -190,6 +190,9 @@ class Session:
             return status.mode == Mode.OFF and not status.unproved
 
         if not off(status := asked_until(self.client.ask_status, off, _SETTLE_S)):
+            if status.mode == Mode.OFF:
+                joints = ", ".join(status.unproved)
+                raise ControlError(f"the drives are off; not seen to stand: {joints}: look")
             raise ControlError(f"the drives are not off: {status.mode}, {status.cause}")
 
     @contextmanager

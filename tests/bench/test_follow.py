@@ -89,8 +89,8 @@ def test_percentiles_of_whole_ticks_are_those_of_what_lies_between_them() -> Non
     delays = np.random.default_rng(0).gamma(3.0, 0.015, 100_000)
     ticks = np.ceil(delays / follow.TICK_S) * follow.TICK_S
     for share in (50, 95):
-        assert follow._percentile(ticks, share) == pytest.approx(
+        assert follow.percentile(ticks, share) == pytest.approx(
             np.percentile(delays, share), rel=0.02
         )
-    assert math.isinf(follow._percentile(np.array([0.04, 0.04, 0.05, math.inf]), 95))
-    assert math.isnan(follow._percentile(np.array([]), 50))
+    assert math.isinf(follow.percentile(np.array([0.04, 0.04, 0.05, math.inf]), 95))
+    assert math.isnan(follow.percentile(np.array([]), 50))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bench import identification, masses, oracle, reaction
+from bench import identification, makes, masses, oracle, reaction
 from bench.rigs.faults import PLACES, SHOWN
 from bench.rigs.lockstep import DESK_ARM
 from bench.study.masses import MassesFound, MassesJob
@@ -39,6 +39,12 @@ def test_reaction_to_pairs() -> None:
     report = reported(reaction.main, "--part", "pairs", "--sample", "1")
     assert len(report["data"]["rows"]) == 1
     assert unmet(report) == []
+
+
+def test_makes() -> None:
+    report = reported(makes.main, "--touches", "7")
+    assert unmet(report) == []
+    assert report["data"]["drop_cm"]["killed, no guardian"] > 20
 
 
 def test_identification() -> None:

@@ -66,6 +66,25 @@ def test_a_well_wired_joint_passes(wired, check, joint):
 
 
 @pytest.mark.parametrize(
+    ("joint", "counts"), [(SHOULDER, 2.6), (ELBOW, 2.6), (WRIST, 2.6), (SHOULDER, 0.7)]
+)
+def test_a_coarse_velocity_beside_a_position_is_no_wrong_scale(wired, check, joint, counts):
+    """A steady speed between two counts reads as one of them."""
+    count = WIRING_SPEED / counts
+    coarse = np.floor(wired.motor_velocity / count + 0.5) * count
+    assert wired.motor_position is not None
+    found = check(replace(wired, motor_velocity=coarse), joint)
+    assert found.passed, found
+    assert found.follows == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("factor", [-1.0, 0.0])
+def test_a_position_that_goes_another_way_than_its_motor_is_alone_to_blame(wired, check, factor):
+    (problem,) = check(scaled(wired, "motor_position", factor, ELBOW), ELBOW).problems
+    assert problem.startswith("motor_position changes")
+
+
+@pytest.mark.parametrize(
     ("scale", "unsure"),
     [(1.0, False), (0.98, False), (0.9, True), (1.1, True), (0.8, True), (0.6, False), (1.5, False),
      (-1.0, False), (0.0, False)],

@@ -13,7 +13,11 @@ from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
-from programs.contactd.drafts.motor import MARK, Draft, Load
+from programs.contactd.drafts.drive import DraftedDrive
+from programs.contactd.drafts.motor import MARK, Load
+from programs.contactd.drafts.motors import DraftedMotor
+
+Draft = DraftedDrive | DraftedMotor
 
 INSIDE = 0.05  # of the URDF's limits [rad], at most a tenth of the range
 SLOWLY = 0.5  # [rad/s]

@@ -96,15 +96,10 @@ class DraftedDrive:
         # Usual for such a motor; with a far lighter rotor no velocity loop is stable in the gap.
         usual = 3e-4 * (constant * rated / GEAR) ** (5.0 / 3.0) * GEAR**2
         return Motor(
-            gear=GEAR,
-            rated_A=rated,
-            max_A=peak * rated,
-            constant=constant,
-            rotor=max(usual, 0.15 * load.inertia),
-            torque=load.torque,
-            friction=(0.03 * load.torque, 0.02 * load.torque),
-            end="brake",
-        )
+            gear=GEAR, rated_A=rated, max_A=peak * rated, constant=constant,
+            rotor=max(usual, 0.15 * load.inertia), torque=load.torque,
+            friction=(0.03 * load.torque, 0.02 * load.torque), end="brake",
+        )  # fmt: skip
 
     def text(self, name: str, loads: Sequence[Load] = ()) -> str:
         """Entry of `config.yaml` under `drives`."""

@@ -1,8 +1,6 @@
 """Motor of a joint, and what the joint asks of it: where drafts of all makes meet."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 MARK = "# CHECK"
 
@@ -34,24 +32,3 @@ class Motor:
     friction: tuple[float, float]
     end: str
     sure: bool = False
-
-
-class Draft(Protocol):
-    """Draft of a drive profile."""
-
-    @property
-    def link_encoder(self) -> bool:
-        """True unless the motor's encoder stands for one."""
-
-    @property
-    def sends_motor_position(self) -> bool:
-        """True where the position of the motor is among the samples."""
-
-    def motor(self, load: Load) -> Motor:
-        """Motor of a joint with such a load."""
-
-    def text(self, name: str, loads: Sequence[Load]) -> str:
-        """Entry of `config.yaml` under `drives`, for joints with these loads."""
-
-    def verdict(self, loads: Sequence[Load]) -> str:
-        """Sentence on whether contactd can use it for them."""

@@ -1,8 +1,9 @@
 """Draft of a profile of motors without an EDS: their maker's figures, and gains for their loads.
 
 In the motor, J q'' = k (p - q) + d (p' - q'), with J of link and rotor: a bandwidth of sqrt(k / J)
-and a damping ratio of d / (2 sqrt(k J)). Frames end at some d, so that a heavy joint gets a softer
-k; gravity g then pulls it by g / k, until the position loop has drawn p on.
+and a damping ratio of d / (2 sqrt(k J)). Gravity g pulls the joint by g / k while the motors alone
+hold. Frames end at some d: a heavy joint gets a softer k, down to a pull of 0.07 rad, and beyond
+that less damping.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ MODELS: Final[dict[tuple[str, str], ModelFigures]] = {
 """Figures by make and model."""
 RATIO: Final = 0.71  # of damping
 SLOWEST: Final = 15.0  # bandwidth, some four times the position loop's gain [1/s]
-SAG: Final = 0.05  # by gravity, where damping allows [rad]
+SAG, MOST_SAG = 0.05, 0.07  # by gravity: wanted, and where damping does not allow it [rad]
 FRICTION: Final = (0.04, 0.012)  # guesses: of the rated torque; the second s/rad
 
 
@@ -52,21 +53,17 @@ class DraftedMotor:
         f = self.figures
         coulomb, viscous = (share * f.rated_Nm for share in FRICTION)
         return Motor(
-            gear=f.gear,
-            rated_A=f.rated_Nm / f.torque_constant,
-            max_A=f.max_current_A,
-            constant=f.torque_constant,
-            rotor=f.rotor * f.gear**2,
+            gear=f.gear, rated_A=f.rated_Nm / f.torque_constant, max_A=f.max_current_A,
+            constant=f.torque_constant, rotor=f.rotor * f.gear**2,
             torque=min(load.torque, f.max_current_A * f.torque_constant),
-            friction=(coulomb, viscous),
-            end="hold",
-            sure=True,
-        )
+            friction=(coulomb, viscous), end="hold", sure=True,
+        )  # fmt: skip
 
     def text(self, name: str, loads: Sequence[Load]) -> str:
         """Entry of `config.yaml` under `drives`, with gains for the heaviest joint."""
         f = self.figures
         stiffness, damping = gains(loads, f)
+        ratio = damping / (2.0 * sqrt(stiffness * _inertia(loads, f)))
         reach, at = "", "of its firmware's manual, as motors do not say it"
         if self.make == "damiao":
             at = "of registers 21 to 23, which `contactd scan` prints"
@@ -78,7 +75,7 @@ class DraftedMotor:
 {reach}    velocity_max: {f.velocity_max:g}   {MARK}: {at}
     torque_max_Nm: {f.torque_max_Nm:g}   {MARK}: {at}
     stiffness: {figure(stiffness)}   {MARK}: for the URDF's masses; less where a joint swings
-    damping: {figure(damping)}   {MARK}
+    damping: {figure(damping)}   {MARK}: ratio {ratio:.2f} at worst
 """
 
     def verdict(self, loads: Sequence[Load]) -> str:
@@ -104,9 +101,13 @@ def model_of(given: str) -> DraftedMotor:
 
 def gains(loads: Sequence[Load], figures: ModelFigures) -> tuple[float, float]:
     """Stiffness [Nm/rad] and damping [Nm s/rad] of a motor, for the heaviest of its joints."""
-    stiffest, most = figures.stiffest, figures.most_damping
-    inertia = figures.rotor * figures.gear**2 + max(load.inertia for load in loads)
-    wanted = max(SLOWEST**2 * inertia, max(load.gravity for load in loads) / SAG)
+    inertia, most = _inertia(loads, figures), figures.most_damping
+    gravity = max(load.gravity for load in loads)
     damped = (most / (2.0 * RATIO)) ** 2 / inertia
-    stiffness = min(wanted, damped, stiffest)
+    wanted = min(max(SLOWEST**2 * inertia, gravity / SAG), damped)
+    stiffness = min(max(wanted, gravity / MOST_SAG), figures.stiffest)
     return stiffness, min(2.0 * RATIO * sqrt(stiffness * inertia), most)
+
+
+def _inertia(loads: Sequence[Load], figures: ModelFigures) -> float:
+    return figures.rotor * figures.gear**2 + max(load.inertia for load in loads)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from common.arrays import Vector
     from daemon.config.load import Robot
     from daemon.protocol.state import State
+    from drivers.settings import Sign
     from programs.identify.identification import Identification
     from programs.identify.live_arm import LiveArm
 
@@ -140,13 +141,15 @@ def zero_outcome(
             f"{1e3 * MOVED:.0f} mrad or more, and hold it there until you have answered"
         )
         return Outcome(lines=[Line(joint, "not seen", good=False, reason=reason)])
-    sign = wiring.link_sign if (went > 0.0) == upward else -wiring.link_sign
+    turned: Sign = -1 if wiring.link_sign > 0 else 1
+    sign = wiring.link_sign if (went > 0.0) == upward else turned
     offset = round(stood - sign * wiring.link_sign * (rest - wiring.link_offset), 5)
     entry = ZeroEntry(
         date=date,
         log=sha256(seen.tobytes()).hexdigest(),
-        link_sign=1 if sign > 0 else -1,
+        link_sign=sign,
         link_offset=offset,
+        motor_sign=sign if c.drives[wiring.profile].one_sign else None,
     )
     figures = (
         f"link_sign {sign:+d}, link_offset {offset:+.4g} rad; it went by {1e3 * went:+.1f} mrad"

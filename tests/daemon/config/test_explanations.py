@@ -8,6 +8,8 @@ from daemon.config.explanations import EXPLANATIONS, explain
 from daemon.config.schema import Configuration, Joint, JointLimits, Levels
 from drivers.can.settings import BusSettings
 from drivers.canopen.settings import CanopenProfile, Quantity
+from drivers.damiao.settings import DamiaoProfile
+from drivers.robstride.settings import RobStrideProfile
 from drivers.wiring import JointWiring
 
 
@@ -20,6 +22,9 @@ def test_every_field_of_arms_and_drives_is_explained() -> None:
         *("version", "name", "urdf", "period_ms", "estimator.learning"),
         *fields(BusSettings, "bus."),
         *fields(CanopenProfile, "drives."),
+        "drives.make",
+        *fields(DamiaoProfile, "drives."),
+        *fields(RobStrideProfile, "drives."),
         *fields(Quantity, "drives."),
         *fields(Joint, "joints.", but=("wiring", "thresholds", "limits")),
         *fields(JointWiring, "joints.wiring."),
@@ -43,6 +48,8 @@ def test_every_field_of_arms_and_drives_is_explained() -> None:
         ("drives.servo.link_position.type", ["drives.type"]),
         ("drives.servo.tpdo.1", ["drives.tpdo"]),
         ("learning", ["estimator.learning"]),
+        ("drives.DM4340.model", ["drives.model"]),
+        ("drives.DM4340.torque_constant", ["drives.torque_constant"]),
         ("name", ["name", "joints.name"]),
         (
             "thresholds",

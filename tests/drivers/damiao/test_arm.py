@@ -173,6 +173,19 @@ def test_a_hand_winds_no_setpoint_up(arm: Broken) -> None:
         assert abs(positions[JOINT] - here[JOINT]) < most + 0.05
 
 
+def test_a_limp_joint_may_be_moved_by_hand(arm: Broken) -> None:
+    rig = arm.rig
+    rig.run(0.5)
+    moved = 0.0
+    for k in range(600):
+        rig.arm.external_torque[JOINT] = 4.0 if k % 60 < 30 else -4.0
+        rig.step()
+        moved = max(moved, abs(float(rig.samples.motor_velocity[JOINT])))
+    assert moved > 1.0
+    assert rig.mode is Mode.OFF, cause(rig)
+    assert not rig.drives._stops.watches.each[JOINT].cut
+
+
 # --- what fails -----------------------------------------------------------------------------------
 
 

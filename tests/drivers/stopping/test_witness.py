@@ -162,3 +162,32 @@ def test_samples_that_are_none_change_nothing() -> None:
         witness.take(k * T, math.nan, math.nan, math.nan, math.nan)
     assert witness.repeats
     assert not witness.stands(0.3, math.nan)
+
+
+@pytest.mark.parametrize("count", [0.0049, 0.9 * STANDS])  # [rad/s]
+def test_a_coarse_velocity_of_a_motor_that_stood_for_long_does_not_fade(count: float) -> None:
+    sensors = Sensors(velocity=lambda k: Sensors().speed(k) if k < 10 else count * (k % 3 == 0))
+    witness = Witness()
+    for k, samples in sensors.samples(range(-50, 6000)):
+        witness.take(k * T, *samples)
+        if k < 0:
+            witness.command(k * T, sensors.told)
+        elif k > 50:
+            assert witness.stands(k * T, samples[0]), k
+
+
+@pytest.mark.parametrize("begin", [0.09, 0.3])  # [rad/s]
+@pytest.mark.parametrize("stood_s", [0.0, 10.0])
+def test_a_velocity_that_fades_beside_positions_that_froze_is_no_stand(
+    begin: float, stood_s: float
+) -> None:
+    """After a rest, too, in which the velocity read a count now and then."""
+    witness, rest = Witness(sudden=20.0), round(stood_s / T)
+    for k in range(-rest - 50, 200):
+        moving = -50 <= k < 0
+        faded = begin * math.exp(-0.1 * max(k, 0)) if k >= -50 else 0.005 * (k % 3 == 0)
+        position = begin * T * max(min(k, 0), -50)
+        witness.take(k * T, faded, 0.01 * (k % 7), position, position)
+        if moving:
+            witness.command(k * T, begin)
+        assert k < 0 or not witness.stands(k * T, faded), k

@@ -4,13 +4,16 @@ import msgspec
 import pytest
 from rich.text import Text
 
-from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.rigs.lockstep import OPENARM, ROMEO, lockstep_rig
+from daemon.assembly import check_identification
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from daemon.protocol.state import STATE_FORMAT, Notice, Snapshot
+from programs.demo.demo import HAND as DEMO_HAND
 from programs.demo.demo import verdict
 from programs.demo.demo_story import Story, Touch, touch_of
-from simulator.hand_script import Guide, Push, Release
+from programs.simulate.simulated_robot import true_arm
+from simulator.hand_script import Guide, Push, Release, read_script
 
 HAND = (
     Push(at_s=2.0, joint="LShoulderPitch", torque=-2.5, duration_s=0.4, shape="ramp"),
@@ -22,13 +25,17 @@ HAND = (
 @pytest.fixture(scope="module")
 def played():
     """The third experiment in lockstep: (states, touch), on the ticks' clock."""
+    return play(HAND, 9.0)
+
+
+def play(hand, seconds, **how):
     events = []
-    with lockstep_rig(hand=HAND, on_event=events.append) as rig:
+    with lockstep_rig(hand=hand, on_event=events.append, **how) as rig:
         rig.enable()
         rig.run(1.0)
         assert not rig.permit("the test")
         rig.request(Event.START)
-        states = rig.states(9.0)
+        states = rig.states(seconds)
         offset = rig.time_s - rig.arm.now
     lines = [{"monotonic_s": e.at_s + offset, "kind": e.kind, "text": e.text} for e in events]
     clocked = [
@@ -38,8 +45,8 @@ def played():
     return clocked, touch_of(lines)
 
 
-def story_of(states, touch):
-    configuration = load_robot(ROMEO).configuration
+def story_of(states, touch, folder=ROMEO):
+    configuration = load_robot(folder).configuration
     snapshot = Snapshot(
         format=STATE_FORMAT,
         joints=configuration.joint_names,
@@ -62,6 +69,13 @@ def test_the_story_that_happened_passes(played):
     assert report["pass"]
     assert 2.0 - 1e-9 <= report["quiet_s"] <= 2.02
     assert report["contacts"][0]["joint"] == "LShoulderPitch"
+
+
+def test_the_story_happens_on_damiao_motors_with_their_guardian():
+    how = {"folder": OPENARM, "identification": check_identification,
+           "described": lambda robot, _: true_arm(robot)[0]}  # fmt: skip
+    story = story_of(*play(read_script(OPENARM / DEMO_HAND), 16.0, **how), OPENARM)
+    assert [c.what for c in story.checks() if not c.happened] == []
 
 
 def without_admittance(states, touch):

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from bench.rigs.generated_arms import generate
-from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import OPENARM, SINGLE_JOINT
 from bench.rigs.served_daemon import served_daemon
+from daemon.config.drive_checks import profiles
 from daemon.config.evidence import outdated
 from daemon.config.identified import Identified, WiringEntry, ZeroEntry, applied, identified_keys
 from daemon.config.load import Robot, load_robot
@@ -100,6 +101,21 @@ def test_a_zero_voids_what_was_found_before_it_and_not_itself() -> None:
     assert outdated("zero", zeroed, at_another_node(c), robot.urdf) == ["joint"]
     assert place(c, zeroed) == ["joints", "joint", "zero", "link_offset"]
     assert place(c, wired) == []
+
+
+@pytest.mark.parametrize(("folder", "motor"), [(OPENARM, -1), (SINGLE_JOINT, 1)])
+def test_a_motor_that_holds_both_encoders_has_the_sign_of_its_link(
+    folder: Path, motor: int
+) -> None:
+    robot = load_robot(folder)
+    one, *others = robot.configuration.joints
+    seen = np.array([*REST, *[-0.01] * 40])
+    outcome = zero_outcome(robot, one.name, seen, 0.0, upward=True, date="today")
+    c = applied(robot.configuration, merged(robot, "zero", outcome.entries, {}))
+    assert (c.joints[0].wiring.link_sign, c.joints[0].wiring.motor_sign) == (-1, motor)
+    assert [joint.wiring for joint in c.joints[1:]] == [joint.wiring for joint in others]
+    assert list(profiles(c, robot.folder)) == []
+    assert outdated("zero", merged(robot, "zero", outcome.entries, {}), c, robot.urdf) == []
 
 
 def at_another_node(c: Configuration) -> Configuration:
