@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 from common.errors import BusError, ContactdError, DriveError
 from drivers.api import Report
@@ -53,27 +53,27 @@ class Setup(Protocol):
         """Switch off a motor's watch on us."""
 
 
-NewSetup = Callable[[Wire, Callable[[], None]], Setup]
-"""Set-up over a wire, with what is to be called meanwhile, again and again."""
-
-
 class MotorArm(MotorTick):
     """Motors in the tick, and their set-up before it and between two."""
+
+    make: ClassVar[Any]
+    """Module of its make, whose `frames` are an arm's periodic ones."""
+    language: ClassVar[type[Language]]
+    setup: ClassVar[type[Any]]
+    """A `Setup` over a wire, with what is to be called meanwhile, again and again."""
 
     def __init__(
         self,
         wire: Wire,
         drives: Motors,
-        language: Language,
-        setup: NewSetup,
-        traffic: Traffic,
         period_s: float,
         clock: Callable[[], float],
+        bitrate: int,
         listen_s: float = LISTEN_S,
     ) -> None:
-        super().__init__(wire, drives, language, traffic, period_s, clock)
+        traffic = Traffic(self.make.frames(drives, period_s), period_s, bitrate)
+        super().__init__(wire, drives, self.language(drives), traffic, period_s, clock)
         self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
-        self._new_setup = setup
         self._identities: list[MotorIdentity] = []
         self._beat_s = min(drive.profile.patience_s for drive in drives) / BEATS
         self._beaten_s = -math.inf
@@ -92,7 +92,7 @@ class MotorArm(MotorTick):
         """Identify, set up and read back all motors. Raises BusError (the bus fails, another master
         is there) or DriveError (a motor is silent, another one, or does not hold a register)."""
         self._port.taken_over = self._held_by_guardian()
-        setup = self._new_setup(self._wire, lambda: None)
+        setup: Setup = self.setup(self._wire, lambda: None)
         self._identities = []
         for drive in self._drives:
             identity = _identified(setup, drive)
@@ -106,7 +106,7 @@ class MotorArm(MotorTick):
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
         """Read all motors, and set up again those that differ, whose joints are returned. Raises
         ContactdError. After any other exception the set-up of every motor is unknown."""
-        setup = self._new_setup(self._wire, lambda: self._beat(meanwhile))
+        setup: Setup = self.setup(self._wire, lambda: self._beat(meanwhile))
         renewed = []
         try:
             for i, drive in enumerate(self._drives):
@@ -137,7 +137,7 @@ class MotorArm(MotorTick):
     def let_go(self) -> None:
         """Switch off the motors' watch on us: those that hold go on holding. Raises
         the first DriveError after all were written."""
-        setup = self._new_setup(self._wire, lambda: self._beat(lambda: None))
+        setup: Setup = self.setup(self._wire, lambda: self._beat(lambda: None))
         errors = []
         for drive in self._drives:
             try:
