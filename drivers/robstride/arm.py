@@ -1,8 +1,8 @@
 """RobStride motors of one arm over their whole life: `drivers.api.BootableDrives`."""
 
-from drivers.motors.arm import MotorArm
 from typing import Any, ClassVar
 
+from drivers.motors.arm import MotorArm
 from drivers.robstride import make as module
 from drivers.robstride.language import RobStrideLanguage
 from drivers.robstride.setup import RobStrideSetup
