@@ -277,6 +277,7 @@ def test_a_false_feedback_moves_nothing(loaded: Broken, way: float, frames: int)
     assert furthest[0] < 0.003
     assert all(running(rig))
     assert rig.mode is (Mode.HOLDING if frames == 2 else Mode.FAULTED)
+    assert (JOINT in rig.drives.unfit()) is (frames > 2)  # what it has to hold is found anew
     if frames < 400 and rig.mode is Mode.FAULTED:
         rig.run(1.0)
         rig.reset()
