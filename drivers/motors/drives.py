@@ -177,7 +177,9 @@ class MotorTick:
         if self._presence.absent:
             targets = [_STOP if target is _ON else target for target in targets]
             self._presence.begin(self._now)
-        self._port.report(*self._stops.step(self._now, targets, self.samples, velocity))
+        self._port.report(
+            *self._stops.step(self._now, targets, self.samples, velocity, self._let_go)
+        )
         self._measured = self.replies.witnessed.tolist()
         frames: list[Frame] = []
         for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):

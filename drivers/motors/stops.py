@@ -42,9 +42,15 @@ class Stops:
         ]
 
     def step(
-        self, now: float, targets: Sequence[PowerTarget], samples: Samples, velocity: Vector
+        self,
+        now: float,
+        targets: Sequence[PowerTarget],
+        samples: Samples,
+        velocity: Vector,
+        let_go: Sequence[bool],
     ) -> list[Event]:
-        """Judge every motor commanded to stop. velocity: (n,) wanted [rad/s]."""
+        """Judge every motor commanded to stop. velocity: (n,) wanted [rad/s]; let_go: those that
+        have no power because we said so."""
         begun = self.watches.follow(now, samples, targets, velocity)
         found: dict[tuple[Kind, str], list[int]] = {(Kind.REPEATED_SAMPLES, REPEATS): begun}
         for i, (watch, target) in enumerate(zip(self.watches.each, targets, strict=True)):
@@ -56,7 +62,7 @@ class Stops:
                 known = self._fastest[i] if math.isnan(speed) else speed
                 watch.begin(now, Stage.SETPOINT, known)
             cut = watch.cut
-            stage = watch.step(now, self._seen(i, samples))
+            stage = watch.step(now, self._seen(i, samples, let_go[i]))
             if stage in _STRONGER:
                 found.setdefault((_STRONGER[stage], "it goes on being commanded"), []).append(i)
             if watch.cut and not cut:
@@ -68,7 +74,7 @@ class Stops:
             if joints
         ]
 
-    def _seen(self, joint: int, samples: Samples) -> Seen | None:
+    def _seen(self, joint: int, samples: Samples, let_go: bool) -> Seen | None:
         if not samples.fresh[joint]:
             return None
         if self.watches.repeat[joint]:
@@ -76,4 +82,5 @@ class Stops:
             return Seen(condition, math.nan) if condition in OBEYING else None
         seen = seen_in(samples, joint)
         # A hand or the load moves a limp one: what it reports as torque then is noise.
-        return seen if seen.condition.powered else replace(seen, current=math.nan)
+        limp = let_go and not seen.condition.powered
+        return replace(seen, current=math.nan) if limp else seen

@@ -142,7 +142,9 @@ def restarted(rig: Rig) -> DamiaoArm:
     """Drives of a daemon that starts anew, while the arm holds."""
     assert isinstance(rig.drives, DamiaoArm)
     c = rig.robot.configuration
-    drives = DamiaoArm(rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, c.bus.bitrate, 0.2)
+    drives = DamiaoArm(
+        rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, c.bus.bitrate, listen_s=0.2
+    )
     with guarded(rig):
         drives.boot_up(lambda line: None)
     return drives
@@ -213,7 +215,9 @@ def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig)
         rig.drives.let_go()
     guardian(rig).killed = True
     c = rig.robot.configuration
-    drives = DamiaoArm(rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, c.bus.bitrate, 0.0)
+    drives = DamiaoArm(
+        rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, c.bus.bitrate, listen_s=0.0
+    )
     with rig.lockstep.serving():
         drives.boot_up(lambda line: None)
     assert all(enabled(rig))
