@@ -78,7 +78,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 61_750, 44_000),
+        Measure("lines of the product", lines(PRODUCT, root), 61_800, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 13_600, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 14_400, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 63_400, 45_000),
