@@ -24,6 +24,5 @@ class GuardianAtBus:
         while (message := self.end.recv(0.0)) is not None:
             self.guardian.take(now, *frame_of(message))
         for can_id, data in () if self.killed else self.guardian.step(now):
-            number, extended = can_id & IDENTIFIER, can_id >= EXTENDED
-            frame = can.Message(0.0, number, is_extended_id=extended, data=bytes(data))
-            self.end.send(frame)
+            number, is_extended = can_id & IDENTIFIER, can_id >= EXTENDED
+            self.end.send(can.Message(0.0, number, is_extended, data=bytes(data)))

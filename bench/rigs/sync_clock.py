@@ -35,14 +35,11 @@ def at_request(robot: Robot) -> PhaseOf:
     """Phase of frames to motors of other makes: a period begins with the first's request."""
     drives = robot.configuration.joint_drives
     language = LANGUAGES[type(drives[0].profile)](drives)
-    request, setpoint = language.requests[0][0], language.setpoints[0][0]
-    data = bytes(language.requests[0][1])
+    request, setpoint = language.requests[0], language.setpoints[0][0]
 
     def phase_of(message: can.Message) -> float | None:
-        can_id, said = frame_of(message)
-        if can_id == request and bytes(said) == data:
-            return 0.0
-        return SETPOINT_PHASE if can_id == setpoint else None
+        frame = frame_of(message)
+        return 0.0 if frame == request else SETPOINT_PHASE if frame[0] == setpoint else None
 
     return phase_of
 
