@@ -22,7 +22,7 @@ PAGES   := $(foreach p,contactd contactctl contactd-web contactd-zenoh,man/man1/
 # Debian's zsh looks for those of packages elsewhere.
 LINKED  := $(if $(filter /usr,$(LOCAL)),sed 's|zsh/site-functions|zsh/vendor-completions|',cat)
 # Shown to everybody; what else lies in configs/ is yours.
-EXAMPLES := $(addprefix configs/,desk_arm openarm_left romeo_left_arm single_joint)
+EXAMPLES := $(addprefix configs/,beam_arm desk_arm openarm_left romeo_left_arm single_joint)
 # In front of what makes files: others must be able to read them, whatever root's umask is.
 PUBLIC  := umask 022;
 # Not empty where it is this machine's own systemd that gets the service.

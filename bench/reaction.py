@@ -48,7 +48,7 @@ from daemon.ending import stop_on_error
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
-from drivers.damiao.guardian import Doing
+from drivers.motors.guardian import Doing
 
 STOP_TICKS = 2
 STANDS = 0.02  # [rad/s] of the fastest motor, at the link

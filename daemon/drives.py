@@ -1,8 +1,8 @@
 """Assembly of the arm's drives: the one module that says which bus they are on."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, Final
 
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, frames_of
@@ -17,8 +17,15 @@ from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.required_objects import DriveSetup
 from drivers.canopen.settings import CanopenProfile
 from drivers.damiao.arm import DamiaoArm
+from drivers.damiao.settings import DamiaoProfile
+from drivers.robstride.arm import RobStrideArm
+from drivers.robstride.settings import RobStrideProfile
 
 Setups = Sequence[Any]
+ARMS: Final[Mapping[type, type[DamiaoArm | RobStrideArm]]] = {
+    DamiaoProfile: DamiaoArm, RobStrideProfile: RobStrideArm,
+}  # fmt: skip
+"""Drives by the profile of their makes that need no file."""
 
 
 def open_wire(robot: Robot, opened: ExitStack) -> Wire:
@@ -81,7 +88,7 @@ def build_drives(
     if _canopen(c):
         return build_canopen(robot, build_boot(robot, wire, ring, setups), wire, clock)
     kept = RecordedWire(wire, ring) if ring else wire
-    return DamiaoArm(kept, setups, c.period_s, clock, c.bus.bitrate)
+    return ARMS[type(setups[0].profile)](kept, setups, c.period_s, clock, c.bus.bitrate)
 
 
 def _canopen(c: Configuration) -> bool:

@@ -40,7 +40,7 @@ def inner_structs(kind: types.Type) -> Iterator[type]:
 def comments_of(cls: type) -> dict[str, str]:
     """What stands beside, above or as text below each field, or member of an enum, in the code."""
     base = cls.__mro__[1]
-    inherited = comments_of(base) if base.__module__ == cls.__module__ else {}
+    inherited = comments_of(base) if base.__module__.startswith(("drivers", cls.__module__)) else {}
     source = inspect.getsource(cls)
     tree = ast.parse(source).body[0]
     assert isinstance(tree, ast.ClassDef)

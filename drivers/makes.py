@@ -10,10 +10,16 @@ from drivers.can.load import FrameLoad
 from drivers.canopen import make as canopen
 from drivers.canopen.settings import CanopenProfile
 from drivers.damiao import make as damiao
+from drivers.damiao.language import DamiaoLanguage
 from drivers.damiao.settings import DamiaoProfile
 from drivers.drive import Counts, Drive, Measure, ProfileProblem
+from drivers.motors.guardian import Guardian
+from drivers.motors.language import Language
+from drivers.robstride import make as robstride
+from drivers.robstride.language import RobStrideLanguage
+from drivers.robstride.settings import RobStrideProfile
 
-DriveProfile = CanopenProfile | DamiaoProfile
+DriveProfile = CanopenProfile | DamiaoProfile | RobStrideProfile
 USUAL: Final = "canopen"
 """Make of a profile that names none."""
 
@@ -35,6 +41,18 @@ class RecordedTicks(Protocol):
 
     def finish(self) -> Samples:
         """End the tick."""
+
+
+LANGUAGES: Final[dict[type, type[Language]]] = {
+    DamiaoProfile: DamiaoLanguage, RobStrideProfile: RobStrideLanguage,
+}  # fmt: skip
+"""Languages of motors that let go when nothing is sent to them."""
+
+
+def guardian_of(drives: Sequence[Drive[Any]]) -> Guardian | None:
+    """Guardian of an arm; None where its drives stop and hold by themselves."""
+    language = LANGUAGES.get(type(drives[0].profile))
+    return None if language is None else Guardian(drives, language(drives))
 
 
 class Make(Protocol):
@@ -62,7 +80,9 @@ class Make(Protocol):
         """Ticks of recorded frames of an arm."""
 
 
-MAKES: Final[dict[type, Make]] = {CanopenProfile: canopen, DamiaoProfile: damiao}
+MAKES: Final[dict[type, Make]] = {
+    CanopenProfile: canopen, DamiaoProfile: damiao, RobStrideProfile: robstride,
+}  # fmt: skip
 
 
 def make_of(profile: DriveProfile) -> Make:

@@ -1,21 +1,27 @@
 """Simulated arm as the bus sees it: plant, sensors, drives and a hand, moved on by `advance`."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import can
+import msgspec
 import numpy as np
 
 from common.arrays import Vector
 from common.errors import ConfigurationError
+from simulator.damiao.models import DamiaoMake
 from simulator.damiao.motor import DamiaoMotor
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.drive import Drive
 from simulator.events import Happening, Listener
 from simulator.hand import Hand
 from simulator.hand_script import AnyAct
-from simulator.mismatch import true_gears, true_parameters
+from simulator.mismatch import steady_steps, true_gears, true_parameters
+from simulator.motor import Motor
 from simulator.motor_laws import MotorLaws
 from simulator.plant import Plant
+from simulator.robstride.models import RobStrideMake
+from simulator.robstride.motor import RobStrideMotor
 from simulator.sensors import Sensors
 from simulator.servo import SERVO_PERIOD_S, Servo
 from simulator.servo_periods import ServoPeriods
@@ -43,13 +49,17 @@ class SimulatedArm:
         on_event: Listener = lambda _: None,
     ) -> None:
         """Raises ConfigurationError or ModelError when description or script do not fit."""
-        self.description, self.settings = description, settings
         self._per_period = round(SERVO_PERIOD_S / settings.step_s)
         if abs(self._per_period * settings.step_s - SERVO_PERIOD_S) > 1e-12:
             raise ConfigurationError(
                 f"simulation: step_s = {settings.step_s}, not a divider of 1 ms"
             )
         parameters = true_parameters(description, settings)
+        if (finer := steady_steps(settings, parameters)) > self._per_period:
+            self._per_period = finer
+            settings = msgspec.structs.replace(settings, step_s=SERVO_PERIOD_S / finer)
+            parameters = true_parameters(description, settings)
+        self.description, self.settings = description, settings
         n = len(description.joints)
         self.plant = Plant(
             parameters,
@@ -92,13 +102,12 @@ class SimulatedArm:
             self._report_drive,
             lambda: self.now,
         )
-        self._nodes: tuple[Drive | DamiaoMotor, ...] = tuple(
-            Drive(joint, wired) if make.damiao is None else DamiaoMotor(joint, wired, make.damiao)
-            for joint, make in enumerate(makes)
-        )
+        self._nodes = tuple(_node(joint, wired) for joint in range(n))
         self.drives = tuple(node for node in self._nodes if isinstance(node, Drive))
-        self.motors = tuple(node for node in self._nodes if isinstance(node, DamiaoMotor))
-        """Its CANopen drives and its Damiao motors, each in the order of the joints."""
+        self.motors: tuple[Any, ...] = tuple(
+            node for node in self._nodes if isinstance(node, Motor)
+        )
+        """Its CANopen drives and its motors of other makes, each in the order of the joints."""
         self._by_node = {drive.node: drive for drive in self.drives}
         if len({joint.node for joint in description.joints}) != n:
             raise ConfigurationError("simulated arm: two joints share a node number")
@@ -155,14 +164,16 @@ class SimulatedArm:
 
     def receive(self, message: can.Message) -> None:
         """Take a frame from the bus, at the present simulated time."""
-        cob, data = message.arbitration_id, bytes(message.data)
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+        if message.is_remote_frame or message.is_error_frame:
             return
+        cob, data = message.arbitration_id, bytes(message.data)
+        extended = message.is_extended_id
         for motor in self.motors:
-            motor.on_frame(cob, data)
+            if motor.extended is extended:
+                motor.on_frame(cob, data)
         if self.motors:
             self._begin_hand(any(motor.moves for motor in self.motors))
-        if self.drives:
+        if self.drives and not extended:
             self._hear(cob, data)
 
     def _hear(self, cob: int, data: bytes) -> None:
@@ -254,8 +265,17 @@ class SimulatedArm:
             node.measure(*row)
         self._sampled_at = self._steps
 
-    def _put(self, cob_id: int, data: bytes) -> None:
-        self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+    def _put(self, cob_id: int, data: bytes, extended: bool = False) -> None:
+        self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=extended))
 
     def _report_drive(self, text: str) -> None:
         self._on_event(Happening(self.now, "drive", text))
+
+
+def _node(joint: int, wired: Surroundings) -> Drive | Motor:
+    make = wired.drives[joint].motor
+    if isinstance(make, DamiaoMake):
+        return DamiaoMotor(joint, wired, make)
+    if isinstance(make, RobStrideMake):
+        return RobStrideMotor(joint, wired, make)
+    return Drive(joint, wired)

@@ -8,10 +8,9 @@ import msgspec
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from simulator.damiao.models import DamiaoMake
 from simulator.friction_law import FrictionLaw, Kind
 from simulator.gear_settings import GearSettings
-from simulator.profile import SimulatedMake, profile_of
+from simulator.profile import MotorMake, SimulatedMake, profile_of
 
 Percent = Annotated[float, Meta(ge=0.0, le=50.0)]
 Milliseconds = Annotated[float, Meta(ge=0.0, le=50.0)]
@@ -20,12 +19,12 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class DriveDescription:
-    """One drive: its EDS, and its make as it sits in its joint. A Damiao motor has no EDS, and as
-    `make` its sensors."""
+    """One drive: its EDS, and its make as it sits in its joint. A motor with its controller in one
+    has no EDS, and as `make` its sensors."""
 
     eds: Path | None
     make: SimulatedMake
-    damiao: DamiaoMake | None = None
+    motor: MotorMake | None = None
 
 
 class EncoderError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

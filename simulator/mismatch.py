@@ -10,6 +10,11 @@ from common.errors import ModelError
 from common.regular_file import read_text
 from simulator.description import ArmDescription, SimulationSettings
 from simulator.gears import Gears
+from simulator.servo import SERVO_PERIOD_S
+
+STEADY = 1.0
+"""Most by which friction may change a rotor's velocity in a step, as a share of it; its motor's own
+damping needs the rest of 2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,3 +151,14 @@ def _apparent_inertia(model: pin.Model, lower: Vector, upper: Vector) -> tuple[V
         inverse = pin.computeMinverse(model, data, rng.uniform(lower, upper))
         row[:] = 1.0 / np.diag(inverse)
     return rows.min(axis=0), rows.mean(axis=0)
+
+
+def steady_steps(settings: SimulationSettings, parameters: PlantParameters) -> int:
+    """Least number of steps per ms in which smooth friction turns no rotor round by itself."""
+    if settings.friction != "smooth":
+        return 1
+    n = len(parameters.rotor_inertia)
+    steepest = parameters.coulomb[n:] / settings.friction_width + parameters.viscous[n:]
+    return int(
+        np.ceil(SERVO_PERIOD_S * float((steepest / parameters.rotor_inertia).max()) / STEADY)
+    )

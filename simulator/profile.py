@@ -4,6 +4,7 @@ configuration shows here."""
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
+from typing import Protocol
 
 from common.errors import ConfigurationError
 from simulator.objects import entries, key
@@ -66,6 +67,21 @@ class SimulatedMake:
     """Filter of the reported current, instead of that of the settings."""
     velocity_step: float = 0.0
     """The measured velocity comes in steps of this [rad/s of the motor shaft]; 0: in counts."""
+
+
+class MotorMake(Protocol):
+    """A motor with its controller in one, as it sits in its joint."""
+
+    @property
+    def motor_sign(self) -> int:
+        """-1 where it turns against the joint."""
+
+    @property
+    def offset(self) -> float:
+        """Position of the joint where its encoders stand at 0 [rad]."""
+
+    def sensors(self) -> SimulatedMake:
+        """Its encoders and measurements; the motor's own zero is not in them."""
 
 
 PROFILE = SimulatedMake()

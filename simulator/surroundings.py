@@ -2,14 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from simulator.description import ArmDescription, DriveDescription
 from simulator.motor_laws import MotorLaws
 from simulator.plant import Plant
 from simulator.servo import Servo
 
-Send = Callable[[int, bytes], None]
-"""(cob_id, data): put a frame on the bus."""
+
+class Send(Protocol):
+    """Way onto the bus."""
+
+    def __call__(self, cob_id: int, data: bytes, extended: bool = False) -> None:
+        """Put a frame on it; extended: its identifier has 29 bits."""
 
 
 @dataclass(frozen=True, slots=True)

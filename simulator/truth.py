@@ -6,6 +6,7 @@ friction, gaps, end stops, drives with their counts, units and quirks. `docs/reh
 it.
 """
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,7 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from simulator.damiao.models import MODELS, REGISTERS, DamiaoMake
+from simulator.damiao import models as damiao
 from simulator.description import (
     ArmDescription,
     DriveDescription,
@@ -22,15 +23,20 @@ from simulator.description import (
     SimulationSettings,
 )
 from simulator.objects import key
-from simulator.profile import TURN, SimulatedMake, refuse_incomplete
+from simulator.profile import TURN, MotorMake, SimulatedMake, refuse_incomplete
+from simulator.robstride import models as robstride
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 Sign = Literal[-1, 1]
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
-DAMIAO = "damiao:"
-"""Prefix of a joint's `drive` that is a Damiao motor."""
+MOTORS: dict[str, Collection[str]] = {
+    **dict.fromkeys((f"damiao:{model}" for model in damiao.MODELS), damiao.REGISTERS),
+    **dict.fromkeys((f"robstride:{model}" for model in robstride.MODELS), robstride.PARAMETERS),
+}
+"""Values of a joint's `drive` that are motors with their controllers in one, and the names of their
+registers or parameters."""
 
 
 class Stated(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -99,9 +105,9 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
 
     name: str  # as in the URDF
     node: Annotated[int, Meta(ge=1, le=127)]
-    drive: str  # a key of `drives`, or as `damiao:DM4340`
+    drive: str  # a key of `drives`, or as `damiao:DM4340`, `robstride:RS02`
     master_id: Annotated[int, Meta(ge=0, le=0x7FF)] | None = None  # Damiao; else node + 16
-    registers: dict[str, float] = {}  # Damiao, by name
+    registers: dict[str, float] = {}  # of such a motor, or its parameters, by name
     gear: Positive  # turns of the motor per turn of the joint
     rated_current_A: Positive
     max_current_A: Positive
@@ -135,16 +141,16 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
     joints = []
     for i, joint in enumerate(truth.joints):
         start = truth.initial_position.get(joint.name, 0.0)
-        if joint.drive.startswith(DAMIAO) and joint.drive.removeprefix(DAMIAO) in MODELS:
-            for name in set(joint.registers) - set(REGISTERS):
+        if joint.drive in MOTORS:
+            for name in set(joint.registers) - set(MOTORS[joint.drive]):
                 at = f"{path}: joints[{i}] ({joint.name}).registers.{name}"
-                raise ConfigurationError(f"{at}: there are {', '.join(REGISTERS)}")
-            joints.append(_joint(joint, _damiao(joint), start))
+                raise ConfigurationError(f"{at}: there are {', '.join(MOTORS[joint.drive])}")
+            joints.append(_joint(joint, _motor(joint), start))
             continue
         if joint.drive not in truth.drives:
             raise ConfigurationError(
                 f"{path}: joints[{i}] ({joint.name}).drive: no drive `{joint.drive}`; there are: "
-                f"{', '.join([*truth.drives, *(DAMIAO + model for model in MODELS)])}"
+                f"{', '.join([*truth.drives, *MOTORS])}"
             )
         drive, eds = truth.drives[joint.drive], path.parent / truth.drives[joint.drive].eds
         for k, error in enumerate(joint.encoder_errors):
@@ -228,13 +234,19 @@ def _joint(joint: TrueJoint, drive: DriveDescription, start: float) -> JointDesc
     )
 
 
-def _damiao(joint: TrueJoint) -> DriveDescription:
-    master_id = joint.node + 0x10 if joint.master_id is None else joint.master_id
-    make = DamiaoMake(
-        joint.drive.removeprefix(DAMIAO), master_id, joint.motor_sign, joint.link_sign,
-        joint.link_offset,
-        {REGISTERS.index(name): value for name, value in joint.registers.items()},
-    )  # fmt: skip
+def _motor(joint: TrueJoint) -> DriveDescription:
+    """Motor with its controller in one."""
+    kind, model = joint.drive.split(":")
+    make: MotorMake
+    if kind == "damiao":
+        master_id = joint.node + 0x10 if joint.master_id is None else joint.master_id
+        registers = {damiao.REGISTERS.index(name): v for name, v in joint.registers.items()}
+        make = damiao.DamiaoMake(
+            model, master_id, joint.motor_sign, joint.link_sign, joint.link_offset, registers
+        )
+    else:
+        parameters = {robstride.PARAMETERS[name]: v for name, v in joint.registers.items()}
+        make = robstride.RobStrideMake(model, joint.motor_sign, joint.link_offset, parameters)
     return DriveDescription(None, make.sensors(), make)
 
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import can
 
-from drivers.damiao.guardian import Guardian
+from drivers.can.wire import EXTENDED, IDENTIFIER, frame_of
+from drivers.motors.guardian import Guardian
 from simulator.arm import SimulatedArm
 
 
@@ -21,7 +22,7 @@ class GuardianAtBus:
         """Take the frames of the bus, and send what is due."""
         now = self.arm.now
         while (message := self.end.recv(0.0)) is not None:
-            self.guardian.take(now, message.arbitration_id, message.data)
+            self.guardian.take(now, *frame_of(message))
         for can_id, data in () if self.killed else self.guardian.step(now):
-            frame = can.Message(arbitration_id=can_id, data=bytes(data), is_extended_id=False)
-            self.end.send(frame)
+            number, is_extended = can_id & IDENTIFIER, can_id >= EXTENDED
+            self.end.send(can.Message(0.0, number, is_extended, data=bytes(data)))

@@ -14,7 +14,7 @@ from common.errors import DriveError
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.drives import build_boot, build_canopen
+from daemon.drives import ARMS, build_boot, build_canopen
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
 from daemon.protocol.state import State
@@ -28,8 +28,8 @@ from drivers.can.wire import Wire
 from drivers.canopen.arm import CanopenArm
 from drivers.canopen.boot.boot_up import DriveBoot
 from drivers.canopen.settings import CanopenProfile
-from drivers.damiao.arm import DamiaoArm
-from drivers.damiao.guardian import Guardian
+from drivers.makes import guardian_of
+from drivers.motors.arm import MotorArm
 from estimator.estimate import Estimate
 from programs.simulate.simulated_robot import describe, read_simulation
 from simulator.arm import SimulatedArm
@@ -42,6 +42,7 @@ ROMEO = Path(__file__).parents[2] / "configs" / "romeo_left_arm"
 SINGLE_JOINT = ROMEO.parent / "single_joint"
 DESK_ARM = ROMEO.parent / "desk_arm"
 OPENARM = ROMEO.parent / "openarm_left"
+BEAM = ROMEO.parent / "beam_arm"
 
 #: Of an arm whose configuration is right by construction.
 TRUSTED = Check(name="identification", passed=True, text="none; the configuration is trusted")
@@ -98,7 +99,7 @@ class Rig(Ticking):
     """Both ends of the bus; `step` moves them on by one period."""
 
     robot: Robot
-    drives: Any  # CanopenArm or DamiaoArm
+    drives: Any  # CanopenArm, or an arm of motors
     tick: Tick
     arm: SimulatedArm
     lockstep: Lockstep
@@ -236,7 +237,7 @@ def lockstep_rig(
     # One SYNC is one period at both ends, whatever else the true arm is.
     description = replace(description, period_s=robot.configuration.period_s)
     is_canopen = isinstance(next(iter(robot.configuration.drives.values())), CanopenProfile)
-    phase_of = at_sync if is_canopen else at_request(robot.configuration.joints[0].wiring.node)
+    phase_of = at_sync if is_canopen else at_request(robot)
     with line() as bus:
         arm = SimulatedArm(description, settings, bus.far.send, hand_script=hand, on_event=on_event)
         lockstep = Lockstep(arm, bus.far, phase_of)
@@ -249,25 +250,27 @@ def lockstep_rig(
             bus.hand_over()
             return build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
 
-        def damiao(robot: Robot) -> DamiaoArm:
+        def motors(robot: Robot) -> MotorArm:
             c = robot.configuration
+            arm_of = ARMS[type(c.joint_drives[0].profile)]
             wire, bitrate = between(bus.wire), c.bus.bitrate
-            drives = DamiaoArm(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
+            drives = arm_of(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
             with lockstep.serving():
                 drives.boot_up(lambda line: None)
             bus.hand_over()
             return drives
 
         def build(robot: Robot) -> tuple[Any, Tick]:
-            drives = canopen(robot) if is_canopen else damiao(robot)
+            drives = canopen(robot) if is_canopen else motors(robot)
             tick = build_tick(robot, drives, identification(robot, drives.serials))
             drives.start(0.0)
             lockstep.pump()
             return drives, tick
 
-        if is_canopen:
+        guardian = guardian_of(robot.configuration.joint_drives)
+        if guardian is None:
             yield Rig(robot, *build(robot), arm, lockstep, bus, build)
             return
         with LockstepBus(bus.channel) as end:
-            guard = GuardianAtBus(Guardian(robot.configuration.joint_drives), end, arm)
+            guard = GuardianAtBus(guardian, end, arm)
             yield Rig(robot, *build(robot), arm, lockstep, bus, build, guard=guard)

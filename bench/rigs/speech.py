@@ -10,10 +10,10 @@ from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, NMT, SYNC
 from drivers.damiao.frames import ANSWERS, DISABLE, REGISTERS, Status, read, refresh, setpoint_of
 from simulator.arm import SimulatedArm
-from simulator.damiao.frames import Command
 from simulator.damiao.models import ENCODER_COUNTS
 from simulator.damiao.motor import LOST, OVERLOAD, ROTOR_HOT, UNDER_VOLTAGE
 from simulator.damiao.registers import MODE, VELOCITY
+from simulator.motor import Command
 from simulator.profile import TURN
 
 #: Errors by their codes in CANopen.

@@ -8,6 +8,9 @@ from typing import Final, Protocol
 
 import can
 
+from daemon.config.load import Robot
+from drivers.can.wire import frame_of
+from drivers.makes import LANGUAGES
 from simulator.arm import SYNC, SimulatedArm
 
 
@@ -28,13 +31,15 @@ def at_sync(message: can.Message) -> float | None:
     return 0.0 if message.arbitration_id == SYNC and not message.is_extended_id else None
 
 
-def at_request(first: int) -> PhaseOf:
-    """Phase of frames to Damiao motors, of which the `first` is asked first."""
+def at_request(robot: Robot) -> PhaseOf:
+    """Phase of frames to motors of other makes: a period begins with the first's request."""
+    drives = robot.configuration.joint_drives
+    language = LANGUAGES[type(drives[0].profile)](drives)
+    request, setpoint = language.requests[0], language.setpoints[0][0]
 
     def phase_of(message: can.Message) -> float | None:
-        if message.arbitration_id == 0x7FF and message.data[2] == 0xCC:
-            return 0.0 if message.data[0] == first else None
-        return SETPOINT_PHASE if message.arbitration_id == first else None
+        frame = frame_of(message)
+        return 0.0 if frame == request else SETPOINT_PHASE if frame[0] == setpoint else None
 
     return phase_of
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from common.errors import ConfigurationError
+from drivers.can.wire import EXTENDED
 
 #: Set-up, errors and repetitions need room, too.
 HIGHEST_LOAD: Final = 0.8
@@ -23,17 +24,19 @@ class FrameLoad:
     @property
     def bits(self) -> int:
         """Length on the wire with the most stuff bits that can be, and the gap to the next."""
-        return frame_bits(self.size)
+        return frame_bits(self.size, extended=self.cob_id >= EXTENDED)
 
 
-def frame_bits(size: int) -> int:
-    """Bits of a data frame with an 11-bit identifier and `size` bytes, at worst.
+def frame_bits(size: int, *, extended: bool = False) -> int:
+    """Bits of a data frame with `size` bytes and an identifier of 11 bits, or 29, at worst.
 
     44 bits of frame and 3 of interframe space around the data; of these the first 34 and the data
-    are stuffed: a bit after the first five equal ones, then at worst after every four.
+    are stuffed: a bit after the first five equal ones, then at worst after every four. An extended
+    identifier adds 20.
     """
-    stuffed = 34 + 8 * size
-    return 47 + 8 * size + (stuffed - 1) // 4
+    more = 20 if extended else 0
+    stuffed = 34 + more + 8 * size
+    return 47 + more + 8 * size + (stuffed - 1) // 4
 
 
 def bus_load(frames: Sequence[FrameLoad], bitrate: int) -> float:

@@ -9,7 +9,7 @@ from typing import Final
 import can
 
 from drivers.can.settings import BusSettings
-from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE, Frame, OpenBus, first_of
+from drivers.can.wire import EXTENDED, IDENTIFIER, REMOTE, Frame, OpenBus, digits_of, first_of
 
 
 def open_slcan(settings: BusSettings) -> OpenBus:
@@ -39,7 +39,9 @@ class SlcanWire:
         if self._unsent:
             self._unsent = self._unsent[os.write(self._port, self._unsent) :]
         text = b"".join(
-            b"t%03X%d%s\r" % (can_id, len(data), data.hex().encode()) for can_id, data in frames
+            b"%c%s%d%s\r"
+            % (b"tT"[can_id >= EXTENDED], digits_of(can_id), len(data), data.hex().encode())
+            for can_id, data in frames
         )
         sent = 0 if self._unsent else os.write(self._port, text)
         if sent != len(text):

@@ -10,7 +10,7 @@ import can
 
 from common.errors import BusError
 from drivers.can.settings import BusSettings
-from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, Frame, OpenBus, first_of
+from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, Frame, OpenBus, digits_of, first_of
 
 _CONNECT_TIMEOUT_S: Final = 2.0
 
@@ -73,9 +73,10 @@ class StreamWire:
         return first_of(self._queue, self._socket, self._read, timeout)
 
     def send(self, frames: Sequence[Frame]) -> None:
-        text = "".join(
-            f"< send {can_id:03X} {len(data):X} {data.hex(' ')} >" for can_id, data in frames
-        ).encode()
+        text = b"".join(
+            b"< send %s %X %s >" % (digits_of(can_id), len(data), data.hex(" ").encode())
+            for can_id, data in frames
+        )
         if self._socket.send(text, socket.MSG_DONTWAIT) != len(text):
             # What follows would be read as the end of the frame that was cut.
             self._socket.shutdown(socket.SHUT_RDWR)

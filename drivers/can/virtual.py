@@ -13,7 +13,7 @@ import can
 from can.interfaces.virtual import VirtualBus
 
 from drivers.can.settings import BusSettings
-from drivers.can.wire import Frame, OpenBus, frame_of
+from drivers.can.wire import EXTENDED, IDENTIFIER, Frame, OpenBus, frame_of
 
 
 def open_virtual(settings: BusSettings) -> OpenBus:
@@ -51,7 +51,7 @@ class QueueWire:
                     # A copy: the data of a setpoint is written anew by the next command.
                     end.put_nowait(
                         can.Message(
-                            now, i, is_extended_id=False, channel=name, data=bytearray(data)
+                            now, i & IDENTIFIER, i >= EXTENDED, channel=name, data=bytearray(data)
                         )
                     )
             except queue.Full:

@@ -31,7 +31,7 @@ class Wire(Protocol):
         """The next frame, waiting at most `timeout` s (0: not at all); None if none came."""
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send frames with 11-bit identifiers, in order; the first failure ends it."""
+        """Send frames in order; the first failure ends it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,11 @@ def frame_of(message: can.Message) -> Frame:
     if message.is_remote_frame:
         can_id |= REMOTE
     return can_id, message.data
+
+
+def digits_of(can_id: int) -> bytes:
+    """Identifier as text adapters write it: three digits, or eight of one with 29 bits."""
+    return b"%03X" % can_id if can_id < EXTENDED else b"%08X" % (can_id & IDENTIFIER)
 
 
 def first_of(

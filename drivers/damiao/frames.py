@@ -75,12 +75,6 @@ class Status(IntEnum):
     OVERLOAD = 14
 
 
-def scaled(value: float, most: float, bits: int) -> int:
-    """Value between -most and +most as a whole number of so many bits, the nearest."""
-    highest = (1 << bits) - 1
-    return min(max(round((value + most) * highest / (2.0 * most)), 0), highest)
-
-
 def setpoint(data: bytearray, position: int, velocity: int, gains: tuple[int, int]) -> None:
     """Write a setpoint into the data of a command: position of 16 bits, velocity of 12, stiffness
     and damping of 12 each; its torque is 0."""
@@ -143,22 +137,6 @@ def value_of(register: int, data: bytes | bytearray) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Scales:
-    """Value of one count of position [rad], velocity [rad/s] and torque [Nm], at the output."""
-
-    position: float
-    velocity: float
-    torque: float
-
-    @classmethod
-    def of(cls, position_max: float, velocity_max: float, torque_max: float) -> "Scales":
-        """Scales of a motor that reaches so far to either side."""
-        return cls(
-            2.0 * position_max / 0xFFFF, 2.0 * velocity_max / 0xFFF, 2.0 * torque_max / 0xFFF
-        )
-
-
-@dataclass(frozen=True, slots=True)
 class Feedback:
     """Feedback in counts, from 0 at -MAX on."""
 
@@ -183,11 +161,3 @@ def feedback_of(motor: int, data: bytes | bytearray) -> Feedback | None:
         bridge_C=bridge,
         coil_C=coil,
     )
-
-
-def status_of(nibble: int) -> Status:
-    """Status in words; an unassigned one is unknown."""
-    return _STATUS.get(nibble, Status.UNKNOWN)
-
-
-_STATUS: Final = {status.value: status for status in Status}

@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import Final
 
 from drivers.can.load import FrameLoad
-from drivers.damiao.frames import ANSWERS, REGISTERS, Scales
-from drivers.damiao.recorded import DamiaoTicks
+from drivers.damiao.frames import ANSWERS, REGISTERS
+from drivers.damiao.language import DamiaoLanguage
 from drivers.damiao.settings import DamiaoDrive, DamiaoProfile
 from drivers.drive import Counts, Measure, ProfileProblem
+from drivers.motors.language import steps_of
+from drivers.motors.recorded import MotorTicks
 
 #: Ids that fit beside the status in a feedback.
 HIGHEST_ID: Final = 15
@@ -42,12 +44,12 @@ def _wrong(drive: DamiaoDrive) -> Iterator[str]:
 def counts(drive: DamiaoDrive, measure: Measure) -> Counts:
     """Integers of a quantity of a motor, 0 at half of them."""
     profile, sign = drive.profile, drive.wiring.motor_sign
-    scales = Scales.of(profile.position_max, profile.velocity_max, profile.torque_max_Nm)
+    position, velocity, torque = steps_of(profile, DamiaoLanguage.bits)
     at, scale, bits = {
-        "effort": ("torque_max_Nm", scales.torque / profile.Nm_per_A, 12),
-        "link_position": ("position_max", scales.position, 16),
-        "motor_velocity": ("velocity_max", scales.velocity, 12),
-        "target_velocity": ("velocity_max", scales.velocity, 12),
+        "effort": ("torque_max_Nm", torque / profile.Nm_per_A, 12),
+        "link_position": ("position_max", position, 16),
+        "motor_velocity": ("velocity_max", velocity, 12),
+        "target_velocity": ("velocity_max", velocity, 12),
     }[measure]
     bias = drive.wiring.link_offset if measure == "link_position" else 0.0
     most, gain = (1 << bits) - 1, sign * scale
@@ -70,6 +72,6 @@ def frames(
     return tuple(table)
 
 
-def recorded(drives: Sequence[DamiaoDrive], period_s: float) -> DamiaoTicks:
+def recorded(drives: Sequence[DamiaoDrive], period_s: float) -> MotorTicks:
     """Ticks of recorded frames of an arm."""
-    return DamiaoTicks(drives, period_s)
+    return MotorTicks(drives, DamiaoLanguage(drives), period_s)

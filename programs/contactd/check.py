@@ -16,6 +16,7 @@ from daemon.config.schema import Configuration, frames_of
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
 from drivers.can.load import HIGHEST_LOAD, FrameLoad, bus_load
+from drivers.can.wire import IDENTIFIER
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
@@ -168,7 +169,7 @@ def _frames(frames: tuple[FrameLoad, ...]) -> Table:
     table = new_table("\nframes", "COB-ID", "bytes", "rate/s", "bits", "what")
     for frame in sorted(frames, key=lambda f: f.cob_id):
         table.add_row(
-            f"0x{frame.cob_id:03X}",
+            f"0x{frame.cob_id & IDENTIFIER:03X}",
             str(frame.size),
             f"{frame.rate_hz:g}",
             str(frame.bits),

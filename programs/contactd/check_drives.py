@@ -12,8 +12,8 @@ from daemon.drives import build_setups
 from drivers.canopen.boot.required_objects import DriveSetup, lacks
 from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
-from drivers.damiao.frames import ANSWERS, Scales
 from drivers.damiao.settings import DamiaoProfile
+from drivers.robstride.settings import RobStrideProfile
 
 QUANTITY_UNITS = {
     "current": "of rated",
@@ -46,7 +46,7 @@ def drives_in_words(robot: Robot) -> list[Table | str]:
         if isinstance(profile, CanopenProfile):
             found += _canopen(c, name, profile, setups[name])
         else:
-            found.append(_damiao(c, name, profile))
+            found.append(_motors(c, name, profile))
     return found
 
 
@@ -66,21 +66,21 @@ def _canopen(
     ]
 
 
-def _damiao(c: Configuration, name: str, profile: DamiaoProfile) -> Table:
+def _motors(c: Configuration, name: str, profile: DamiaoProfile | RobStrideProfile) -> Table:
     table = new_table(
-        f"\ndrive profile {name} (Damiao {profile.model})",
-        *("joint", "id", "master id", "mrad", "mrad/s", "mNm", "Nm per A"),
+        f"\ndrive profile {name} ({type(profile).__struct_config__.tag} {profile.model})",
+        *("joint", "id", "mrad", "mrad/s", "mNm", "Nm per A"),
     )
-    scales = Scales.of(profile.position_max, profile.velocity_max, profile.torque_max_Nm)
-    for joint in c.joints:
+    for joint, drive in zip(c.joints, c.joint_drives, strict=True):
         if joint.wiring.profile == name:
+            position, velocity, current = (
+                1000.0 * abs(c.make.counts(drive, measure).gain)
+                for measure in ("link_position", "motor_velocity", "effort")
+            )
+            per_A = profile.Nm_per_A
             table.add_row(
-                joint.name,
-                str(joint.wiring.node),
-                str(joint.wiring.node + ANSWERS),
-                *(f"{1000.0 * step:.2f}" for step in (scales.position, scales.velocity)),
-                f"{1000.0 * scales.torque:.1f}",
-                f"{profile.Nm_per_A:g}",
+                *(joint.name, str(joint.wiring.node), f"{position:.2f}", f"{velocity:.2f}"),
+                *(f"{current * per_A:.2g}", f"{per_A:.4g}"),
             )
     return table
 

@@ -117,7 +117,7 @@ def guard(config: Path, port: int | None) -> None:
     "models",
     multiple=True,
     metavar="[NAME=]MAKE:MODEL",
-    help="Model of motors without an EDS, as damiao:DM4340; may be repeated, joint by joint.",
+    help="Model of motors without an EDS, as robstride:RS02; may be repeated, joint by joint.",
 )
 @click.option(
     "--object",
@@ -165,7 +165,7 @@ def check(config: Path | None, field: str | None) -> None:
 @PORT
 def scan(config: Path, port: int | None) -> None:
     """List the nodes on the bus of CONFIG: node ID, vendor, product, serial number, modes, and the
-    matching EDS in the folder; and Damiao motors with their registers.
+    matching EDS in the folder; and motors of other makes.
 
     It reads by SDO and sends nothing else, and is refused while a master is on the bus. Of CONFIG
     only `bus` is read: the rest may still be wrong.

@@ -17,8 +17,8 @@ from daemon.service.notify import Notifier, notifier_of
 from daemon.service.realtime import go_realtime
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Wire
-from drivers.canopen.settings import CanopenProfile
-from drivers.damiao.guardian import Doing, Guardian
+from drivers.makes import guardian_of
+from drivers.motors.guardian import Doing, Guardian
 from programs.command_line.sentences import say
 
 _log = logging.getLogger("contactd")
@@ -41,11 +41,11 @@ def run_guard(config: Path, port: int | None) -> None:
     """Guard the arm of a configuration until SIGTERM or SIGINT. Raises ContactdError."""
     robot = load_robot(config).with_port(port)
     c = robot.configuration
-    if any(isinstance(profile, CanopenProfile) for profile in c.drives.values()):
+    if (guardian := guardian_of(c.joint_drives)) is None:
         say(f"{robot.path}: its drives stop and hold by themselves: no guardian is needed")
         return
     with log_to_stderr(), closing(notifier_of(os.environ, os.getpid())) as notifier:
-        _Guard(robot, Guardian(c.joint_drives), notifier).run()
+        _Guard(robot, guardian, notifier).run()
 
 
 class _Guard:

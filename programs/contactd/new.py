@@ -14,8 +14,8 @@ from drivers.canopen.boot.data_sheet import load_data_sheet
 from programs.command_line.sentences import say
 from programs.contactd.drafts.choice import RULES
 from programs.contactd.drafts.configuration import Draft, draft, guesses, planned
-from programs.contactd.drafts.damiao import model_of
 from programs.contactd.drafts.drive import drafted_drive
+from programs.contactd.drafts.motors import model_of
 from programs.simulate import simulated_robot
 from programs.simulate.simulated_robot import write_truth
 
@@ -62,7 +62,7 @@ def new_arm(
         (folder / "config.yaml").write_text(written, encoding="utf-8")
         for path in (urdf, *named.values()):
             shutil.copyfile(path, folder / path.name)
-        at_motor = {name for name, drive in drives.items() if not drive.link_encoder}
+        at_motor = {name for name in named if not drives[name].link_encoder}
         write_truth(load_robot(folder), at_motor)
     except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)

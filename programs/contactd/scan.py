@@ -1,5 +1,6 @@
 """`contactd scan`: nodes on the bus, and the EDS in the folder that match them; reads only."""
 
+import math
 from pathlib import Path
 
 import click
@@ -12,8 +13,11 @@ from drivers.can.bus import open_bus
 from drivers.can.settings import BusSettings
 from drivers.canopen.boot.data_sheet import load_data_sheet, makers_numbers
 from drivers.canopen.boot.scan import FoundNode, scan
+from drivers.damiao import scan as damiao
 from drivers.damiao.frames import ANSWERS, Register
-from drivers.damiao.scan import FoundMotor, scan_motors
+from drivers.robstride import scan as robstride
+from drivers.robstride.frames import Parameter
+from drivers.robstride.settings import serial_of
 from programs.command_line.sentences import aligned, say
 
 
@@ -31,15 +35,16 @@ def run_scan(config: Path, port: int | None) -> None:
         bus = msgspec.structs.replace(bus, port=port)
     sheets = data_sheets(path.parent)
     where = f"{bus.interface} {bus.channel}"
-    say(f"listening for a master on {where}, then asking 127 nodes: some ten seconds")
+    say(f"listening for a master on {where}, then asking 127 nodes: some fifteen seconds")
     opened = open_bus(bus)
     try:
         found = scan(opened.wire)
-        motors = scan_motors(opened.wire)
+        motors = motor_table(damiao.scan_motors(opened.wire))
+        motors += robstride_table(robstride.scan_motors(opened.wire))
     finally:
         opened.python_can.shutdown()
     lines = table(found, sheets) if found or not motors else []
-    for line in [*lines, *motor_table(motors)]:
+    for line in [*lines, *motors]:
         click.echo(line)
 
 
@@ -86,7 +91,7 @@ def table(found: list[FoundNode], sheets: dict[str, dict[str, int]]) -> list[str
     ]
 
 
-def motor_table(motors: list[FoundMotor]) -> list[str]:
+def motor_table(motors: list[damiao.FoundMotor]) -> list[str]:
     """Damiao motors found, as lines of a table: registers as a profile names them."""
     if not motors:
         return []
@@ -104,6 +109,27 @@ def motor_table(motors: list[FoundMotor]) -> list[str]:
             if one.values[Register.MASTER_ID] != one.motor + ANSWERS
         ),
         *(f"two motors answer with id {one.motor}" for one in motors if one.twice),
+    ]
+
+
+def robstride_table(motors: list[robstride.FoundMotor]) -> list[str]:
+    """RobStride motors found, as lines of a table."""
+    if not motors:
+        return []
+    head = "id", "mode", "torque limit in Nm", "position in rad", "supply in V"
+    rows: list[tuple[str, ...]] = [(*head, "serial (of `wiring`)", "number of its controller")]
+    for one in motors:
+        uid = one.uids[0]
+        numbers = (f"{value:.4g}" for value in one.values.values())
+        rows.append((str(one.motor), *numbers, str(serial_of(uid)), f"{uid:016X}"))
+    return [
+        *aligned(rows),
+        *(
+            f"motor {one.motor} counts from 0 to one turn at power-up: set its zero_sta to 1"
+            for one in motors
+            if one.values[Parameter.POSITION] > math.pi
+        ),
+        *(f"two motors answer with id {one.motor}" for one in motors if len(one.uids) > 1),
     ]
 
 

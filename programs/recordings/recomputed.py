@@ -29,6 +29,7 @@ from daemon.service.black_box_log import FORMATS, Context, context_of_log
 from daemon.tick.decision import Decision
 from daemon.tick.telemetry import TickRecord, Wakeup, state_of
 from drivers.api import DriveCondition, Samples
+from drivers.can.wire import frame_of
 from estimator.estimator import Estimator
 from programs.clients.log_writer import LogWriter
 from programs.recordings.row_cache import cache_directory, content_digest
@@ -119,9 +120,9 @@ def _states(
     run = _Recomputing(c, build_estimator(c, model_of(c, urdf)), faults)
     begun_s: float | None = None
     for frame in frames:
-        if frame.is_error_frame or frame.is_remote_frame or frame.is_extended_id:
+        if frame.is_error_frame or frame.is_remote_frame:
             continue
-        can_id, data, sent = frame.arbitration_id, bytes(frame.data), not frame.is_rx
+        can_id, data, sent = frame_of(frame)[0], bytes(frame.data), not frame.is_rx
         if not ticks.begins(can_id, data, sent=sent):
             ticks.take(can_id, data, sent=sent)
             continue

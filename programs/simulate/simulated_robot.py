@@ -18,11 +18,12 @@ from daemon.config.load import Robot
 from daemon.config.schema import Joint
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import CanopenProfile, Quantity
+from drivers.damiao.settings import DamiaoProfile
 from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
 from simulator.supplied import in_words
-from simulator.truth import DAMIAO, SimulationFile, described
+from simulator.truth import SimulationFile, described
 
 FILE, URDF = "simulation.yaml", "simulation.urdf"
 HEAD = """\
@@ -173,14 +174,13 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     """Fields of a joint whose motor is its drive: the model, and registers as configured."""
     if isinstance(profile, CanopenProfile):
         return {}
-    return {
-        "drive": f"{DAMIAO}{profile.model}",
-        "registers": {
-            "PMAX": profile.position_max,
-            "VMAX": profile.velocity_max,
-            "TMAX": profile.torque_max_Nm,
-        },
-    }
+    ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
+    if isinstance(profile, DamiaoProfile):
+        make, registers = "damiao", dict(zip(("PMAX", "VMAX", "TMAX"), ranges, strict=True))
+    else:
+        make, registers = "robstride", dict(zip(("P_MAX", "V_MAX", "T_MAX"), ranges, strict=True))
+        registers["zero_sta"] = 1.0
+    return {"drive": f"{make}:{profile.model}", "registers": registers}
 
 
 def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """Numbers in the frames of Damiao motors, as their controllers pack and unpack them."""
 
-from dataclasses import dataclass
 from struct import Struct
 from typing import NamedTuple
+
+from simulator.motor import Command, to_float, to_uint
 
 KP_MAX, KD_MAX = 500.0, 5.0
 _FLOAT, _FLOATS, _HYBRID = Struct("<f"), Struct("<ff"), Struct("<fHH")
@@ -15,29 +16,6 @@ class Ranges(NamedTuple):
     p_max: float
     v_max: float
     t_max: float
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """Contents of a command, in the motor's own sense: position [rad], velocity [rad/s] (the
-    highest, where there is a position loop), gains, torque [Nm] and share of the current."""
-
-    position: float = 0.0
-    velocity: float = 0.0
-    kp: float = 0.0
-    kd: float = 0.0
-    torque: float = 0.0
-    share: float = 1.0
-
-
-def to_uint(x: float, low: float, high: float, bits: int) -> int:
-    """The number that stands for x, which is clipped to the range; rounded down."""
-    return int((min(max(x, low), high) - low) * ((1 << bits) - 1) / (high - low))
-
-
-def to_float(u: int, low: float, high: float, bits: int) -> float:
-    """The value that a number stands for."""
-    return u * (high - low) / ((1 << bits) - 1) + low
 
 
 def impedance(data: bytes, ranges: Ranges) -> Command | None:

@@ -1,15 +1,15 @@
 """One Damiao motor on the bus: commands and registers in, a feedback for each; no heartbeat, no
-SYNC. It keeps its last command until the next, or until its time-out, and is limp after that."""
+SYNC."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from math import exp, inf, isfinite
+from math import inf, isfinite
 from types import MappingProxyType
 
 from simulator.damiao import frames
 from simulator.damiao import registers as r
-from simulator.damiao.frames import Command
-from simulator.damiao.models import ENCODER_COUNTS, FILTER_MS, MODELS, DamiaoMake
+from simulator.damiao.models import FILTER_MS, MODELS, DamiaoMake
+from simulator.motor import Command, Motor
 from simulator.profile import TURN
 from simulator.servo import SERVO_PERIOD_S
 from simulator.surroundings import Surroundings
@@ -33,37 +33,15 @@ _DECODERS: Mapping[int, Callable[[bytes, frames.Ranges], Command | None]] = Mapp
 """By mode; the frame's identifier is that of the motor + 0x100 * (mode - 1)."""
 
 
-class DamiaoMotor:
-    """One motor: frames in, frames out. Time is an argument [s]; `tick` is due from `due` on.
-
-    Faults: `silent` cuts it off the bus, `frozen` stops both encoders, `boot` resets it, `fail`
-    raises an error, which comes again for as long as it is `trouble`; registers may hold anything.
-    """
+class DamiaoMotor(Motor):
+    """One motor; its registers may hold anything."""
 
     def __init__(self, joint: int, wired: Surroundings, make: DamiaoMake) -> None:
-        about = wired.description.joints[joint]
-        self._joint, self._wired, self.make = joint, wired, make
-        self._servo, self._laws, self._about = wired.servo, wired.laws, about
-        self.registers = r.Registers.of(make, about.node)
+        super().__init__(joint, wired, make, FILTER_MS)
+        self.make = make
+        self.registers = r.Registers.of(make, wired.description.joints[joint].node)
         self._saved = dict(self.registers.values)
         self.status = DISABLED
-        self.due = inf
-        """Nothing happens by itself before this time [s]."""
-        self.silent = self.frozen = False
-        self.degC = (30.0, 35.0)
-        """temperatures of MOSFET and rotor"""
-        self.command = Command()
-        self.trouble = 0
-        self._heard_at = 0.0
-        # Positions of output and rotor, and what is added to them: zeros that were set, turns.
-        self._output = self._motor = self._velocity = self._current = 0.0
-        self._zero_output, self._zero_motor = 0.0, -make.motor_sign * make.offset
-        self._turns = 0.0
-        self._per_count = TURN / ENCODER_COUNTS / about.gear
-        sensors = make.sensors()
-        self._per_velocity = abs(sensors.measured_velocity_unit) / about.gear
-        self._per_effort = abs(sensors.effort_unit) * about.rated_current_A
-        wired.laws.measure(joint, 1.0 - exp(-1e3 * SERVO_PERIOD_S / FILTER_MS))
 
     @property
     def can_id(self) -> int:
@@ -102,20 +80,14 @@ class DamiaoMotor:
                 self.due = self._heard_at + limit
 
     def _switch_off(self, status: int) -> None:
-        self.status, self.command, self.due = status, Command(), inf
-        self._servo.release(self._joint)
-        self._laws.release(self._joint)
-        self._brake(closed=True)
+        self.status = status
+        self._limp()
 
     def _enable(self) -> None:
         if self.status == DISABLED:
             self.status = ENABLED
             self._brake(closed=False)
             self._act()
-
-    def _brake(self, *, closed: bool) -> None:
-        if self._about.brake:
-            self._wired.plant.brake(self._joint, closed)
 
     def on_frame(self, cob_id: int, data: bytes) -> None:
         """Take a frame from the bus: it minds the low byte of the identifier alone."""
@@ -138,10 +110,7 @@ class DamiaoMotor:
         elif what == 0xFD:
             self._switch_off(self.status if self.status >= OVER_VOLTAGE else DISABLED)
         elif what == 0xFE:
-            self._wired.sample()
-            motor, output = self.positions
-            self._zero_motor -= motor
-            self._zero_output -= output
+            self._zero()
             self.command = replace(self.command, position=0.0)
             self._act()
         elif what == 0xFB:
@@ -196,17 +165,13 @@ class DamiaoMotor:
         gear, mode, per_ampere = v[20], int(v[r.MODE]), self.registers.torque_constant
         full = MODELS[self.make.model].max_current_A
         share = c.share if mode == r.HYBRID else v[r.OVER_CURRENT]
-        highest = min(share * full, self._about.max_current_A)
-        goal = sign * (c.position - self._zero_motor - self._turns)
         if mode == r.MIT:
-            self._servo.release(joint)
-            self._laws.scale(joint, 1.0 / per_ampere, highest)
-            self._laws.impede(joint, goal, sign * c.velocity, c.kp, c.kd, sign * c.torque)
+            self._impede(per_ampere, share * full)
             return
         self._laws.release(joint)
         if not self._servo.energised(joint):
             self._servo.energise(joint, 0.0)
-        self._servo.limit(joint, highest)
+        self._servo.limit(joint, min(share * full, self._about.max_current_A))
         # The observer adds its bandwidth to the gain, by the inertia that it believes in.
         believed = OBSERVER * v[12] * gear * gear / per_ampere
         kp = v[r.KP_ASR] * full * gear
@@ -217,16 +182,4 @@ class DamiaoMotor:
         speed = sign * min(max(c.velocity, -fastest), fastest) if mode == r.VELOCITY else 0.0
         self._servo.slew(joint, speed, *((rise, fall) if sign > 0 else (fall, rise)))
         if mode != r.VELOCITY:
-            self._laws.head(joint, goal, v[r.KP_APR] / gear, c.velocity)
-
-    def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
-        """Take the counts that the sensors have sampled."""
-        if not self.frozen:
-            self._output, self._motor = TURN * link / ENCODER_COUNTS, self._per_count * motor
-        self._velocity, self._current = velocity * self._per_velocity, current * self._per_effort
-
-    @property
-    def positions(self) -> tuple[float, float]:
-        """Positions of rotor, through the gear, and output as the motor knows them [rad]."""
-        turns = self._turns
-        return self._motor + self._zero_motor + turns, self._output + self._zero_output + turns
+            self._laws.head(joint, self._goal, v[r.KP_APR] / gear, c.velocity)

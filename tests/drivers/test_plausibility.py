@@ -48,3 +48,26 @@ def test_a_step_beyond_the_way_has_a_witness(positions: list[float]) -> None:
         near = abs(now - before) <= WAY * (min(k - i, RECENT) + 1)
         witnesses = [p for p in positions[max(k - RECENT, i + 1) : k] if abs(p - now) <= WAY * 4]
         assert near or witnesses
+
+
+@pytest.mark.parametrize(
+    ("positions", "speed", "jumped"),
+    [
+        ([0.0, 0.0, 3.0], 0.0, False),
+        ([0.0, 0.0, 90.0, 90.0], 0.0, True),
+        ([0.0, 0.0, 90.0, 0.0], 0.0, False),  # it was refused
+        ([0.0, 0.0, 50.0, 100.0], 50.0, False),
+        ([0.0, 0.0, 0.0, 90.0, 90.0], -50.0, True),
+    ],
+)
+def test_a_motor_that_cannot_have_come_has_jumped(
+    positions: list[float], speed: float, jumped: bool
+) -> None:
+    found = Plausibility([1.0, WAY])
+    for position in positions:
+        found.begin_tick()
+        found.admits(1, position, speed)
+    assert found.jumped == [False, jumped]
+    found.forget([1])
+    assert found.jumped == [False, False]
+    assert not found.admits(1, 0.0)

@@ -19,7 +19,7 @@ import pytest
 from version import version
 
 ROOT = Path(__file__).resolve().parents[2]
-EXAMPLES = {"desk_arm", "openarm_left", "romeo_left_arm", "single_joint"}
+EXAMPLES = {"beam_arm", "desk_arm", "openarm_left", "romeo_left_arm", "single_joint"}
 
 
 def run(*words: str | Path, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:

@@ -159,7 +159,7 @@ def test_of_configs_only_the_examples_are_installed(tmp_path: Path, my_arm: Path
     examples = tmp_path / "root/opt/contactd/share/contactd/configs"
     assert not list(examples.rglob("*.mcap"))
     names = {path.name for path in examples.iterdir()}
-    assert names == {"desk_arm", "openarm_left", "romeo_left_arm", "single_joint"}
+    assert names == {"beam_arm", "desk_arm", "openarm_left", "romeo_left_arm", "single_joint"}
     for name in names:
         load_robot(examples / name)
 

@@ -13,9 +13,9 @@ from daemon.config.mistakes import urdf_mistakes
 from daemon.config.problem import figure
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
-from programs.contactd.drafts.damiao import DraftedMotor
 from programs.contactd.drafts.drive import DraftedDrive
 from programs.contactd.drafts.motor import MARK, Load
+from programs.contactd.drafts.motors import DraftedMotor
 
 Draft = DraftedDrive | DraftedMotor
 

@@ -9,6 +9,7 @@ from daemon.config.schema import Configuration, Joint, JointLimits, Levels
 from drivers.can.settings import BusSettings
 from drivers.canopen.settings import CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
+from drivers.robstride.settings import RobStrideProfile
 from drivers.wiring import JointWiring
 
 
@@ -23,6 +24,7 @@ def test_every_field_of_arms_and_drives_is_explained() -> None:
         *fields(CanopenProfile, "drives."),
         "drives.make",
         *fields(DamiaoProfile, "drives."),
+        *fields(RobStrideProfile, "drives."),
         *fields(Quantity, "drives."),
         *fields(Joint, "joints.", but=("wiring", "thresholds", "limits")),
         *fields(JointWiring, "joints.wiring."),

@@ -21,4 +21,8 @@ class MessageWire:
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames one by one, like `Wire.send`."""
         for can_id, data in frames:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+            self._bus.send(
+                can.Message(
+                    arbitration_id=can_id & 0x1FFFFFFF, data=data, is_extended_id=can_id > 0x7FF
+                )
+            )

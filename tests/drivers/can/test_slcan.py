@@ -55,6 +55,8 @@ def test_opened_by_configuration_alone(line, monkeypatch):
         assert isinstance(wire, SlcanWire)
         wire.send([(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff"))])
         assert read_until(adapter, b"ff\r") == b"t0800\rt20130f00ff\r"
+        wire.send([(0x0200FD01 | EXTENDED, b"\x27")])
+        assert read_until(adapter, b"27\r") == b"T0200FD01127\r"
         os.write(adapter, b"\rz\rt18122702\r")
         assert wire.receive(0.5) == (0x181, b"\x27\x02")
         assert wire.receive(0.0) is None

@@ -17,7 +17,12 @@ from drivers.can.virtual import QueueWire
 from drivers.can.wire import ERROR, EXTENDED, IDENTIFIER, REMOTE
 from tests.drivers.can.message_wire import MessageWire
 
-FRAMES = [(0x080, b""), (0x201, bytearray(b"\x0f\x00\xff\xff\xff\xff")), (0x77F, b"\x05")]
+FRAMES = [
+    (0x080, b""),
+    (0x201, bytearray(b"\x0f\x00\xff\xff\xff\xff")),
+    (0x77F, b"\x05"),
+    (0x1200FD01 | EXTENDED, bytes(range(8))),
+]
 TPDO = b"\x27\x02\x64\x00\xe8\x03\x00\x0a"
 
 
@@ -68,7 +73,9 @@ def test_a_stream_is_written_as_python_can_writes_it(stream):
     StreamWire(near).send(FRAMES)
     sent = [text + b">" for text in far.recv(4096).split(b">")[:-1]]
     for (can_id, data), text in zip(FRAMES, sent, strict=True):
-        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        extended, number = bool(can_id & EXTENDED), can_id & 0x1FFFFFFF
+        message = can.Message(arbitration_id=number, data=data, is_extended_id=extended)
+        assert len(text.split()[2]) == (8 if extended else 3)
         theirs = convert_can_message_to_ascii_message(message).split()
         ours = text.decode().split()
         assert ours[:2] == theirs[:2] == ["<", "send"]
@@ -210,7 +217,7 @@ def test_a_bus_of_python_can(wire, make):
     assert here.receive(0.0) is None
     assert here.receive(0.001) is None
     here.send(FRAMES)
-    assert [there.receive(0.0) for _ in range(4)] == [*FRAMES, None]
+    assert [there.receive(0.0) for _ in range(5)] == [*FRAMES, None]
     for flag, kind in (
         (EXTENDED, {"is_extended_id": True}),
         (REMOTE, {"is_remote_frame": True, "is_extended_id": False}),

@@ -21,14 +21,16 @@ def stuffed(bits: str) -> int:
     return len(out)
 
 
+@pytest.mark.parametrize("extended", [False, True])
 @pytest.mark.parametrize("size", range(9))
-def test_no_frame_is_longer_than_the_worst_and_one_is_as_long(size):
-    stuffable = 34 + 8 * size
+def test_no_frame_is_longer_than_the_worst_and_one_is_as_long(size, extended):
+    stuffable = (54 if extended else 34) + 8 * size
     # Five zeros, then four ones and four zeros in turn: each run is completed by a stuff bit.
     worst = ("00000" + "11110000" * 20)[:stuffable]
-    assert frame_bits(size) == stuffed(worst) + 13
+    longest = frame_bits(size, extended=extended)
+    assert longest == stuffed(worst) + 13
     for pattern in ("0" * stuffable, "1" * stuffable, ("01" * 60)[:stuffable]):
-        assert stuffed(pattern) + 13 <= frame_bits(size)
+        assert stuffed(pattern) + 13 <= longest
 
 
 def test_romeo_takes_about_a_quarter_of_a_megabit(joint_drives):

@@ -9,25 +9,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.rigs.lockstep import OPENARM
+from daemon.config.load import load_robot
 from drivers.damiao.frames import (
     CLEAR_ERROR,
     DISABLE,
     ENABLE,
     Feedback,
     Register,
-    Scales,
-    Status,
     feedback_of,
     read,
     refresh,
     register_of,
-    scaled,
     setpoint,
     setpoint_of,
-    status_of,
     value_of,
     write,
 )
+from drivers.damiao.language import DamiaoLanguage
+from drivers.motors.language import Feedback as Spoken
+from drivers.motors.language import State, steps_of
+
+DRIVES = load_robot(OPENARM).configuration.joint_drives
+DM4310 = DRIVES[4].profile
+LANGUAGE = DamiaoLanguage(DRIVES)
 
 
 @pytest.mark.parametrize(
@@ -77,22 +82,15 @@ def test_a_command_is_no_setpoint() -> None:
     assert [setpoint_of(each) for each in (ENABLE, DISABLE, CLEAR_ERROR, b"\0\0")] == [None] * 4
 
 
-@given(st.floats(-100.0, 100.0), st.sampled_from((12, 16)))
-def test_a_scaled_value_is_the_nearest_that_there_is(value: float, bits: int) -> None:
-    step = 2.0 * 12.5 / ((1 << bits) - 1)
-    found = scaled(value, 12.5, bits) * step - 12.5
-    assert abs(found - min(max(value, -12.5), 12.5)) <= 0.5 * step + 1e-9
-
-
 def test_a_feedback_of_a_public_client() -> None:
     # DM4310, id 1, enabled, at 0 rad, 0 rad/s, 0 Nm, 30 and 28 degC: the middle of all ranges.
     found = feedback_of(1, bytes.fromhex("117FFF7FF7FF1E1C"))
     assert found == Feedback(1, 0x7FFF, 0x7FF, 0x7FF, 30, 28)
-    scales = Scales.of(12.5, 30.0, 10.0)
-    assert (found.position - 0xFFFF / 2.0) * scales.position == pytest.approx(0.0, abs=2e-4)
-    assert scales.position == pytest.approx(0.38e-3, rel=0.01)
-    assert scales.velocity == pytest.approx(14.7e-3, rel=0.01)
-    assert scales.torque == pytest.approx(4.9e-3, rel=0.01)
+    position, velocity, torque = steps_of(DM4310, DamiaoLanguage.bits)
+    assert (found.position - 0xFFFF / 2.0) * position == pytest.approx(0.0, abs=2e-4)
+    assert position == pytest.approx(0.38e-3, rel=0.01)
+    assert velocity == pytest.approx(14.7e-3, rel=0.01)
+    assert torque == pytest.approx(4.9e-3, rel=0.01)
 
 
 @given(
@@ -116,12 +114,15 @@ def test_a_feedback_is_of_one_motor(motor: int, data: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("nibble", "status"),
-    [(0, Status.DISABLED), (1, Status.ENABLED), (13, Status.MASTER_SILENT), (2, Status.UNKNOWN),
-     (15, Status.UNKNOWN)],
+    ("nibble", "state"),
+    [(0, State.OFF), (1, State.ON), (8, State.FAILED), (13, State.FAILED), (2, State.UNKNOWN),
+     (15, State.UNKNOWN)],
 )  # fmt: skip
-def test_statuses(nibble: int, status: Status) -> None:
-    assert status_of(nibble) is status
+def test_statuses(nibble: int, state: State) -> None:
+    found = LANGUAGE.answer_of(0, 0x11, bytes([nibble << 4 | 1]) + bytes(7))
+    assert isinstance(found, Spoken)
+    assert found.status.state is state
+    assert found.status.missed_us is (nibble == 13)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from daemon.service.poses import Poses
 from drivers.api import PowerTarget
 from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.frames import Status
-from drivers.damiao.guardian import BEAT, GONE_S, HOT_C, LOWERS, Doing
+from drivers.motors.guardian import BEAT, GONE_S, HOT_C, LOWERS, Doing
 
 T = 0.01
 #: Where gravity pulls at every large joint.
@@ -199,7 +199,7 @@ def test_a_daemon_that_starts_anew_takes_an_arm_over_that_the_guardian_holds(rig
 def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
     rig: Rig, left: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.damiao.guardian.LOWERS_AFTER_S", 1.0)
+    monkeypatch.setattr("drivers.motors.guardian.LOWERS_AFTER_S", 1.0)
     if left:
         with rig.lockstep.serving():
             rig.drives.let_go()

@@ -15,7 +15,7 @@ from daemon.modes.table import Event, Mode
 from drivers.can.wire import Frame
 from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.frames import Status
-from drivers.damiao.guardian import BEAT, Doing
+from drivers.motors.guardian import BEAT, Doing
 from simulator.damiao.registers import TIMEOUT
 
 T = 0.01

@@ -12,7 +12,7 @@ from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Frame, Wire
 from drivers.damiao.frames import ANSWERS, ENABLE, setpoint_of
-from drivers.damiao.guardian import BEAT
+from drivers.motors.guardian import BEAT
 from simulator.damiao.motor import OVERLOAD, DamiaoMotor
 
 T = 0.01

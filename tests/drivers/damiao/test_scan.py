@@ -17,10 +17,11 @@ RANGES = {1: "45", 3: "10", 5: "30"}
 
 
 def test_motors_are_listed_as_a_profile_names_their_registers() -> None:
-    description, simulation = true_arm(load_robot(OPENARM))
+    robot = load_robot(OPENARM)
+    description, simulation = true_arm(robot)
     with virtual_line() as bus:
         arm = SimulatedArm(description, simulation.settings, bus.far.send)
-        lockstep = Lockstep(arm, bus.far, at_request(1))
+        lockstep = Lockstep(arm, bus.far, at_request(robot))
         arm.power_on()
         arm.motors[3].silent = True
         arm.motors[5].registers.values[7] = 0.0

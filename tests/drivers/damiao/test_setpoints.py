@@ -11,8 +11,9 @@ from bench.rigs.lockstep import OPENARM
 from daemon.config.load import load_robot
 from drivers.can.wire import Frame
 from drivers.damiao.frames import ANSWERS, Register, setpoint_of
+from drivers.damiao.language import DamiaoLanguage
 from drivers.damiao.registers import Registers
-from drivers.damiao.setpoints import Setpoints
+from drivers.motors.setpoints import Setpoints
 
 T = 0.01
 DRIVES = load_robot(OPENARM).configuration.joint_drives
@@ -23,7 +24,7 @@ FOLLOWS = DRIVE.velocity * T
 
 @pytest.fixture
 def setpoints() -> Setpoints:
-    return Setpoints(DRIVES, T)
+    return Setpoints(DRIVES, DamiaoLanguage(DRIVES), T)
 
 
 def test_there_is_none_until_its_motor_is_known(setpoints: Setpoints) -> None:
@@ -46,7 +47,7 @@ def test_there_is_none_until_its_motor_is_known(setpoints: Setpoints) -> None:
 def test_no_setpoint_steps_further_than_its_joint_may_move(
     ticks: list[tuple[float, float, bool]],
 ) -> None:
-    setpoints, before = Setpoints(DRIVES, T), math.nan
+    setpoints, before = Setpoints(DRIVES, DamiaoLanguage(DRIVES), T), math.nan
     for velocity, measured, powered in ticks:
         setpoints.write(0, velocity, measured, 0.0, powered=powered)
         p = setpoints.positions[0]

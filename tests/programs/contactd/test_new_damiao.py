@@ -13,8 +13,8 @@ from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, lockstep_rig
 from bench.study.mistakes import told
 from drivers.damiao.settings import MODELS, Model
 from programs.contactd.contactd import main
-from programs.contactd.drafts.damiao import MOST_SAG, gains
 from programs.contactd.drafts.motor import Load
+from programs.contactd.drafts.motors import MOST_SAG, gains
 from programs.simulate.simulated_robot import true_arm
 
 OF_JOINTS = ("DM8009", "DM8009", "DM4340", "DM4340", "DM4310", "DM4310", "DM4310")
@@ -90,7 +90,7 @@ def test_gains_damp_the_heaviest_joint_as_far_as_frames_go(
     model: Model, gravity: float, inertia: float
 ) -> None:
     rotor = MODELS[model].rotor * MODELS[model].gear ** 2
-    k, d = gains([Load(gravity, inertia), Load(gravity / 2.0, inertia / 2.0)], rotor)
+    k, d = gains([Load(gravity, inertia), Load(gravity / 2.0, inertia / 2.0)], MODELS[model])
     ratio = d / (2.0 * sqrt(k * (rotor + inertia)))
     assert 0.0 < k <= 500.0
     assert 0.0 < d <= 5.0
@@ -123,8 +123,8 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
         ([], "either --eds"),
         (["--eds", str(ROMEO / "drive.eds"), *drives("damiao:DM4340")], "must be of one make"),
         ([*drives("damiao:DM4340"), "--object", "current=0x6078"], "--object"),
-        (drives("damiao:DM4341"), "models are DM4310, DM4340, DM6006, DM8009"),
-        (drives("robstride:DM4340"), "must be [NAME=]damiao:MODEL"),
+        (drives("damiao:DM4341"), "there are damiao:DM4310, damiao:DM4340"),
+        (drives("robstride:DM4340"), "must be [NAME=]MAKE:MODEL"),
         (drives("a=damiao:DM4340", "a=damiao:DM4310"), "a is another model already"),
         (drives(*8 * ["damiao:DM4340"]), "has only 7 joints"),
     ],

@@ -89,7 +89,7 @@ def test_what_the_file_says_of_a_motor(tmp_path: Path) -> None:
     description, _ = true_arm(load_robot(folder))
     assert supplied_values(description) == []
     assert [joint.node for joint in description.joints] == [10, 3]
-    assert [drive.damiao for drive in description.drives()] == [
+    assert [drive.motor for drive in description.drives()] == [
         DamiaoMake("DM4310", 0x1A),
         DamiaoMake("DM8009", 0x23, -1, 1, 0.25, {9: 8000, 22: 40.5}),
     ]

@@ -1,4 +1,4 @@
-"""Recorded frames of an arm of Damiao motors: they give the samples that the daemon had."""
+"""Recorded frames of an arm of motors: they give the samples that the daemon had."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bench.rigs.lockstep import OPENARM, lockstep_rig
+from bench.rigs.lockstep import BEAM, OPENARM, lockstep_rig
 from daemon.modes.table import Event
 from daemon.protocol.state import State
 from daemon.service.black_box_log import context_of_log, context_path, save
@@ -17,10 +17,11 @@ from programs.recordings.recomputed import recomputed
 SECONDS = 1.5
 
 
-def test_the_samples_are_those_of_the_daemon(tmp_path: Path) -> None:
+@pytest.mark.parametrize("arm", [OPENARM, BEAM])
+def test_the_samples_are_those_of_the_daemon(tmp_path: Path, arm: Path) -> None:
     now, states = [0.0], list[State]()
     ring = FrameRing(tmp_path / "control.frames", 40_000, lambda: now[0])
-    with lockstep_rig(OPENARM, between=lambda wire: RecordedWire(wire, ring)) as rig:
+    with lockstep_rig(arm, between=lambda wire: RecordedWire(wire, ring)) as rig:
 
         def each() -> None:
             now[0] = rig.time_s
@@ -36,7 +37,7 @@ def test_the_samples_are_those_of_the_daemon(tmp_path: Path) -> None:
     ring.close()
     assert log is not None
     snapshot, found = recomputed(log, context_of_log(log))
-    assert len(snapshot.joints) == 7
+    assert len(snapshot.joints) == len(rig.robot.configuration.joints)
     pairs = list(zip(found[::-1], states[::-1], strict=False))[
         :-1
     ]  # the first came before its time

@@ -10,10 +10,10 @@ from drivers.api import Event, Kind
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
 from drivers.can.traffic import Traffic
-from drivers.can.wire import ERROR, Frame, Wire
-from drivers.damiao.frames import REGISTERS
-from drivers.damiao.guardian import BEAT, GONE_S, Doing
-from drivers.damiao.replies import Replies
+from drivers.can.wire import ERROR, IDENTIFIER, Frame, Wire
+from drivers.motors.guardian import BEAT, GONE_S, Doing
+from drivers.motors.language import Language
+from drivers.motors.replies import Replies
 
 #: Bounds of a pass and of a tick: a flooded bus must not hold the loop, nor take the memory.
 FRAMES_PER_PASS: Final = 512
@@ -21,20 +21,20 @@ EVENTS_PER_TICK: Final = 32
 
 
 class Port:
-    """Port with the replies that it feeds; only we, and a guardian, may send to the `motors`."""
+    """Port with the replies that it feeds; only we, and a guardian, may command the motors."""
 
     def __init__(
         self,
         wire: Wire,
         replies: Replies,
         traffic: Traffic,
-        motors: Sequence[int],
+        language: Language,
         on_bus_off: Callable[[], None],
-        on_held: Callable[[int, bytes | bytearray], None],
+        on_held: Callable[[int, float], None],
     ) -> None:
-        """on_held takes a joint and the setpoint with which the guardian holds its motor."""
+        """on_held takes a joint and the position at which the guardian holds its motor [rad]."""
         self._wire, self._replies, self._traffic = wire, replies, traffic
-        self._joint_of = {motor: joint for joint, motor in enumerate(motors)}
+        self._language = language
         self._on_bus_off, self._on_held = on_bus_off, on_held
         self._events: list[Event] = []
         self.now = 0.0
@@ -90,10 +90,11 @@ class Port:
         return not all(self.take_next(0.0) for _ in range(FRAMES_PER_PASS))
 
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
-        joint = self._replies.joint_of(can_id)
-        if joint is not None:
-            if not self._replies.take(joint, data):
-                self.report(Event(Kind.DISTURBED, f"an answer at 0x{can_id:03X} cannot be its own"))
+        language = self._language
+        if (joint := language.answering(can_id)) is not None:
+            if not self._replies.take(joint, can_id, data):
+                text = f"an answer at {_named(can_id)} cannot be its own"
+                self.report(Event(Kind.DISTURBED, text))
             return
         if can_id & ERROR:
             event = error_frame(can_id & ~ERROR, data)
@@ -101,17 +102,18 @@ class Port:
                 self._on_bus_off()
             self.report(event)
             return
-        known = can_id == BEAT or can_id in self._joint_of
-        self._traffic.take(can_id, len(data), unknown=not known)
+        joint = language.commanded(can_id)
+        self._traffic.take(can_id, len(data), unknown=joint is None and can_id != BEAT)
         if can_id == BEAT and len(data):
             self._beat_s, self._guarded = self.now, True
             self.taken_over = data[0] != Doing.WATCHES
-        elif can_id in self._joint_of and self.taken_over:
-            self._on_held(self._joint_of[can_id], data)
+        elif joint is not None and self.taken_over:
+            if (found := language.setpoint_of(joint, can_id, data)) is not None:
+                self._on_held(joint, found[0])
             if self.now - self._begun_s > GONE_S:  # at the start it has held the arm in order
                 self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
-        elif can_id in self._joint_of or can_id == REGISTERS:
-            self.report(Event(Kind.FOREIGN_MASTER, f"it sends 0x{can_id:03X}"))
+        elif language.masters(can_id):
+            self.report(Event(Kind.FOREIGN_MASTER, f"it sends {_named(can_id)}"))
 
     @property
     def guarded(self) -> bool:
@@ -127,3 +129,7 @@ class Port:
             self._guarded = self.taken_over = False
             text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"
             self.report(Event(Kind.UNGUARDED, text))
+
+
+def _named(can_id: int) -> str:
+    return f"0x{can_id & IDENTIFIER:03X}"

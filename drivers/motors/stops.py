@@ -1,4 +1,4 @@
-"""Stops of Damiao motors: a ramp of setpoints to 0, watched; power is cut only where one runs on.
+"""Stops of motors: a ramp of setpoints to 0, watched; power is cut only where one runs on.
 
 These motors have no stop of their own, and go limp when nothing is sent. So the stronger stages
 of `StopWatch` go on holding, and silence is none: a motor that is not heard may still hear.
@@ -12,7 +12,7 @@ from typing import Final
 
 from common.arrays import Vector
 from drivers.api import Event, Kind, PowerTarget, Samples
-from drivers.damiao.settings import DamiaoDrive
+from drivers.motors.language import MotorDrives
 from drivers.stopping.stop_watch import OBEYING, Seen, Stage
 from drivers.stopping.watches import REPEATS, Watches, seen_in
 
@@ -23,7 +23,7 @@ _STRONGER: Final = {Stage.LAST: Kind.NOT_SEEN_TO_STOP, Stage.SILENCE: Kind.UNPRO
 class Stops:
     """Stops of one arm; `step` once per tick, before its setpoints go out."""
 
-    def __init__(self, drives: Sequence[DamiaoDrive], period_s: float) -> None:
+    def __init__(self, drives: MotorDrives, period_s: float) -> None:
         self._names = tuple(drive.name for drive in drives)
         self._fastest = [drive.velocity for drive in drives]
         self._braking = [drive.quick_stop * period_s for drive in drives]  # in a tick [rad/s]

@@ -1,5 +1,5 @@
-"""Guardian of Damiao motors: holds an arm whose daemon fell silent, and lowers it where it may not
-hold on. Pure: frames and times in, frames out.
+"""Guardian of motors that let go: holds an arm whose daemon fell silent, and lowers it where it may
+not hold on. Pure: frames and times in, frames out.
 
 The motors let go when setpoints cease. The guardian hears the daemon's setpoints on the bus, and
 while there are none it repeats the last ones without their velocity. It never moves a motor but to
@@ -9,25 +9,16 @@ again has the motors at once. Its beat says on the bus that it is there, and wha
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Any, Final
 
 from drivers.can.wire import Frame
-from drivers.damiao.frames import (
-    ANSWERS,
-    Scales,
-    Status,
-    feedback_of,
-    register_of,
-    scaled,
-    setpoint,
-    setpoint_of,
-    time_out_of,
-)
-from drivers.damiao.settings import DamiaoDrive
+from drivers.drive import Drive
+from drivers.motors.language import Feedback, Language, MotorDrives, State
 
-#: Identifier of its beat: motors mind the low byte alone, and none has this id.
+#: Identifier of its beat: motors of 11 bits mind the low byte alone, and none has this id; those
+#: of 29 bits mind no other frame.
 BEAT: Final = 0x7F0
 BEAT_EVERY_S: Final = 0.02
 #: Without its beat for so long it counts as gone.
@@ -54,26 +45,21 @@ class Doing(IntEnum):
 
 @dataclass(slots=True)
 class _Motor:
-    drive: DamiaoDrive
-    scales: Scales
-    data: bytearray = field(default_factory=lambda: bytearray(8))
+    drive: Drive[Any]
+    step: float  # value of a count of its position [rad]
+    data: bytes = b""  # of the last setpoint, the daemon's or our own
     heard_s: float | None = None  # last setpoint of the daemon
     position: float = 0.0  # p of the setpoint [rad at the output]
-    gains: tuple[int, int] = (0, 0)
     enabled: bool = False
     here: float = 0.0  # position of the motor [rad at the output]
     hot: bool = False
     alone: bool = False  # its time-out is off: it was left to hold
 
-    def hear(self, data: bytes | bytearray) -> None:
-        """Take an answer of the motor."""
-        if register_of(self.drive.node, data) is not None:
-            return
-        if (answer := feedback_of(self.drive.node, data)) is None:
-            return
-        self.enabled = answer.status == Status.ENABLED
-        self.here = (answer.position - 0x7FFF) * self.scales.position
-        self.hot = max(answer.bridge_C, answer.coil_C) >= HOT_C
+    def hear(self, answer: Feedback, middle: float) -> None:
+        """Take a feedback of the motor."""
+        self.enabled = answer.status.state is State.ON
+        self.here = (answer.position - middle) * self.step
+        self.hot = answer.degC >= HOT_C
 
     def lower(self, passed_s: float) -> bool:
         """Move the setpoint along the load; False where the motor bears nothing to speak of."""
@@ -89,13 +75,11 @@ class _Motor:
 class Guardian:
     """Guardian of the motors of one arm."""
 
-    def __init__(self, drives: Sequence[DamiaoDrive]) -> None:
+    def __init__(self, drives: MotorDrives, language: Language) -> None:
+        self._language = language
         self._motors = [
-            _Motor(drive, Scales.of(p.position_max, p.velocity_max, p.torque_max_Nm))
-            for drive, p in ((drive, drive.profile) for drive in drives)
+            _Motor(drive, steps[0]) for drive, steps in zip(drives, language.steps, strict=True)
         ]
-        self._by_command = {motor.drive.node: motor for motor in self._motors}
-        self._by_answer = {motor.drive.node + ANSWERS: motor for motor in self._motors}
         patience_s = min(drive.profile.patience_s for drive in drives)
         self._after_s, self._every_s = TAKES_OVER_SHARE * patience_s, EVERY_SHARE * patience_s
         self._held_since_s: float | None = None
@@ -108,22 +92,23 @@ class Guardian:
 
     def take(self, now: float, can_id: int, data: bytes | bytearray) -> None:
         """Take a frame of the bus."""
-        if (motor := self._by_command.get(can_id)) is not None:
-            if (found := setpoint_of(data)) is not None:
-                motor.heard_s = now
-                counts, _, *gains = found
-                motor.position = (counts - 0xFFFF / 2) * motor.scales.position
-                motor.gains = gains[0], gains[1]
-        elif (motor := self._by_answer.get(can_id)) is not None:
-            motor.hear(data)
-        elif (of := time_out_of(can_id, data)) and (motor := self._by_command.get(of[0])):
-            motor.alone = not of[1]
+        language = self._language
+        if (joint := language.commanded(can_id)) is not None:
+            if (found := language.setpoint_of(joint, can_id, data)) is not None:
+                motor = self._motors[joint]
+                motor.heard_s, motor.position, motor.data = now, found[0], bytes(data)
+        elif (joint := language.answering(can_id)) is not None:
+            answer = language.answer_of(joint, can_id, data)
+            if isinstance(answer, Feedback):
+                self._motors[joint].hear(answer, language.middle[0])
+        elif (of := language.time_out_of(can_id, data)) is not None:
+            self._motors[of[0]].alone = not of[1]
 
     def step(self, now: float) -> list[Frame]:
         """Frames that are due."""
         frames: list[Frame] = []
         before = self.doing
-        orphans = [motor for motor in self._motors if self._orphaned(motor, now)]
+        orphans = [i for i, motor in enumerate(self._motors) if self._orphaned(motor, now)]
         if not orphans:
             self.doing, self._held_since_s = Doing.WATCHES, None
         elif now - self._commanded_s >= self._every_s:
@@ -131,7 +116,7 @@ class Guardian:
             if self._held_since_s is None:
                 self._held_since_s, passed_s = now, 0.0
             self._command(orphans, now - self._held_since_s, min(passed_s, 2.0 * self._every_s))
-            frames += [(motor.drive.node, motor.data) for motor in orphans]
+            frames += [(self._language.setpoints[i][0], self._motors[i].data) for i in orphans]
         # Its activity is known before its setpoints are heard.
         if self.doing is not before or now - self._beaten_s >= BEAT_EVERY_S - ROUNDING_S:
             self._beaten_s = now
@@ -142,17 +127,16 @@ class Guardian:
         heard_s = motor.heard_s
         return motor.enabled and heard_s is not None and now - heard_s > self._after_s
 
-    def _command(self, motors: Sequence[_Motor], held_s: float, passed_s: float) -> None:
-        """Write the setpoints of these motors, held for `held_s`, the last time `passed_s` ago."""
+    def _command(self, joints: Sequence[int], held_s: float, passed_s: float) -> None:
+        """Write the setpoints of these joints, held for `held_s`, the last time `passed_s` ago."""
         long = held_s > LOWERS_AFTER_S
         lowered = [
             motor.lower(passed_s)
-            for motor in motors
+            for motor in (self._motors[i] for i in joints)
             if self.lowers or motor.hot or (long and not motor.alone)
         ]
         self.doing = Doing.LOWERS if any(lowered) else Doing.HOLDS
         self.unloaded = bool(lowered) and not any(lowered)
-        for motor in motors:
-            profile = motor.drive.profile
-            counts = scaled(motor.position, profile.position_max, 16)
-            setpoint(motor.data, counts, scaled(0.0, profile.velocity_max, 12), motor.gains)
+        for i in joints:
+            motor = self._motors[i]
+            motor.data = self._language.restated(i, motor.data, motor.position)

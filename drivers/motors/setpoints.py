@@ -10,12 +10,11 @@ no faster than the joint may move: a false position moves it little.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Final
 
 from drivers.can.wire import Frame
-from drivers.damiao.frames import MOST_DAMPING, STIFFEST, scaled, setpoint, setpoint_of
-from drivers.damiao.settings import DamiaoDrive
+from drivers.motors.language import Language, MotorDrives
 
 #: What a motor that is enabled may be away from its p [rad].
 AT: Final = 1e-3
@@ -24,21 +23,12 @@ AT: Final = 1e-3
 class Setpoints:
     """Setpoints of an arm, written into frames that stay."""
 
-    def __init__(self, drives: Sequence[DamiaoDrive], period_s: float) -> None:
-        self._period_s = period_s
+    def __init__(self, drives: MotorDrives, language: Language, period_s: float) -> None:
+        self._language, self._period_s = language, period_s
         self._signs = [float(drive.wiring.motor_sign) for drive in drives]
-        self._most = [(d.profile.position_max, d.profile.velocity_max) for d in drives]
-        self._gains = [
-            (_share(d.profile.stiffness, STIFFEST), _share(d.profile.damping, MOST_DAMPING))
-            for d in drives
-        ]
         self._rad_per_A = [d.profile.Nm_per_A / d.profile.stiffness for d in drives]
         self._most_A = [d.wiring.max_current_A for d in drives]
         self._follows = [d.velocity * period_s for d in drives]
-        self._data = [bytearray(8) for _ in drives]
-        self.frames: list[Frame] = [
-            (drive.node, data) for drive, data in zip(drives, self._data, strict=True)
-        ]
         self.positions: list[float] = [math.nan] * len(drives)
         """Position p of each motor [rad at the link]; NaN where it is not known yet."""
 
@@ -64,14 +54,13 @@ class Setpoints:
 
     def _bounded(self, joint: int, beyond: float) -> float:
         """Way from the motor to its p, within what the current limit allows [rad]."""
-        reach = self._most_A[joint] * self._rad_per_A[joint]
+        reach: float = self._most_A[joint] * self._rad_per_A[joint]
         return min(max(beyond, -reach), reach)
 
-    def adopt(self, joint: int, data: bytes | bytearray) -> None:
-        """Take the p of a setpoint that the guardian sent: the motor is held there."""
-        if (found := setpoint_of(data)) is not None:
-            step = 2.0 * self._most[joint][0] / 0xFFFF
-            self.positions[joint] = self._signs[joint] * step * (found[0] - 0xFFFF / 2)
+    def adopt(self, joint: int, position: float) -> None:
+        """Take the p of a setpoint that the guardian sent [rad, as the motor counts]: the motor is
+        held there."""
+        self.positions[joint] = self._signs[joint] * position
 
     def at(self, joint: int, measured: float) -> bool:
         """True where p is at its motor, so that it may be enabled."""
@@ -91,17 +80,8 @@ class Setpoints:
         known = [joint for joint in range(len(self.positions)) if self.known(joint)]
         for joint in known:
             self._pack(joint, 0.0)
-        return [self.frames[joint] for joint in known]
+        return [self._language.setpoints[joint] for joint in known]
 
     def _pack(self, joint: int, velocity: float) -> None:
-        sign, (furthest, fastest) = self._signs[joint], self._most[joint]
-        setpoint(
-            self._data[joint],
-            scaled(sign * self.positions[joint], furthest, 16),
-            scaled(sign * velocity, fastest, 12),
-            self._gains[joint],
-        )
-
-
-def _share(value: float, most: float) -> int:
-    return round(value / most * 0xFFF)
+        sign = self._signs[joint]
+        self._language.pack(joint, sign * self.positions[joint], sign * velocity)

@@ -1,6 +1,6 @@
-"""Damiao motors of one arm on their bus: every tick requests out, samples in, setpoints out.
+"""Motors of one arm on their bus: every tick requests out, samples in, setpoints out.
 
-A tick asks each motor for a feedback and for its output encoder, then sends its setpoint, whose own
+A tick asks each motor for its answers, then sends its setpoint, whose own
 feedback acknowledges it. One thread owns the bus. Time is an argument; the `clock` only
 measures how much of a deadline is left. No failure of the bus is an exception.
 """
@@ -13,21 +13,12 @@ from common.arrays import Vector
 from drivers.api import Event, Kind, Objection, PowerTarget, Samples
 from drivers.can.traffic import Traffic
 from drivers.can.wire import Frame, Wire
-from drivers.damiao.frames import (
-    CLEAR_ERROR,
-    DISABLE,
-    ENABLE,
-    Register,
-    Status,
-    read,
-    refresh,
-)
-from drivers.damiao.make import frames
-from drivers.damiao.port import FRAMES_PER_PASS, Port
-from drivers.damiao.replies import WORKING, Replies, news_of
-from drivers.damiao.setpoints import Setpoints
-from drivers.damiao.settings import DamiaoDrive
-from drivers.damiao.stops import Stops
+from drivers.motors.language import UNREPORTED, Language, State, Status
+from drivers.motors.language import MotorDrives as Motors
+from drivers.motors.port import FRAMES_PER_PASS, Port
+from drivers.motors.replies import Replies, news_of
+from drivers.motors.setpoints import Setpoints
+from drivers.motors.stops import Stops
 from drivers.presence import Presence
 from drivers.stopping.travel import least_patience_s
 
@@ -37,7 +28,7 @@ NO_GUARDIAN: Final = (
 _OFF, _ON, _STOP = PowerTarget
 
 
-class DamiaoDrives:
+class MotorTick:
     """Motors of an arm on one bus, set up by others: `drivers.api.Drives`, their start and end."""
 
     #: The motors always hear of us: without, they would go limp.
@@ -46,34 +37,29 @@ class DamiaoDrives:
     def __init__(
         self,
         wire: Wire,
-        drives: Sequence[DamiaoDrive],
+        drives: Motors,
+        language: Language,
+        traffic: Traffic,
         period_s: float,
         clock: Callable[[], float],
-        bitrate: int,
     ) -> None:
         n = len(drives)
         self.names = tuple(drive.name for drive in drives)
-        self.replies = Replies(drives, period_s)
+        self.replies = Replies(drives, language, period_s)
         self._clock, self._now = clock, 0.0
         self._stops = Stops(drives, period_s)
         self._presence = Presence(least_patience_s(drives), period_s)
-        self._motors = tuple(drive.node for drive in drives)
-        self._setpoints = Setpoints(drives, period_s)
+        self._language = language
+        self._setpoints = Setpoints(drives, language, period_s)
         adopt = self._setpoints.adopt
-        traffic = Traffic(frames(drives, period_s), period_s, bitrate)
-        self._port = Port(wire, self.replies, traffic, self._motors, self._presence.lost, adopt)
-        self._requests = [
-            request
-            for motor in self._motors
-            for request in (refresh(motor), read(motor, Register.OUTPUT_POSITION))
-        ]
+        self._port = Port(wire, self.replies, traffic, language, self._presence.lost, adopt)
         self._last = [0.0] * n  # target velocities that went out [rad/s at the link]
-        self._measured = [math.nan] * n  # positions of the motors that both encoders show
+        self._measured = [math.nan] * n  # positions of the motors that are not doubted
         self._stopping = [True] * n
-        self._were = [Status.UNKNOWN] * n  # statuses that were reported
+        self._were = [UNREPORTED] * n  # statuses that were reported
         self._let_go = [True] * n  # motors without power because we said so
         self._unset: set[int] = set()
-        self._time_outs: dict[int, Frame] = {}  # that begin with the joint's first setpoint
+        self._behind: dict[int, Frame] = {}  # what follows the joint's first setpoint
         self._backlog = False
         self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
         """Samples of the last tick."""
@@ -85,6 +71,8 @@ class DamiaoDrives:
         fresh = range(len(self.names)) if renewed is None else renewed
         self._unset -= set(fresh)
         self._setpoints.forget(fresh)
+        jumped = self.replies.plausibility.jumped
+        self.replies.plausibility.forget([i for i in fresh if jumped[i]])
         self._port.begin(now)
         self.replies.awaited.start_anew()
         self._port.read_queued()
@@ -98,7 +86,7 @@ class DamiaoDrives:
 
     def unfit(self) -> list[int]:
         """Joints whose motors must be set up again before a reset can help."""
-        silent = (i for i, status in enumerate(self._were) if status is Status.UNKNOWN)
+        silent = (i for i, status in enumerate(self._were) if status.state is State.UNKNOWN)
         return sorted({*self._unset, *silent})
 
     def sync(self, now: float) -> None:
@@ -116,10 +104,10 @@ class DamiaoDrives:
             self._backlog = True
             return
         self.replies.begin_tick(now)
-        self._port.send(self._requests)
+        self._port.send(self._language.requests)
 
     def collect(self, deadline: float) -> Samples:
-        """Read until both answers of every motor are in, or `deadline` on the caller's clock has
+        """Read until the answers of every motor are in, or `deadline` on the caller's clock has
         passed. After a pass that was not read to its end nothing counts as an answer."""
         awaited, frames_left = self.replies.awaited, FRAMES_PER_PASS
         if self._backlog:
@@ -151,6 +139,13 @@ class DamiaoDrives:
             if answers:
                 joints = self._named(self.replies.awaited.joints_of(answers))
                 self._port.report(Event(kind, f"{joints}: {text}"))
+        if not self._language.outputs:
+            # Its only encoder is not believed any more; what it has to hold is found anew.
+            for i, jumped in enumerate(self.replies.plausibility.jumped):
+                if jumped and i not in self._unset:
+                    self._unset.add(i)
+                    text = f"{self.names[i]}: its position changed by more than it can move"
+                    self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
             before, self._were[i] = self._were[i], status
             news, text = news_of(before, status, let_go=self._let_go[i])
@@ -198,41 +193,43 @@ class DamiaoDrives:
         """Append the frames of one motor: its setpoint, and a command where its power is another
         than wanted. A motor takes the last setpoint up when it is enabled, so that comes first."""
         status = self.replies.statuses[i]
-        runs = status is Status.ENABLED and i not in self._unset
+        state = status.state
+        runs = state is State.ON and i not in self._unset
         self._last[i] = velocity if runs else 0.0
         if (target is not _ON) is not self._stopping[i]:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
         if self._port.taken_over and not self._setpoints.known(i):
             return  # the guardian goes on until its setpoint is heard, and taken up
         # One that lost its power without us, or says so, has its setpoint stay until a reset.
-        powered = status in (Status.ENABLED, Status.UNKNOWN) or target is _STOP
+        powered = state in (State.ON, State.UNKNOWN) or target is _STOP
         here, current = self._measured[i], float(self.samples.current[i])
         if not self._setpoints.write(i, self._last[i], here, current, powered=powered):
             return
-        frames.append(self._setpoints.frames[i])
-        if i in self._time_outs:
-            frames.append(self._time_outs.pop(i))
+        frames.append(self._language.setpoints[i])
+        if (behind := self._behind.pop(i, None)) is not None:
+            frames.append(behind)
         self.replies.pending[i] = 1  # one that was lost is not awaited for ever
-        word = self._command_word(i, target, status, reset)
-        self._let_go[i] = word is DISABLE or (self._let_go[i] and status is not Status.ENABLED)
-        if word is not None:
-            frames.append((self._motors[i], word))
-            self.replies.pending[i] += 1
+        words, lets_go = self._words(i, target, status, reset)
+        self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)
+        frames += words
+        self.replies.pending[i] += len(words)
 
-    def _command_word(
+    def _words(
         self, i: int, target: PowerTarget, status: Status, reset: bool
-    ) -> bytes | None:
-        watches = self._stops.watches
+    ) -> tuple[Sequence[Frame], bool]:
+        """Commands of a motor beside its setpoint, and whether they take its power."""
+        watches, state = self._stops.watches, status.state
         if target is _OFF or watches.each[i].cut:
             # A moving one gets its ramp first; one that runs on is disabled, whatever it reports.
-            on = status is Status.ENABLED or watches.each[i].cut
-            return DISABLE if on and watches.may_be_off(i) else None
-        if status not in WORKING:
-            return CLEAR_ERROR if reset else None
-        enables = target is _ON and status is Status.DISABLED and i not in self._unset
+            on = state is State.ON or watches.each[i].cut
+            off = on and watches.may_be_off(i)
+            return ((self._language.disabling(i),) if off else ()), off
+        if state is State.FAILED:
+            return ((self._language.clearing(i),) if reset else ()), False
+        enables = target is _ON and state is State.OFF and i not in self._unset
         # One that is not heard may be elsewhere by now, and would jump back.
         here = bool(self.samples.fresh[i]) and self._setpoints.at(i, self._measured[i])
-        return ENABLE if enables and here else None
+        return (self._language.enabling(i) if enables and here else ()), False
 
     def unproved(self) -> tuple[str, ...]:
         """Joints commanded to stop and not confirmed at standstill since."""

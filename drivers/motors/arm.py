@@ -1,0 +1,183 @@
+"""Motors of one arm over their whole life: `drivers.api.BootableDrives`."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Protocol
+
+from common.errors import BusError, ContactdError, DriveError
+from drivers.api import Report
+from drivers.can.bus import BUS_FAILURES
+from drivers.can.traffic import Traffic
+from drivers.can.wire import IDENTIFIER, Frame, Wire
+from drivers.motors.drives import MotorTick
+from drivers.motors.guardian import BEAT, Doing
+from drivers.motors.language import Language
+from drivers.motors.language import MotorDrives as Motors
+
+LISTEN_S: Final = 0.15  # for another master, before the start
+#: Motors that hold hear a setpoint at least so often in the time that they wait for one.
+BEATS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class MotorIdentity:
+    """Identity of one motor, as far as it says it; serial is None where it was never written."""
+
+    words: str
+    serial: int | None
+
+    def __str__(self) -> str:
+        serial = "no serial number" if self.serial is None else f"serial {self.serial}"
+        return f"{self.words}, {serial}"
+
+
+class Setup(Protocol):
+    """Set-up of motors of one make, which they keep until their power is off. Methods wait, and
+    raise DriveError and BusError."""
+
+    def identified(self, drive: Any) -> MotorIdentity:
+        """Identity of a motor that is as configured."""
+
+    def begin(self, drive: Any) -> Frame | None:
+        """Set a motor up that may be holding; what is to follow its first setpoint."""
+
+    def set_up(self, drive: Any) -> None:
+        """Set a motor up, and read back what can be read."""
+
+    def deviation(self, drive: Any) -> str | None:
+        """First of its set-up that a motor does not hold any more, in words."""
+
+    def leave(self, drive: Any) -> None:
+        """Switch off a motor's watch on us."""
+
+
+class MotorArm(MotorTick):
+    """Motors in the tick, and their set-up before it and between two."""
+
+    make: ClassVar[Any]
+    """Module of its make, whose `frames` are an arm's periodic ones."""
+    language: ClassVar[type[Language]]
+    setup: ClassVar[type[Any]]
+    """A `Setup` over a wire, with what is to be called meanwhile, again and again."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        drives: Motors,
+        period_s: float,
+        clock: Callable[[], float],
+        bitrate: int,
+        listen_s: float = LISTEN_S,
+    ) -> None:
+        traffic = Traffic(self.make.frames(drives, period_s), period_s, bitrate)
+        super().__init__(wire, drives, self.language(drives), traffic, period_s, clock)
+        self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
+        self._identities: list[MotorIdentity] = []
+        self._beat_s = min(drive.profile.patience_s for drive in drives) / BEATS
+        self._beaten_s = -math.inf
+
+    @property
+    def identities(self) -> tuple[str, ...]:
+        """Model, firmware and serial number of each motor that was set up."""
+        return tuple(map(str, self._identities))
+
+    @property
+    def serials(self) -> list[int | None]:
+        """Serial number of each motor that was set up; None where it has none."""
+        return [identity.serial for identity in self._identities]
+
+    def boot_up(self, report: Report) -> None:
+        """Identify, set up and read back all motors. Raises BusError (the bus fails, another master
+        is there) or DriveError (a motor is silent, another one, or does not hold a register)."""
+        self._port.taken_over = self._held_by_guardian()
+        setup: Setup = self.setup(self._wire, lambda: None)
+        self._identities = []
+        for drive in self._drives:
+            identity = _identified(setup, drive)
+            self._identities.append(identity)
+            report(f"{drive}: {identity}")
+        for i, drive in enumerate(self._drives):
+            if (behind := setup.begin(drive)) is not None:
+                self._behind[i] = behind
+            report(f"{drive}: set up and read back")
+
+    def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
+        """Read all motors, and set up again those that differ, whose joints are returned. Raises
+        ContactdError. After any other exception the set-up of every motor is unknown."""
+        setup: Setup = self.setup(self._wire, lambda: self._beat(meanwhile))
+        renewed = []
+        try:
+            for i, drive in enumerate(self._drives):
+                problem = "silent, let go by itself, or jumped" if i in self.unfit() else None
+                problem = problem or setup.deviation(drive)
+                if problem is None:
+                    continue
+                warn(f"{drive}: {problem}: setting it up again")
+                self._refuse_other_motor(i, _identified(setup, drive))
+                setup.set_up(drive)
+                report(f"{drive}: set up again")
+                renewed.append(i)
+        except ContactdError:
+            raise
+        except Exception:
+            self.distrust(range(len(self.names)))
+            raise
+        return renewed
+
+    def _refuse_other_motor(self, joint: int, identity: MotorIdentity) -> None:
+        if self._identities and identity != self._identities[joint]:
+            raise DriveError(
+                f"{self.names[joint]} has another motor than at the start: {identity}; it was "
+                f"{self._identities[joint]}. With the drives off `contactctl reload` takes it up, "
+                "after a fault a new start of the daemon"
+            )
+
+    def let_go(self) -> None:
+        """Switch off the motors' watch on us: those that hold go on holding. Raises
+        the first DriveError after all were written."""
+        setup: Setup = self.setup(self._wire, lambda: self._beat(lambda: None))
+        errors = []
+        for drive in self._drives:
+            try:
+                setup.leave(drive)
+            except DriveError as error:
+                errors.append(error)
+        if errors:
+            raise errors[0]
+
+    def _beat(self, meanwhile: Callable[[], None]) -> None:
+        """Setpoints to all motors when it is time: those that hold would let go."""
+        now = time.monotonic()
+        if now - self._beaten_s >= self._beat_s:
+            self._beaten_s = now
+            self.quick_stop()
+            meanwhile()
+
+    def _held_by_guardian(self) -> bool:
+        """True where a guardian holds motors. Raises BusError where another commands them."""
+        deadline, heard, held = time.monotonic() + self._listen_s, None, False
+        while (remaining := deadline - time.monotonic()) > 0.0:
+            try:
+                frame = self._wire.receive(remaining)
+            except BUS_FAILURES as error:
+                raise BusError(f"the bus cannot be read: {error}") from error
+            if frame is not None:
+                heard = frame[0] if self._language.masters(frame[0]) else heard
+                held = held or (frame[0] == BEAT and bytes(frame[1]) != bytes([Doing.WATCHES]))
+        if heard is not None and not held:
+            raise BusError(
+                f"another master is on this bus: 0x{heard & IDENTIFIER:03X} is being sent"
+            )
+        return held
+
+
+def _identified(setup: Setup, drive: Any) -> MotorIdentity:
+    """Identity of the motor of a drive. Raises DriveError for another one than is configured."""
+    identity, wanted = setup.identified(drive), drive.wiring.serial
+    if wanted is not None and identity.serial != wanted:
+        raise DriveError(
+            f"{drive} is another motor: serial number {identity.serial}, configured {wanted}"
+        )
+    return identity

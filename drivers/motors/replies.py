@@ -1,0 +1,166 @@
+"""Replies of the motors in a tick: feedback and output encoders, and the samples made of them.
+
+A motor answers in the order of its commands, so that feedback on last tick's setpoint comes before
+that on this tick's request.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Vector
+from drivers.api import DriveCondition, DriveStatus, Event, Kind, Samples
+from drivers.awaited import Awaited, Freshness, frozen
+from drivers.counts import correct
+from drivers.drive import harmonics
+from drivers.motors.language import UNREPORTED, Feedback, Language, MotorDrives, State, Status
+from drivers.plausibility import Plausibility
+
+HELD: Final = "held"
+#: Position of a motor and of its output may differ by the gap, a wrong gear by far more [rad],
+#: whole turns apart.
+FAR: Final = 0.35
+#: Most by which a motor's position may change in a tick unlike its velocity says [rad].
+CHANGES: Final = 0.03
+#: Two turns of the output look the same to its encoder.
+TURN: Final = 2.0 * math.pi
+_C = DriveCondition
+_CONDITIONS: Final = {State.UNKNOWN: _C.UNKNOWN, State.OFF: _C.OFF, State.ON: _C.OPERATING}
+
+
+@lru_cache
+def drive_status(status: Status, stopping: bool) -> DriveStatus:
+    """Status of a motor for those above; stopping: it was commanded to."""
+    held = stopping and status.state is State.ON
+    words = HELD if held else status.words
+    failed = _C.FAILING if status.powered else _C.FAILED
+    return DriveStatus(
+        condition=_C.STOPPED if held else _CONDITIONS.get(status.state, failed),
+        state=words,
+        detail=f"{words} ({status.code})" if status.code else "no reported status",
+        supplied=status.supplied,
+        following=status.state is State.ON and not stopping,
+    )
+
+
+def news_of(before: Status, now: Status, *, let_go: bool) -> tuple[Kind | None, str]:
+    """Kind of event that another status of a motor is, and its words; let_go: it has no power
+    because we said so."""
+    if now == before:
+        return None, ""
+    if now.missed_us:
+        return Kind.UNHEARD, "it missed our setpoints, and let go"
+    if now.state is State.FAILED:
+        return Kind.ERROR, f"{now.words} ({now.code})"
+    if before.state is State.ON and now.state is State.OFF and not let_go:
+        return Kind.RESTARTED, "it let go by itself"
+    return None, ""
+
+
+class Replies:
+    """Frames in, samples out."""
+
+    def __init__(self, drives: MotorDrives, language: Language, period_s: float) -> None:
+        n = len(drives)
+        self._language = language
+        answers = 2 if language.outputs else 1  # of each motor
+        self._bits = [1 << answers * i for i in range(n)]
+        self.awaited = Awaited([(1 << answers) - 1 << answers * i for i in range(n)], period_s)
+        # An output's encoder bears a motor's position out; without one, its own velocity has to.
+        per_count = [position for position, _, _ in language.steps]
+        self.plausibility = Plausibility(
+            [
+                (drive.profile.figures.speed * period_s if language.outputs else CHANGES) / step
+                for drive, step in zip(drives, per_count, strict=True)
+            ]
+        )
+        self._speeds = [
+            0.0 if language.outputs else velocity * period_s / position
+            for position, velocity, _ in language.steps
+        ]
+        signs = np.array([float(drive.wiring.motor_sign) for drive in drives])
+        # Motors truncate: half a count more is the middle of what a count may be, and 0 is exact.
+        self._middle = np.array([language.middle]).T
+        torque = [1.0 / drive.profile.Nm_per_A for drive in drives]
+        self._gain = signs * np.array(language.steps).T * np.array([[1.0] * n, [1.0] * n, torque])
+        self._link_sign = np.array([float(drive.wiring.link_sign) for drive in drives])
+        self._signs = signs
+        self._offset = np.array([drive.wiring.link_offset for drive in drives])
+        self._harmonics = harmonics(drives)
+        self._counts = np.full((3, n), np.nan)
+        self._output = np.full(n, np.nan)
+        self.statuses = [UNREPORTED] * n
+        self.pending = [0] * n
+        """Setpoints of each motor that its feedback still is to come of."""
+        self.acknowledged = [0] * n
+        """Setpoints that each motor has answered since it was last asked to stop."""
+        self.witnessed: Vector = np.full(n, np.nan)
+        """Position of each motor [rad at the link]; NaN where its output does not agree, or,
+        where it has no encoder, its position jumped."""
+        self.late_frames = 0
+
+    def begin_tick(self, now: float) -> None:
+        """Await all: the question is about to go out."""
+        self.plausibility.begin_tick()
+        self.awaited.expect_all(now)
+
+    def take(self, joint: int, can_id: int, data: bytes | bytearray) -> bool:
+        """Keep a motor's frame; False for one that cannot be its own."""
+        found = self._language.answer_of(joint, can_id, data)
+        if found is None:
+            return False
+        if isinstance(found, Feedback):
+            speed = (found.velocity - self._language.middle[1]) * self._speeds[joint]
+            if not self.plausibility.admits(joint, found.position, speed):
+                return False
+            self._feedback(joint, found)
+        elif found.position is not None:
+            self._output[joint] = found.position
+            self._arrived(self._bits[joint] << 1)
+        return True
+
+    def _feedback(self, joint: int, found: Feedback) -> None:
+        self.statuses[joint] = found.status
+        if self.pending[joint]:
+            self.pending[joint] -= 1
+            self.acknowledged[joint] += 1
+            return
+        self._counts[:, joint] = found.position, found.velocity, found.torque
+        self._arrived(self._bits[joint])
+
+    def _arrived(self, bit: int) -> None:
+        if not self.awaited.take(bit):
+            self.late_frames += 1
+            self.awaited.punctuality.unawaited(bit)
+
+    def samples(
+        self, found: Freshness, stopping: Sequence[bool], events: tuple[Event, ...]
+    ) -> Samples:
+        """Samples of what came so far; `stopping`: joints held by command."""
+        position, velocity, current = self._gain * (self._counts - self._middle)
+        link: Vector
+        if self._language.outputs:
+            # An encoder there repeats itself with each turn; the motor's position says which it is.
+            apart = self._signs * position - self._output
+            turns = np.round(apart / TURN)
+            self.witnessed = np.where(np.abs(apart - turns * TURN) <= FAR, position, np.nan)
+            link = self._link_sign * (self._output + turns * TURN) + self._offset
+        else:
+            self.witnessed = np.where(self.plausibility.jumped, np.nan, position)
+            link = position + self._offset
+        correct(link, self._offset, self._harmonics)
+        pairs = zip(self.statuses, stopping, strict=True)
+        return Samples(
+            current=frozen(current),
+            link_position=frozen(link),
+            motor_velocity=frozen(velocity),
+            motor_position=frozen(position),
+            fresh=found.fresh,
+            age_s=found.age_s,
+            starting=found.starting,
+            drives=tuple([drive_status(*pair) for pair in pairs]),
+            events=events,
+        )

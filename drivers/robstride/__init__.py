@@ -1,0 +1,1 @@
+"""RobStride motors on classic CAN, in their maker's own protocol."""

@@ -1,0 +1,130 @@
+"""Language of RobStride motors: `drivers.motors.language.Language`.
+
+A tick writes each motor's time-out again: of all that brings a feedback it is what commands
+nothing. A parameter that is read has an answer of its own, with one quantity.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final
+
+from drivers.can.wire import Frame
+from drivers.motors.language import Feedback, Language, Output, State, Status
+from drivers.robstride.frames import (
+    RUN,
+    TIMEOUT_S,
+    Fault,
+    Kind,
+    Parameter,
+    clear,
+    enable,
+    faults_of,
+    feedback_of,
+    fields_of,
+    kind_of,
+    mode_of,
+    sender_of,
+    setpoint,
+    setpoint_id,
+    stop,
+    write,
+)
+from drivers.robstride.settings import RobStrideDrive
+
+_COMMANDS: Final = frozenset({Kind.SETPOINT, Kind.ENABLE, Kind.STOP})
+_MODES: Final = {0: "reset", 1: "calibrating", RUN: "running"}
+_WORDS: Final = {
+    Fault.UNDERVOLTAGE: "under-voltage",
+    Fault.OVERCURRENT: "over-current",
+    Fault.OVERHEATED: "too hot",
+    Fault.ENCODER: "its encoder fails",
+    Fault.OVERLOAD: "overload",
+    Fault.UNCALIBRATED: "its encoder is not calibrated",
+}
+
+
+@lru_cache
+def status_of(code: int) -> Status:
+    """Status by mode and faults of a feedback."""
+    mode, faults = mode_of(code), faults_of(code)
+    state = State.ON if mode == RUN else State.OFF
+    return Status(
+        State.FAILED if faults else state,
+        ", ".join(_WORDS[fault] for fault in faults) or _MODES.get(mode, f"mode {mode}"),
+        f"mode {mode}, faults 0x{faults:02X}",
+        powered=mode == RUN,
+        supplied=Fault.UNDERVOLTAGE not in faults,
+    )
+
+
+class RobStrideLanguage(Language):
+    """Language of the motors of one arm."""
+
+    outputs = False
+    bits = 16, 16, 16
+    gain_bits = 16
+
+    def setpoint_id(self, motor: int) -> int:
+        """Identifier of a motor's setpoint."""
+        return setpoint_id(motor)
+
+    def requests_to(self, drive: RobStrideDrive) -> Sequence[Frame]:
+        """Request of a tick to one motor."""
+        patience = round(drive.profile.patience_s / TIMEOUT_S)
+        return (write(drive.node, Parameter.TIMEOUT, patience),)
+
+    def is_setpoint(self, can_id: int, data: bytes | bytearray) -> bool:
+        """True for a setpoint among the frames that command a motor."""
+        return kind_of(can_id) == Kind.SETPOINT and len(data) == 8
+
+    def fields(self, data: bytes | bytearray) -> tuple[int, ...]:
+        """Position, velocity, stiffness and damping of a setpoint, in counts."""
+        return fields_of(data)
+
+    def write_fields(self, data: bytearray, fields: tuple[int, ...]) -> None:
+        """Write these into the data of a setpoint."""
+        position, velocity, kp, kd = fields
+        setpoint(data, position, velocity, (kp, kd))
+
+    def answering(self, can_id: int) -> int | None:
+        """Joint whose motor answers by this identifier."""
+        return self.joint_of.get(sender_of(can_id)) if kind_of(can_id) == Kind.FEEDBACK else None
+
+    def commanded(self, can_id: int) -> int | None:
+        """Joint whose motor a frame with this identifier commands."""
+        return self.joint_of.get(can_id & 0xFF) if kind_of(can_id) in _COMMANDS else None
+
+    def masters(self, can_id: int) -> bool:
+        """True for a frame that a master of these motors may send."""
+        return kind_of(can_id) in (*_COMMANDS, Kind.WRITE) and can_id & 0xFF in self.joint_of
+
+    def answer_of(
+        self, joint: int, can_id: int, data: bytes | bytearray
+    ) -> Feedback | Output | None:
+        """Answer of a motor; None for a frame that cannot be its own."""
+        if len(data) < 8:
+            return None
+        found = feedback_of(can_id, data)
+        status = status_of(found.code)
+        return Feedback(status, found.position, found.velocity, found.torque, found.degC)
+
+    def enabling(self, joint: int) -> Sequence[Frame]:
+        """Frames that give a motor its power, after its setpoint; whether it keeps one that came
+        before is not published, so that it gets it again."""
+        return enable(self.motors[joint]), self.setpoints[joint]
+
+    def disabling(self, joint: int) -> Frame:
+        """Frame that takes a motor's power."""
+        return stop(self.motors[joint])
+
+    def clearing(self, joint: int) -> Frame:
+        """Frame that clears a motor's fault."""
+        return clear(self.motors[joint])
+
+    def time_out_of(self, can_id: int, data: bytes | bytearray) -> tuple[int, bool] | None:
+        """Joint, and whether it has a time-out from now on, of a frame that sets it."""
+        joint = self.joint_of.get(can_id & 0xFF)
+        head = Parameter.TIMEOUT.to_bytes(4, "little")
+        if joint is None or (can_id, data[:4]) != (self.requests[joint][0], head):
+            return None
+        return joint, any(data[4:8])
