@@ -254,6 +254,17 @@ class Timing(TypedDict):
     doors_us: NotRequired[float]  # spent on clients and the log, after the previous tick
 
 
+class Wrench(TypedDict):
+    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
+    It is valid if one force acts, and there: see `misfit`."""
+
+    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
+    covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
+    unseen: list[list[float]]  # directions x y z along which nothing is known
+    strength: float  # over its level: below 1 nothing acts
+    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
+
+
 class State(TypedDict):
     """Record of one tick: its measurements, estimates and decisions."""
 
@@ -299,3 +310,5 @@ class State(TypedDict):
     payload: NotRequired[Payload | None]  # included in the model in this tick
     recognised: NotRequired[Payload | None]  # unannounced payload; nothing is learned in this tick
     stream: NotRequired[StreamState | None]  # while a stream is followed, or waits after a contact
+    # at the tool; None in recordings from before it was published
+    wrench: NotRequired[Wrench | None]

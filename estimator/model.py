@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from common.arrays import Matrix, Vector, check_shapes
+from common.errors import ModelError
 from estimator.body_inertia import PARAMETERS, BodyInertia, refuse_impossible
 from estimator.dynamics import Body, Dynamics
 from estimator.model_reading import (
@@ -19,6 +20,7 @@ from estimator.model_reading import (
     read_urdf,
     refuse_weightless,
 )
+from estimator.wrench import Place
 
 # That of a milligram at a millimetre: what is less is rounding.
 
@@ -148,6 +150,20 @@ class Model:
         force = _cross(R @ self._hand_place, down)
         turning = _cross(R @ self._hand_rotation, down)  # moment of each axis of the hand
         return J[:3].T @ down + J[3:].T @ force, J[3:].T @ turning
+
+    def place(self, link: str = "") -> Place:
+        """The tool point with the axes of the hand, or origin and axes of a link. Raises ModelError
+        for a link that no joint moves."""
+        if not link:
+            point = self.in_joint(self.tool_place)
+            return Place(self._model.njoints - 2, point, self._hand_rotation.copy())
+        moved = [f for f in self._model.frames if f.type == pin.FrameType.BODY and f.parentJoint]
+        for frame in moved:
+            if frame.name == link:
+                at = frame.placement
+                return Place(frame.parentJoint - 1, at.translation.copy(), at.rotation.copy())
+        there = ", ".join(frame.name for frame in moved)
+        raise ModelError(f"the URDF moves no link {link!r}; it moves {there}")
 
     @property
     def hand_joint(self) -> int:
