@@ -127,6 +127,17 @@ class Payload(TypedDict):
     name: NotRequired[str]  # in the configuration
 
 
+class Wrench(TypedDict):
+    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
+    It is valid if one force acts, and there: see `misfit`."""
+
+    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
+    covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
+    unseen: list[list[float]]  # directions x y z along which nothing is known
+    strength: float  # over its level: below 1 nothing acts
+    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
+
+
 class Status(TypedDict):
     """Status of the daemon, as `contactctl status` shows it."""
 
@@ -181,6 +192,9 @@ class Status(TypedDict):
     gears: NotRequired[list[str]]
     # description of an unannounced payload, with advice; empty without one
     recognised: NotRequired[str]
+    wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode that senses nothing
+    wrench_at: NotRequired[str]  # its point, in words
+    wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
     changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
     not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
 
@@ -252,17 +266,6 @@ class Timing(TypedDict):
     work_us: float  # from the wake-up to the last frame sent, in the tick before this one
     missed: int  # deadlines missed since the start
     doors_us: NotRequired[float]  # spent on clients and the log, after the previous tick
-
-
-class Wrench(TypedDict):
-    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
-    It is valid if one force acts, and there: see `misfit`."""
-
-    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
-    covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
-    unseen: list[list[float]]  # directions x y z along which nothing is known
-    strength: float  # over its level: below 1 nothing acts
-    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
 
 
 class State(TypedDict):

@@ -35,7 +35,7 @@ SEEN_N, SEEN_SHARE = 4.0, 0.25
 # Standard deviation of a residual: of its joint's contact level, friction near rest, raise,
 # unlearned friction, transmitted torque, and of what the residual still lags behind. Chosen on 13
 # arms of `bench.wrench`, seeds 1 and 2.
-_LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG = 0.042, 0.22, 0.17, 1.47, 0.045, 0.84
+_LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG = 0.038, 0.2, 0.15, 1.3, 0.04, 0.76
 _UNTAUGHT = 0.3  # of the level, where nothing is learned
 _LEAST_NM = 1e-3
 _OFF = 0.012  # [m], along each axis

@@ -15,7 +15,7 @@ from estimator.model import Model
 from estimator.wrench import COVARIANCE, MISFIT, STRENGTH, UNSEEN, Wrench
 
 T, K = 0.01, 25.0
-LEVEL, OFF, LAG = 0.042, 0.012, 0.84
+LEVEL, OFF = 0.038, 0.012
 USUAL = np.array([0.8, 0.5, 0.4, 0.3, 0.2, 0.2, 0.2])
 POSE = np.array([0.4, 0.3, -0.8, -1.0, -1.2, 0.2, 0.3])
 ROBOT = load_robot(ROMEO)

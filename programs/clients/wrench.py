@@ -1,0 +1,42 @@
+"""Force at the tool in words: how much, how sure, which way, and what is not seen."""
+
+from math import sqrt
+
+from daemon.protocol.state import Wrench
+from programs.clients.sensitivity import AXES, along
+
+_BOUND = 1.96  # standard deviations: 95 %
+_ALONG_AN_AXIS = 0.9  # cosine of 26 degrees
+NO_FIT = 2.0
+"""Misfit above which no single force at the tool explains the residuals."""
+
+
+def wrench_words(wrench: Wrench, frame: str) -> str:
+    """`18 N +- 4, towards -z of FRAME; along y not seen`."""
+    unseen = f"along {' and '.join(map(along, wrench.unseen))} not seen" if wrench.unseen else ""
+    x, y, z = wrench.force
+    size = sqrt(x * x + y * y + z * z)
+    if size == 0.0:
+        words = "nothing" if wrench.strength < 1.0 else "a force"
+        return f"{words} beyond its level" + (f"; {unseen}" if unseen else "")
+    way = [x / size, y / size, z / size]
+    words = f"{size:.0f} N +- {bound_N(wrench, way):.0f}, towards {_towards(way)} of {frame}"
+    if wrench.misfit > NO_FIT:
+        words += "; not one force at the tool: elsewhere, or two"
+    return f"{words}; {unseen}" if unseen else words
+
+
+def bound_N(wrench: Wrench, way: list[float]) -> float:
+    """Half of the 95 % interval of the force along a direction (3,) [N]."""
+    xx, xy, xz, yy, yz, zz = wrench.covariance
+    x, y, z = way
+    variance = xx * x * x + yy * y * y + zz * z * z
+    variance += 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+    return _BOUND * sqrt(max(variance, 0.0))
+
+
+def _towards(way: list[float]) -> str:
+    for axis, part in zip(AXES, way, strict=True):
+        if abs(part) > _ALONG_AN_AXIS:
+            return ("-" if part < 0.0 else "+") + axis
+    return "(" + " ".join(f"{round(part, 1) + 0.0:.1f}" for part in way) + ")"
