@@ -214,6 +214,7 @@ class Snapshot(TypedDict):
     identified: NotRequired[str]  # text of identified.yaml
     program: str  # name and version
     bus_load: NotRequired[float | None]  # share of the bus that periodic frames take at worst
+    wrench_axes: NotRequired[str]  # link of the URDF along whose axes each State's `wrench` is
 
 
 class Reply(TypedDict):

@@ -1,6 +1,7 @@
 """Picture of `bench.wrench`: error of the force over pose and over speed, by arm."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,7 +32,7 @@ def draw(runs: Sequence[dict[str, Any]], path: Path) -> None:
             for share, style in ((50, "o-"), (95, "^--")):
                 at = [np.percentile(part, share) for part in parts]
                 axis.plot(at, style, color=colour, label=f"{label}, {share} %")
-        names = [f"{a:g} to {b:g}" for a, b in zip(edges[:-2], edges[1:-1], strict=True)]
+        names = [f"{a:g} to {b:g}" for a, b in pairwise(edges[:-1])]
         axis.set_xticks(range(len(edges) - 1), [*names, f"over {edges[-2]:g}"], fontsize=7)
         axis.set(xlabel=title, yscale="log")
         axis.grid(alpha=0.3, which="both")

@@ -169,3 +169,4 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     identified: str = ""  # text of identified.yaml
     program: str  # name and version
     bus_load: float | None = None  # share of the bus that periodic frames take at worst
+    wrench_axes: str = ""  # link of the URDF along whose axes each State's `wrench` is

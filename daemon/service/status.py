@@ -206,4 +206,5 @@ def context_of(robot: Robot) -> Snapshot:
         identified=robot.identified_text,
         program=f"contactd {version('contactd')}",
         bus_load=load_of(c),
+        wrench_axes=c.estimator.force_at or robot.model.hand,
     )
