@@ -214,7 +214,8 @@ class Snapshot(TypedDict):
     identified: NotRequired[str]  # text of identified.yaml
     program: str  # name and version
     bus_load: NotRequired[float | None]  # share of the bus that periodic frames take at worst
-    wrench_axes: NotRequired[str]  # link of the URDF along whose axes each State's `wrench` is
+    wrench_axes: NotRequired[str]  # link of the URDF along whose axes each State's `wrench` is ...
+    wrench_point: NotRequired[list[float]]  # ... and where in that link's frame, x y z [m]
 
 
 class Reply(TypedDict):

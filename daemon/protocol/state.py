@@ -169,4 +169,5 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     identified: str = ""  # text of identified.yaml
     program: str  # name and version
     bus_load: float | None = None  # share of the bus that periodic frames take at worst
-    wrench_axes: str = ""  # link of the URDF along whose axes each State's `wrench` is
+    wrench_axes: str = ""  # link of the URDF along whose axes each State's `wrench` is ...
+    wrench_point: list[float] = []  # ... and where in that link's frame, x y z [m]

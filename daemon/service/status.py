@@ -207,4 +207,5 @@ def context_of(robot: Robot) -> Snapshot:
         program=f"contactd {version('contactd')}",
         bus_load=load_of(c),
         wrench_axes=c.estimator.force_at or robot.model.hand,
+        wrench_point=[0.0] * 3 if c.estimator.force_at else robot.model.tool_place.tolist(),
     )
