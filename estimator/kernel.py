@@ -13,7 +13,7 @@ from common.arrays import Vector
 from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
 from estimator.doubt import FRICTION, GRAZED, Doubt
-from estimator.dynamics import Dynamics
+from estimator.dynamics import Dynamics, Place
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
 from estimator.learning import Learning
@@ -25,7 +25,7 @@ from estimator.settings import EstimatorSettings
 from estimator.stiction import Stiction, displacement
 from estimator.thresholds import Thresholds
 from estimator.transmission import REST_VELOCITY, Transmission
-from estimator.wrench import Place, Wrench
+from estimator.wrench import Wrench
 
 # For the compiler.
 _SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY

@@ -10,7 +10,7 @@ import pinocchio as pin
 from common.arrays import Matrix, Vector, check_shapes
 from common.errors import ModelError
 from estimator.body_inertia import PARAMETERS, BodyInertia, refuse_impossible
-from estimator.dynamics import Body, Dynamics
+from estimator.dynamics import Body, Dynamics, Place
 from estimator.model_reading import (
     add_tool,
     body_of,
@@ -20,7 +20,6 @@ from estimator.model_reading import (
     read_urdf,
     refuse_weightless,
 )
-from estimator.wrench import Place
 
 # That of a milligram at a millimetre: what is less is rounding.
 

@@ -18,13 +18,11 @@ arm's quiet motion teaches as it teaches contact levels.
 Nothing acts on it. Ordinary Python, which runs as it is; `wrench.pxd` names types for the compiler.
 """
 
-from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
 
-from common.arrays import Matrix, Vector
-from estimator.dynamics import Dynamics
+from estimator.dynamics import Dynamics, Place
 
 FORCE, COVARIANCE, STRENGTH, MISFIT, UNSEEN, WIDTH = 0, 3, 9, 10, 11, 20
 """Columns of `shown`: force (3) [N], its covariance (xx xy xz yy yz zz) [N2], how often it exceeds
@@ -51,18 +49,6 @@ _SWEEPS = 8
 # For the compiler.
 _COVARIANCE, _STRENGTH, _MISFIT, _UNSEEN = COVARIANCE, STRENGTH, MISFIT, UNSEEN
 _SEEN_N, _SEEN_SHARE = SEEN_N, SEEN_SHARE
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """Point of the arm at which a force is sought, and a frame there, in the frame of the body of
-    `Dynamics` that carries both."""
-
-    body: int
-    point: Vector
-    """(3,) [m]"""
-    axes: Matrix
-    """(3, 3): axes of the frame, in columns"""
 
 
 class Wrench:

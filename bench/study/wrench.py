@@ -25,7 +25,7 @@ from estimator.estimate import EstimateRows
 from estimator.estimator import Estimator
 from estimator.wrench import COVARIANCE, MISFIT, SEEN_N, SEEN_SHARE, STRENGTH
 
-Kind = Literal["motion", "slow", "rest", "stretched"]
+Kind = Literal["motion", "slow", "rest", "stretched", "free"]
 FIRST_S: Final = 0.1  # of a press: the residual has yet to rise
 EVERY: Final = 4  # ticks
 AFTER_S: Final = 0.6  # a press is over
@@ -95,13 +95,13 @@ def run(job: Job) -> dict[str, Any]:
 
 
 def motion(job: Job, c: Configuration) -> tuple[Motion, list[float]]:
-    """Path of a run, and the times of its presses [s]."""
+    """Path of a run, and the times of its presses [s]; none where it is free."""
     if job.kind in ("rest", "stretched"):
         path = population.motion(c, job.seed, go_s=population.GO_S, rest_s=population.REST_S)
         onsets = population.onsets_at_rest(job.seconds, job.seed)
     else:
         path = population.motion(c, job.seed, held=0.0)
-        onsets = population.onsets_in_motion(job.seconds, job.seed)
+        onsets = population.onsets_in_motion(job.seconds, job.seed) if job.kind != "free" else []
     if job.kind == "slow":
         path = dataclasses.replace(path, omega=SLOW * path.omega)
     if job.kind == "stretched":  # straight along its links, as far as its limits let it

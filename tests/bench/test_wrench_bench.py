@@ -21,7 +21,7 @@ def tick(**fields: Any) -> dict[str, Any]:
 def test_errors_count_along_seen_directions_while_a_force_is_shown() -> None:
     quiet = tick(acts=False, error=np.full(3, 50.0))
     elsewhere = tick(place="link", misfit=3.0, called=np.array([False, True, True]))
-    found = scores([{"forces": [tick(), quiet, elsewhere], "free_s": 1800.0, "false": 2}])
+    found = scores([{"forces": [tick(), quiet, elsewhere], "links": []}])
     assert found["tool"]["shown"] == pytest.approx(0.5)
     assert found["tool"]["error_N"][0] == pytest.approx(0.75)
     assert found["tool"]["error_of_all_three_N"][0] == pytest.approx(np.hypot(0.5, 1.0))
@@ -29,7 +29,6 @@ def test_errors_count_along_seen_directions_while_a_force_is_shown() -> None:
     assert found["called_seen"] == pytest.approx(5.0 / 6.0)
     assert found["called_unseen"] == pytest.approx(2.0 / 3.0)
     assert found["elsewhere_misfit_above_2"] == pytest.approx(1.0)
-    assert found["false_forces_per_hour"] == pytest.approx(4.0)
 
 
 def test_names_of_links_count_from_where_one_is_named() -> None:
