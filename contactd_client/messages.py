@@ -295,7 +295,7 @@ class State(TypedDict):
     residual: list[float]  # [Nm]
     threshold: list[float]  # in force in this tick [Nm]
     thresholded: list[float]  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # named by its joint; empty: no contact, or its link is not known
+    touched_link: str  # at least this one, by its joint; empty: no contact, or not known
     beside: dict[str, list[float]]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
     reference: list[float]  # decided desired q [rad]

@@ -116,7 +116,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     residual: PerJoint  # [Nm]
     threshold: PerJoint  # in force in this tick [Nm]
     thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # named by its joint; empty: no contact, or its link is not known
+    touched_link: str  # at least this one, by its joint; empty: no contact, or not known
     beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
     # decided
