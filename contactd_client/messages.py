@@ -127,6 +127,17 @@ class Payload(TypedDict):
     name: NotRequired[str]  # in the configuration
 
 
+class Wrench(TypedDict):
+    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
+    It is valid if one force acts, and there: see `misfit`."""
+
+    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
+    covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
+    unseen: list[list[float]]  # directions x y z along which nothing is known
+    strength: float  # over its level: below 1 nothing acts
+    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
+
+
 class Status(TypedDict):
     """Status of the daemon, as `contactctl status` shows it."""
 
@@ -181,6 +192,9 @@ class Status(TypedDict):
     gears: NotRequired[list[str]]
     # description of an unannounced payload, with advice; empty without one
     recognised: NotRequired[str]
+    wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode that senses nothing
+    wrench_at: NotRequired[str]  # its point, in words
+    wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
     changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
     not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
 
@@ -200,6 +214,8 @@ class Snapshot(TypedDict):
     identified: NotRequired[str]  # text of identified.yaml
     program: str  # name and version
     bus_load: NotRequired[float | None]  # share of the bus that periodic frames take at worst
+    wrench_axes: NotRequired[str]  # link of the URDF along whose axes each State's `wrench` is ...
+    wrench_point: NotRequired[list[float]]  # ... and where in that link's frame, x y z [m]
 
 
 class Reply(TypedDict):
@@ -279,7 +295,7 @@ class State(TypedDict):
     residual: list[float]  # [Nm]
     threshold: list[float]  # in force in this tick [Nm]
     thresholded: list[float]  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # named by its joint; empty: no contact, or its link is not known
+    touched_link: str  # at least this one, by its joint; empty: no contact, or not known
     beside: dict[str, list[float]]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
     reference: list[float]  # decided desired q [rad]
@@ -299,3 +315,5 @@ class State(TypedDict):
     payload: NotRequired[Payload | None]  # included in the model in this tick
     recognised: NotRequired[Payload | None]  # unannounced payload; nothing is learned in this tick
     stream: NotRequired[StreamState | None]  # while a stream is followed, or waits after a contact
+    # at the tool; None in recordings from before it was published
+    wrench: NotRequired[Wrench | None]

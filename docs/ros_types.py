@@ -10,7 +10,9 @@ from ros2_pyterfaces.core import all_msgs, all_srvs, hash_rihs01
 TYPES: Final = (
     "diagnostic_msgs/msg/DiagnosticArray",
     "diagnostic_msgs/msg/DiagnosticStatus",
+    "geometry_msgs/msg/WrenchStamped",
     "sensor_msgs/msg/JointState",
+    "std_msgs/msg/Float64MultiArray",
     "std_msgs/msg/String",
     "std_srvs/srv/SetBool",
     "std_srvs/srv/Trigger",

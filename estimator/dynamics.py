@@ -45,6 +45,18 @@ class Body:
     """(3, 3) about the joint's origin [kg m2]"""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Point of the arm and a frame there, in the frame of the body that carries both."""
+
+    body: int
+    """index among the bodies of `Dynamics`"""
+    point: Vector
+    """(3,) [m]"""
+    axes: Matrix
+    """(3, 3): axes of the frame, in columns"""
+
+
 class Dynamics:
     """Dynamics of `bodies`, each behind its parent; gravity (3,) [m/s2] in the frame of the root.
 

@@ -80,6 +80,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     touched_link: str
     """joint whose link is touched; empty without a contact, and where it cannot be decided"""
     flags: Flag
+    wrench: Vector
+    """force at the tool (WIDTH,), as `wrench` has it: (3,) [N], its covariance, and so on"""
     sensing: NDArray[np.bool_]
     """joints whose residual is made of samples that are at most `SENSED_PERIODS` old"""
 
@@ -117,3 +119,5 @@ class EstimateRows:
     touched_link: NDArray[np.int64]
     """index of its joint, -1 where no name is given"""
     flags: NDArray[np.int64]
+    wrench: Matrix
+    """(ticks, WIDTH)"""

@@ -27,6 +27,7 @@ from estimator.payload import Payload
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
+from estimator.wrench import WIDTH
 
 _FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
 _INVALID = int(Flag.INVALID)
@@ -61,13 +62,16 @@ class Estimator:
         self.period_s, self.contact = period_s, thresholds.contact
         self.variants = (settings.residual, *settings.beside)
         dynamics = Dynamics(model.bodies(), model.down)
-        self._kernel = k = Kernel(dynamics, transmission, settings, thresholds, period_s)
+        self._kernel = k = Kernel(
+            dynamics, transmission, settings, thresholds, period_s, model.place(settings.force_at)
+        )
         self.delay_s: float = k.alignment.delay_s
         """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
         self.detector = k.detector
         self._measured = settings.motor_position == "measured"
         self._samples, self._came = np.asarray(k.alignment.samples), np.asarray(k.came)
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
+        self._wrench = np.asarray(k.wrench.shown)
         self.residuals: Matrix = np.asarray(k.residual.corrected)
         """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
         self.given_up, self.met = np.asarray(k.given_up), np.asarray(k.doubt.met)
@@ -147,13 +151,19 @@ class Estimator:
             np.empty((N + 1, len(self.variants), n)),
         )
         side, words = np.empty((N + 1, n), dtype=np.int8), np.empty((N + 1, 2), dtype=np.int64)
+        wrench = np.empty((N + 1, WIDTH))
         last, no_link = self._last, len(self.model.names)
         shown[0], side[0] = [getattr(last, name) for name in _SHOWN], last.side
+        wrench[0] = last.wrench
         residuals[0] = [last.residual, *(last.beside[name] for _, name in self._beside)]
         link = self._link_names.index(last.touched_link)
         words[0] = last.flags, -1 if link == no_link else link
-        self._kernel.run(rows, came, samples.interval_s, after, shown, residuals, side, words)
-        self._last = self._estimate_of(shown[N], residuals[N], side[N], words[N].tolist())
+        self._kernel.run(
+            rows, came, samples.interval_s, after, shown, residuals, side, wrench, words
+        )
+        self._last = self._estimate_of(
+            shown[N], residuals[N], side[N], wrench[N], words[N].tolist()
+        )
         return EstimateRows(
             **{name: shown[1:, row] for row, name in enumerate(_SHOWN)},
             side=side[1:],
@@ -161,6 +171,7 @@ class Estimator:
             beside={name: residuals[1:, row] for row, name in self._beside},
             touched_link=words[1:, 1],
             flags=words[1:, 0],
+            wrench=wrench[1:],
         )
 
     def levels_at(self, speed: Vector) -> Vector:
@@ -231,6 +242,7 @@ class Estimator:
             self._shown.copy(),
             self.residuals.copy(),
             self._side.copy(),
+            self._wrench.copy(),
             (flags, self._kernel.touched_link),
             contacts,
         )
@@ -240,6 +252,7 @@ class Estimator:
         shown: Matrix,
         residuals: Matrix,
         side: NDArray[np.int8],
+        wrench: Vector,
         words: Sequence[int],
         contacts: tuple[Contact, ...] = (),
     ) -> Estimate:
@@ -263,5 +276,6 @@ class Estimator:
             contacts=contacts,
             touched_link=self._link_names[link],
             flags=_FLAGS[flags],
+            wrench=wrench,
             sensing=self._sensing.copy(),
         )

@@ -13,6 +13,7 @@ from estimator.link_velocity cimport Alignment
 from estimator.motor_position cimport MotorPosition
 from estimator.residual cimport Residual
 from estimator.stiction cimport Stiction, displacement
+from estimator.wrench cimport Wrench
 
 cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
 cdef long long _GRAZED, _FRICTION
@@ -33,6 +34,7 @@ cdef class Kernel:
     cdef readonly ContactDetector detector
     cdef readonly Learning learning
     cdef readonly Doubt doubt
+    cdef readonly Wrench wrench
     cdef readonly bint learns
     cdef bint _always_acts
     cdef double _period, _per_width
@@ -58,7 +60,7 @@ cdef class Kernel:
     cpdef void run(
         self, const double[:, :, ::1] samples, const long long[:, ::1] came, const double[::1] dt,
         const long long[::1] resets, double[:, :, ::1] shown, double[:, :, ::1] residuals,
-        signed char[:, ::1] side, long long[:, ::1] words
+        signed char[:, ::1] side, double[:, ::1] wrench, long long[:, ::1] words
     ) noexcept
     @cython.locals(change=double)
     cpdef void carry(self, double[::1] payload) noexcept
@@ -74,6 +76,8 @@ cdef class Kernel:
     cdef void _still(self, Py_ssize_t i, double q) noexcept
     @cython.locals(flags="long long", bridged=bint, everything=double)
     cdef long long _advance(self, double dt) noexcept
+    @cython.locals(moves=bint, share=double, unlearned=double)
+    cdef void _weigh(self, double dt) noexcept
     @cython.locals(side="long long", in_gap=bint, came_from=bint, everything=double)
     cdef double _joint(self, Py_ssize_t i, double gap) noexcept
     @cython.locals(

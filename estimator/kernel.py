@@ -13,7 +13,7 @@ from common.arrays import Vector
 from common.elementary import decay, smooth_sign
 from estimator.contact_detector import ContactDetector
 from estimator.doubt import FRICTION, GRAZED, Doubt
-from estimator.dynamics import Dynamics
+from estimator.dynamics import Dynamics, Place
 from estimator.estimate import SENSED_PERIODS, Flag
 from estimator.interval import Interval
 from estimator.learning import Learning
@@ -25,6 +25,7 @@ from estimator.settings import EstimatorSettings
 from estimator.stiction import Stiction, displacement
 from estimator.thresholds import Thresholds
 from estimator.transmission import REST_VELOCITY, Transmission
+from estimator.wrench import Wrench
 
 # For the compiler.
 _SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY
@@ -55,6 +56,7 @@ class Kernel:
         settings: EstimatorSettings,
         thresholds: Thresholds,
         period_s: float,
+        tool: Place,
     ) -> None:
         t, s = transmission, settings
         n = self.n = t.n
@@ -70,6 +72,7 @@ class Kernel:
         self.learning = Learning(thresholds, t.load_friction, t.load_friction_error)
         self.doubt = Doubt(n)
         self.learns = s.learning
+        self.wrench = Wrench(dynamics, tool, s.gain, s.learning)
         self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
         self._always_acts = s.residual.kind != "backlash"
         self.frozen = 0  # 1: nothing is learned, whatever the residuals say
@@ -129,6 +132,7 @@ class Kernel:
             for i in range(self.n):
                 known = self.alignment.samples[3, i]
                 self._still(i, known if known - known == 0.0 else self.q[i])
+            self.wrench.nothing()
             return flags
         flags |= self._advance(dt)
         if flags & _INVALID:
@@ -136,6 +140,7 @@ class Kernel:
             for i in range(self.n):
                 self.restart(i)
                 self._still(i, self.q[i])
+            self.wrench.nothing()
         return flags
 
     def run(
@@ -147,14 +152,15 @@ class Kernel:
         shown: NDArray[np.float64],
         residuals: NDArray[np.float64],
         side: NDArray[np.int8],
+        wrench: NDArray[np.float64],
         words: NDArray[np.int64],
     ) -> None:
         """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after a
         tick where `resets` (N,) is 1.
 
         What comes out goes to rows 1 to N of shown (N + 1, 10, n), residuals (N + 1, variants, n),
-        side (N + 1, n), and words (N + 1, 2): flags and touched link. Row 0 is what was last; an
-        INVALID tick repeats the row before.
+        side (N + 1, n), wrench (N + 1, WIDTH) and words (N + 1, 2): flags and touched link. Row 0
+        is what was last; an INVALID tick repeats the row before.
         """
         for k in range(dt.shape[0]):
             for i in range(self.n):
@@ -166,10 +172,11 @@ class Kernel:
             if flags & _INVALID:
                 words[k + 1, 0], words[k + 1, 1] = _INVALID, words[k, 1]
                 shown[k + 1], residuals[k + 1], side[k + 1] = shown[k], residuals[k], side[k]
+                wrench[k + 1] = wrench[k]
             else:
                 words[k + 1, 1] = self.touched_link
                 shown[k + 1], residuals[k + 1] = self.shown, self.residual.corrected
-                side[k + 1] = self.motor_position.side
+                side[k + 1], wrench[k + 1] = self.motor_position.side, self.wrench.shown
             if resets[k]:
                 for i in range(self.n):
                     self.reset(i)
@@ -281,6 +288,7 @@ class Kernel:
         flags, bridged, everything = 0, False, 0.0
         self._landed = 0
         for i in range(self.n):
+            self.wrench.before[i] = self.residual.corrected[0, i]
             if self.came[i]:
                 self.alignment.align(i)
             elif self.since[i] <= _BRIDGED_PERIODS * self._period:  # no link goes on for ever
@@ -309,7 +317,22 @@ class Kernel:
             self._show(i)
         if self._pressed:
             self.touched_link = self.detector.touched_link(self.residual.corrected[0])
+        self._weigh(dt)
         return flags
+
+    def _weigh(self, dt: float) -> None:
+        """Force at the tool, from all joints."""
+        levels, moves = self.levels, False
+        for i in range(self.n):
+            share = levels.share[i]
+            unlearned = share * self.learning.unknown[i] if self.learns else 0.0
+            self.wrench.weigh(
+                i, self.residual.corrected[0, i], dt, share * levels.usual(i, 0.0),
+                levels.friction[i], levels.raised[i], unlearned, self.transmitted[i],
+                self.sensing[i] != 0,
+            )  # fmt: skip
+            moves = moves or abs(self.alignment.aligned[3, i]) > _REST_VELOCITY
+        self.wrench.step(dt, self._pressed > 0, moves and not self.frozen)
 
     def _joint(self, i: int, gap: float) -> float:
         """From the aligned samples of joint i to its residuals. gap: since its last sample [s],

@@ -3,7 +3,7 @@
 The state are numbers and arrays of the kernel and of its parts, by their names.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("near_s", "depth", "margin", "needed_s"),
     ),
 }
+# Only in recordings from since there is a force at the tool.
+_WRENCH = ("peak", "peak_seen", "quiet_s", "shown")
 # Only where something is carried, or learning stands still; else the memory is as it ever was.
 _CARRIED = ("payload", "frozen")
 
@@ -64,6 +66,7 @@ _RANGES = {
     "learning.peak_seen": (0.0, _LARGEST),
     "learning.crossing_seen": (0.0, _LARGEST),
     "learning.passing": (0.0, _LARGEST),
+    "wrench.peak": (0.0, _LARGEST),
     "doubt.value": (0.0, 1.0),
     "doubt.margin": (0.0, _LARGEST),
     "doubt.way": (-1, 1),
@@ -76,18 +79,20 @@ _RANGES = {
 
 def dump(kernel: Kernel) -> dict[str, Any]:
     """Copy of the complete state, by part and name: arrays as nested lists."""
-    carries = bool(kernel.frozen) or any(np.asarray(kernel.payload).tolist())
+    extra = {"wrench"}
+    if bool(kernel.frozen) or any(np.asarray(kernel.payload).tolist()):
+        extra.add("carried")
     return {
         part: {name: np.asarray(getattr(owner, name)).tolist() for name in names}
-        for part, names, owner in _parts(kernel, carries)
+        for part, names, owner in _parts(kernel, extra)
     }
 
 
 def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
     """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit, and
     changes nothing then."""
-    carries = isinstance(state, Mapping) and "carried" in state
-    parts = list(_parts(kernel, carries))
+    extra = {"wrench", "carried"} & (state.keys() if isinstance(state, Mapping) else set())
+    parts = list(_parts(kernel, extra))
     _check_names("an estimator", state, [part for part, _, _ in parts])
     read = []
     for part, names, owner in parts:
@@ -107,12 +112,14 @@ def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
     kernel.resume()
 
 
-def _parts(kernel: Kernel, carries: bool) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+def _parts(kernel: Kernel, extra: Collection[str]) -> Iterator[tuple[str, tuple[str, ...], Any]]:
     for part, names in _STATE.items():
         if part in ("learning", "doubt") and not kernel.learns:
             continue
         yield part, names, kernel if part == "kernel" else getattr(kernel, part)
-    if carries:
+    if "wrench" in extra:
+        yield "wrench", _WRENCH, kernel.wrench
+    if "carried" in extra:
         yield "carried", _CARRIED, kernel
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from common.arrays import Matrix, Vector, check_shapes
+from common.errors import ModelError
 from estimator.body_inertia import PARAMETERS, BodyInertia, refuse_impossible
-from estimator.dynamics import Body, Dynamics
+from estimator.dynamics import Body, Dynamics, Place
 from estimator.model_reading import (
     add_tool,
     body_of,
@@ -148,6 +149,20 @@ class Model:
         force = _cross(R @ self._hand_place, down)
         turning = _cross(R @ self._hand_rotation, down)  # moment of each axis of the hand
         return J[:3].T @ down + J[3:].T @ force, J[3:].T @ turning
+
+    def place(self, link: str = "") -> Place:
+        """The tool point with the axes of the hand, or origin and axes of a link. Raises ModelError
+        for a link that no joint moves."""
+        if not link:
+            point = self.in_joint(self.tool_place)
+            return Place(self._model.njoints - 2, point, self._hand_rotation.copy())
+        moved = [f for f in self._model.frames if f.type == pin.FrameType.BODY and f.parentJoint]
+        for frame in moved:
+            if frame.name == link:
+                at = frame.placement
+                return Place(frame.parentJoint - 1, at.translation.copy(), at.rotation.copy())
+        there = ", ".join(frame.name for frame in moved)
+        raise ModelError(f"the URDF moves no link {link!r}; it moves {there}")
 
     @property
     def hand_joint(self) -> int:

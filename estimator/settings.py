@@ -73,4 +73,7 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     link_position_delay_ms: Delay = 0.0
     motor_velocity_delay_ms: Delay = 0.0  # for example of a filter in the drive
     motor_position_delay_ms: Delay = 0.0
+    # Link of the URDF at whose origin, and along whose axes, the force is estimated that presses on
+    # the arm; by default the tool point, and the axes of the last link.
+    force_at: Annotated[str, Meta(max_length=64)] = ""
     gap: GapSettings = GapSettings()

@@ -105,6 +105,8 @@ def snapshot_at(tick: int) -> Snapshot:
         configuration="version: 1\n",
         urdf="<robot/>",
         program="contactd 0.1.0",
+        wrench_axes="l_wrist",
+        wrench_point=[0.07, 0.0, 0.0],
     )
 
 

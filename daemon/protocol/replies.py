@@ -5,7 +5,7 @@ from typing import Literal
 import msgspec
 
 from daemon.modes.table import Mode
-from daemon.protocol.state import PerJoint, Permit, SideName, Snapshot, StreamState
+from daemon.protocol.state import PerJoint, Permit, SideName, Snapshot, StreamState, Wrench
 from estimator.payload import Payload
 
 
@@ -158,5 +158,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
     gears: list[str] = []  # findings of their trends, a line for each joint (`contactctl health`)
     recognised: str = ""  # description of an unannounced payload, with advice; empty without one
+    wrench: Wrench | None = None  # force at the tool; None in a mode that senses nothing
+    wrench_at: str = ""  # its point, in words
+    wrench_axes: str = ""  # link of the URDF along whose axes it is
     changed: list[str] = []  # files that differ from those in use; checked while off
     not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field

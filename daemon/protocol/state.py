@@ -57,6 +57,17 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
     side: SideName
 
 
+class Wrench(msgspec.Struct, frozen=True, kw_only=True):
+    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
+    It is valid if one force acts, and there: see `misfit`."""
+
+    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
+    covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
+    unseen: list[list[float]]  # directions x y z along which nothing is known
+    strength: float  # over its level: below 1 nothing acts
+    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
+
+
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Event of one tick: a contact, a fault, or (`mode`) a change of mode or permission, or other
     news, as `what: cause`; ` -> ` in it is a change of mode, or of a gain."""
@@ -105,7 +116,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     residual: PerJoint  # [Nm]
     threshold: PerJoint  # in force in this tick [Nm]
     thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # named by its joint; empty: no contact, or its link is not known
+    touched_link: str  # at least this one, by its joint; empty: no contact, or not known
     beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
     # decided
@@ -125,6 +136,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     payload: Payload | None = None  # included in the model in this tick
     recognised: Payload | None = None  # unannounced payload; nothing is learned in this tick
     stream: StreamState | None = None  # while a stream is followed, or waits after a contact
+    wrench: Wrench | None = None  # at the tool; None in recordings from before it was published
 
 
 STATE_FORMAT = 6
@@ -157,3 +169,5 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     identified: str = ""  # text of identified.yaml
     program: str  # name and version
     bus_load: float | None = None  # share of the bus that periodic frames take at worst
+    wrench_axes: str = ""  # link of the URDF along whose axes each State's `wrench` is ...
+    wrench_point: list[float] = []  # ... and where in that link's frame, x y z [m]

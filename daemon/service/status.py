@@ -24,7 +24,7 @@ from daemon.service.poses import Poses
 from daemon.service.sensitivity import sensitivity_now
 from daemon.tick.controller import Controller
 from daemon.tick.loop import Loop
-from daemon.tick.telemetry import SIDE_NAMES, finite_list
+from daemon.tick.telemetry import SIDE_NAMES, finite_list, wrench_of
 from daemon.tick.tick import Tick
 
 ASK_AGAIN = "request the motion again: it is forgotten when the program that began it ends"
@@ -126,6 +126,9 @@ def status_of(
         payloads=list(process.payloads.named.values()),
         poses=process.poses.named,
         recognised=f"{loads.words}: {loads.advice}" if loads.found else "",
+        wrench=wrench_of(estimate.wrench) if estimate and machine.mode in SENSING else None,
+        wrench_at=c.estimator.force_at or tick.estimator.model.tool,
+        wrench_axes=c.estimator.force_at or tick.estimator.model.hand,
         changed=process.changed,
         not_taken_up=process.not_taken_up if process.changed else "",
     )
@@ -203,4 +206,6 @@ def context_of(robot: Robot) -> Snapshot:
         identified=robot.identified_text,
         program=f"contactd {version('contactd')}",
         bus_load=load_of(c),
+        wrench_axes=c.estimator.force_at or robot.model.hand,
+        wrench_point=[0.0] * 3 if c.estimator.force_at else robot.model.tool_place.tolist(),
     )

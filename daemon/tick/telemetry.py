@@ -20,6 +20,7 @@ from daemon.protocol.state import (
     State,
     StreamState,
     Timing,
+    Wrench,
 )
 from daemon.tick.decision import Decision
 from drivers.api import Samples
@@ -27,6 +28,7 @@ from estimator import contact as estimator_contact
 from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side
 from estimator.payload import Payload
+from estimator.wrench import COVARIANCE, FORCE, MISFIT, STRENGTH, UNSEEN, WIDTH
 
 SIDE_NAMES: dict[int, SideName] = {
     Side.LEFT: "left",
@@ -152,7 +154,21 @@ def estimated(estimate: Estimate) -> dict[str, Any]:
         "touched_link": estimate.touched_link,
         "beside": {name: values.tolist() for name, values in estimate.beside.items()},
         "flags": [FLAG_NAMES[flag] for flag in estimate.flags],
+        "wrench": wrench_of(estimate.wrench),
     }
+
+
+def wrench_of(row: Vector) -> Wrench:
+    """Wrench of the estimate's row (WIDTH,)."""
+    values: list[float] = row.tolist()
+    ways = [values[k : k + 3] for k in range(UNSEEN, WIDTH, 3)]
+    return Wrench(
+        force=values[FORCE:COVARIANCE],
+        covariance=values[COVARIANCE:STRENGTH],
+        unseen=[way for way in ways if any(way)],
+        strength=values[STRENGTH],
+        misfit=values[MISFIT],
+    )
 
 
 def stream_state(stream: TargetStream, trajectory: str) -> StreamState:

@@ -104,7 +104,8 @@ export class Header {
     const unknown = deaf(this.#joints, this.#tick);
     const known = what ? `▲ ${what}` : unknown ? "" : "nothing beyond its level";
     at("felt").dataset.beyond = what !== "";
-    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, unknown].filter(Boolean).join(" · ")}`);
+    const force = this.#words?.force ? `${this.#words.force.text} at the tool` : "";
+    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, force, unknown].filter(Boolean).join(" · ")}`);
   }
 
   #drawLoad(load) {

@@ -89,7 +89,7 @@ function begin(message) {
   newest = drawn = null;
   header.begin(hello.joints);
   joints.begin(hello);
-  scene?.begin(hello.joints);
+  scene?.begin(hello);
 }
 
 function takeWords(words) {
@@ -158,7 +158,7 @@ async function openScene() {
   try {
     const { Scene } = await import("./scene.js");
     scene = new Scene(at("scene"), `arms/${arm}/urdf`, (text) => say(at("scene-note"), text));
-    if (hello?.joints.length) await scene.begin(hello.joints);
+    if (hello?.joints.length) await scene.begin(hello);
     if (said !== null) scene.words(said);
   } catch (error) {
     say(at("scene-note"), `The arm cannot be drawn: ${error.message}.`);

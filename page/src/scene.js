@@ -24,6 +24,7 @@ const ABOVE = new Vector3().crossVectors(AWAY, RIGHT);
 export class Scene {
   #host; #url; #say; #renderer; #space = new Space(); #camera; #controls; #robot = null;
   #joints = []; #touched = ""; #carried = null; #load = null; #drawn_ms = 0; #size = 1; #names;
+  #colours = new Color(0xd06030); #force = null; #felt = null; #place;
   #seen = new Box3(); #corners = []; #framed_ms = 0; #turned = false;
 
   constructor(host, url, say) {
@@ -44,8 +45,9 @@ export class Scene {
   }
 
   /** Build the arm, anew after the daemon came back: it may be another one. */
-  async begin(names) {
-    this.#names = names;
+  async begin({ joints, force_axes, force_point }) {
+    this.#names = joints;
+    this.#place = { link: force_axes, point: force_point };
     const description = await readXml(this.#url);
     if (description === null) return this.#say("The arm's description cannot be read.");
     const loader = new URDFLoader();
@@ -66,7 +68,9 @@ export class Scene {
   words(words) {
     this.#touched = words.touched;
     this.#carried = words.load ?? null;
+    this.#felt = words.force ?? null;
     this.#carry();
+    this.#push();
   }
 
   /** Draw the pose, and what is felt, of a tick. */
@@ -103,6 +107,20 @@ export class Scene {
     hand.add(this.#load);
   }
 
+  /** Point at the tool where a force presses, with the cone of its doubt, or take the arrow off. */
+  #push() {
+    this.#force?.removeFromParent();
+    this.#force = null;
+    const link = this.#robot?.links[this.#place.link];
+    this.#host.dataset.force = this.#felt?.text ?? "";
+    if (this.#felt === null || link === undefined) return;
+    const length = this.#size * Math.min(0.1 + 0.01 * this.#felt.size, 0.5);
+    this.#force = force(length, this.#felt.cone, this.#colours);
+    this.#force.position.set(...this.#place.point);
+    this.#force.quaternion.setFromUnitVectors(UP, new Vector3(...this.#felt.way).normalize());
+    link.add(this.#force);
+  }
+
   #now() {
     if (this.#robot !== null) this.#renderer.render(this.#space, this.#camera);
   }
@@ -132,6 +150,7 @@ export class Scene {
     this.grid.material.opacity = 0.25;
     this.#space.add(this.grid);
     this.#carry();
+    this.#push();
     this.#survey();
     this.#recolour();
     this.#resize();
@@ -209,6 +228,7 @@ export class Scene {
   #recolour() {
     const style = getComputedStyle(document.documentElement);
     const colour = (name) => new Color(style.getPropertyValue(name).trim());
+    this.#colours = colour("--felt");
     for (const joint of this.#joints) {
       joint.colours = { plain: colour("--link"), felt: colour("--felt"), touched: colour("--touched") };
       joint.paint();
@@ -290,6 +310,22 @@ function arrow(radius, material) {
   head.position.set(radius * Math.cos(ARC), radius * Math.sin(ARC), 0);
   head.rotation.z = ARC;
   group.add(head);
+  return group;
+}
+
+/** Straight arrow along the y axis whose head ends at the origin, and a cone around it that its shaft may
+ * lie in. */
+function force(length, cone, colour) {
+  const group = new Group(), material = new MeshStandardMaterial({ color: colour, roughness: 0.4 });
+  const thick = 0.04 * length, head = new Mesh(new ConeGeometry(3 * thick, 0.25 * length, 16), material);
+  head.position.y = -0.125 * length;
+  const shaft = new Mesh(new CapsuleGeometry(thick, 0.8 * length, 4, 12), material);
+  shaft.position.y = -0.6 * length;
+  const half = Math.min(cone, 1.3), doubt = material.clone();
+  Object.assign(doubt, { transparent: true, opacity: 0.25, depthWrite: false });
+  const mist = new Mesh(new ConeGeometry(length * Math.sin(half), length * Math.cos(half), 24, 1, true), doubt);
+  mist.position.y = -0.5 * length * Math.cos(half);
+  group.add(head, shaft, mist);
   return group;
 }
 

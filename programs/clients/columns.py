@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from common.arrays import Matrix
 from daemon.protocol.state import State
-from daemon.tick.telemetry import ESTIMATED, FLAG_NAMES, SIDE_NAMES
+from daemon.tick.telemetry import ESTIMATED, FLAG_NAMES, SIDE_NAMES, wrench_of
 from estimator.estimate import EstimateRows, Flag, SampleRows
+from estimator.wrench import UNSEEN, WIDTH
 
 SIDES: Final = {name: side for side, name in SIDE_NAMES.items()}
 NO_LINK: Final = -1  # code of no touched link
@@ -67,6 +68,7 @@ class Layout:
                 for name in self.beside
             },
             "flags": _codes(_flags_code(tuple(state.flags)) for state in states),
+            **({} if states[0].wrench is None else {"wrench": _wrenches(states)}),
         }
 
     def _sides(self, states: Sequence[State]) -> NDArray[np.int8]:
@@ -83,6 +85,7 @@ class Layout:
             "beside": np.zeros(len(made.flags), dtype=np.int64),
             **{f"beside {name}": made.beside[name] for name in self.beside},
             "flags": made.flags,
+            "wrench": made.wrench,
         }
 
     def in_words(self, columns: Columns, field: str, row: int) -> object:
@@ -92,6 +95,8 @@ class Layout:
         values = columns[field][row]
         if field == "side":
             return [SIDE_NAMES[side] for side in values.tolist()]
+        if field == "wrench":
+            return wrench_of(values)
         if field == "touched_link":
             return "" if values == NO_LINK else self.joints[values]
         if field == "flags":
@@ -117,6 +122,20 @@ def first_difference(recorded: Columns, replayed: Columns) -> tuple[int, str] | 
         if rows.size and (first is None or rows[0] < first[0]):
             first = int(rows[0]), "beside" if name.startswith("beside ") else name
     return first
+
+
+def _wrenches(states: Sequence[State]) -> Matrix:
+    """Rows (ticks, WIDTH) of what a Wrench was made of; its unseen directions in their places."""
+    rows = np.zeros((len(states), WIDTH))
+    for row, state in zip(rows, states, strict=True):
+        one = state.wrench
+        if one is None or len(one.force) != 3 or len(one.covariance) != 6:
+            row[:] = np.nan
+            continue
+        row[:UNSEEN] = *one.force, *one.covariance, one.strength, one.misfit
+        ways = [way for way in one.unseen if len(way) == 3][:3]
+        row[UNSEEN : UNSEEN + 3 * len(ways)] = [part for way in ways for part in way]
+    return rows
 
 
 def _codes(codes: Iterator[int]) -> NDArray[np.int64]:

@@ -22,6 +22,7 @@ from programs.clients.shown import (
 )
 from programs.clients.stream_words import AFTER_CONTACT, phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
+from programs.clients.wrench import wrench_words
 
 SHARE = "share: of the configured level, as learning leaves it; 100% while in doubt"
 
@@ -61,6 +62,8 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("payload", Text(payload_in_words(status)))
     if status.recognised:
         table.add_row("", Text(status.recognised, "yellow"))
+    if status.wrench is not None:
+        table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")

@@ -38,7 +38,7 @@ from foxglove.messages import (
     Vector3,
 )
 
-from daemon.protocol.state import Snapshot, State
+from daemon.protocol.state import Snapshot, State, Wrench
 from programs.recordings.skeleton import Capsule, Skeleton, skeleton_of, towards
 
 _GREY: Final = Color(r=0.62, g=0.66, b=0.70, a=1.0)
@@ -116,6 +116,7 @@ class FoxgloveChannels:
         json: dict[str, Any] = {"message_encoding": "json", "context": context}
         schema = _schema(JointValues, beside)
         self._values = [Channel(f"/joints/{name}", schema=schema, **json) for name in self._joints]
+        self._wrench = Channel("/wrench", schema=_schema(Wrench, []), **json)
         self._arm = Channel("/arm", schema=_schema(ArmValues, []), **json)
         self._encode = msgspec.json.Encoder().encode
         self._lit: str | None = None
@@ -138,7 +139,9 @@ class FoxgloveChannels:
     def watched(self) -> bool:
         """A viewer asked for any of it."""
         typed: tuple[Any, ...] = (self._transforms, self._scene, self._states, self._log)
-        return any(channel.has_sinks() for channel in (*typed, *self._values, self._arm))
+        return any(
+            channel.has_sinks() for channel in (*typed, *self._values, self._arm, self._wrench)
+        )
 
     def show_again(self) -> None:
         """Send the scene again with the next tick, for viewers that came since."""
@@ -158,6 +161,8 @@ class FoxgloveChannels:
         arm = ArmValues(state.tick, state.mode, state.armed, state.cause, state.touched_link,
                         state.quiet_s, t.lateness_us, t.work_us, t.missed)  # fmt: skip
         self._arm.log(self._encode(arm), log_time=time_ns)
+        if state.wrench is not None:
+            self._wrench.log(self._encode(state.wrench), log_time=time_ns)
 
     def _draw(self, state: State, time_ns: int) -> None:
         stamp = _stamp(time_ns)

@@ -167,5 +167,5 @@ def said_at(view: View) -> list[str]:
             f"{1e3 * state.phi_sigma[i]:.2f} mrad ({state.side[i]})"
         )
     if state.touched_link:
-        lines.append(f"  touched: the link of {printable(state.touched_link)}")
+        lines.append(f"  touched: at least the link of {printable(state.touched_link)}")
     return lines

@@ -1,16 +1,18 @@
 """Texts of one arm on the page: sent as JSON when they change. Pure."""
 
+import math
 from typing import Literal
 
 import msgspec
 
 from daemon.faults.finding import advice_on
-from daemon.modes.table import Mode
+from daemon.modes.table import SENSING, Mode
 from daemon.protocol.replies import Check, Learned, Status
-from daemon.protocol.state import Permit, Snapshot, State
+from daemon.protocol.state import Permit, Snapshot, State, Wrench
 from programs.clients.sensed import lost_samples
 from programs.clients.stream_words import phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
+from programs.clients.wrench import NO_FIT, bound_N, most_aside_N
 
 EventKind = Literal["mode", "contact", "fault", "page"]
 
@@ -29,6 +31,17 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="kind"):
     bus_load: float | None
     may_command: bool
     may_record: bool
+    force_axes: str  # link of the URDF along whose axes each `Force` is ...
+    force_point: list[float]  # ... and where in its frame it presses [m]
+
+
+class Force(msgspec.Struct, frozen=True):
+    """Force at the tool, rounded so that it is sent no oftener than it is seen to change."""
+
+    way: list[float]  # unit vector
+    size: float  # [N]
+    cone: float  # half angle within which it points, at 95 % [rad]
+    text: str
 
 
 class Load(msgspec.Struct, frozen=True):
@@ -56,6 +69,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     touched: str
     flags: list[str]
     load: Load | None
+    force: Force | None  # None where nothing acts, or no single force at the tool
     stream: str  # phase of the arm on a stream of targets; empty without one
 
 
@@ -167,6 +181,8 @@ def hello(
         bus_load=s.bus_load if s else None,
         may_command=may_command,
         may_record=may_record,
+        force_axes=s.wrench_axes if s else "",
+        force_point=s.wrench_point if s else [],
     )
 
 
@@ -186,7 +202,26 @@ def words(arm: int, state: State) -> Words:
         touched=state.touched_link,
         flags=state.flags,
         load=load(state),
+        force=force(state),
         stream=phase_in_words(state.stream) if state.stream else "",
+    )
+
+
+def force(state: State) -> Force | None:
+    """Force at the tool of a State, in a mode that senses, if there is one that fits. Daemons
+    without the field are served, too."""
+    wrench: Wrench | None = getattr(state, "wrench", None)
+    if wrench is None or state.mode not in SENSING or wrench.misfit > NO_FIT:
+        return None
+    size = math.hypot(*wrench.force)
+    if size == 0.0:
+        return None
+    way = [part / size for part in wrench.force]
+    return Force(
+        way=[round(part, 1) for part in way],
+        size=float(round(size)),
+        cone=round(math.atan2(most_aside_N(wrench, way), size), 1),
+        text=f"{size:.0f} N ± {bound_N(wrench, way):.0f}",
     )
 
 

@@ -70,6 +70,28 @@ class JointStates:
         return bytes(payload)
 
 
+def wrench_stamped(wall_s: float, frame: str, force: Sequence[float]) -> bytes:
+    """geometry_msgs/msg/WrenchStamped: force (3,) [N]; no torque."""
+    writer = Writer()
+    seconds, nanoseconds = stamp(wall_s)
+    writer.int32(seconds)
+    writer.uint32(nanoseconds)
+    writer.text(frame)
+    writer.align(8)
+    writer.payload += struct.pack("<6d", *force, 0.0, 0.0, 0.0)
+    return bytes(writer.payload)
+
+
+def numbers(values: Sequence[float]) -> bytes:
+    """std_msgs/msg/Float64MultiArray without dimensions."""
+    writer = Writer()
+    writer.uint32(0)
+    writer.uint32(0)
+    at = writer.doubles(len(values))
+    struct.pack_into(f"<{len(values)}d", writer.payload, at, *values)
+    return bytes(writer.payload)
+
+
 def stamp(wall_s: float) -> tuple[int, int]:
     """Seconds and nanoseconds of a builtin_interfaces/msg/Time, to the microsecond that a Unix time
     as a float holds."""

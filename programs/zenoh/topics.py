@@ -5,6 +5,8 @@
 | `joint_states` | JointState | every tick: q, q_dot, and as effort the motor's torque at the link |
 | `external_torque` | JointState | every tick: the residual as effort; NaN: senses nothing |
 | `contact_threshold` | JointState | every tick: the level in force as effort |
+| `wrench` | WrenchStamped | every tick: the force at the tool; NaN: the mode senses nothing |
+| `wrench_covariance` | Float64MultiArray | its error (9), strength, misfit |
 | `contact` | DiagnosticStatus | a contact begins: WARN; a collision: ERROR |
 | `robot_description` | String, latched | joined: the URDF |
 | `joint_targets` | JointState | taken with --allow-follow: targets to follow |
@@ -14,8 +16,17 @@
 import math
 from typing import Final
 
-from daemon.protocol.state import Contact, Snapshot, State
-from programs.zenoh.messages import Diagnosis, JointStates, Level, diagnostic_status, string
+from daemon.modes.table import SENSING
+from daemon.protocol.state import Contact, Snapshot, State, Wrench
+from programs.zenoh.messages import (
+    Diagnosis,
+    JointStates,
+    Level,
+    diagnostic_status,
+    numbers,
+    string,
+    wrench_stamped,
+)
 from programs.zenoh.names import Endpoint, Kind, Node, Qos
 
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
@@ -24,6 +35,8 @@ TOPICS: Final = {
     "joint_states": (JOINT_STATE, Qos.DEFAULT),
     "external_torque": (JOINT_STATE, Qos.DEFAULT),
     "contact_threshold": (JOINT_STATE, Qos.DEFAULT),
+    "wrench": ("geometry_msgs/msg/WrenchStamped", Qos.DEFAULT),
+    "wrench_covariance": ("std_msgs/msg/Float64MultiArray", Qos.DEFAULT),
     "contact": ("diagnostic_msgs/msg/DiagnosticStatus", Qos.DEFAULT),
     "robot_description": ("std_msgs/msg/String", Qos.LATCHED),
     "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", Qos.DEFAULT),
@@ -50,7 +63,7 @@ class Topics:
     """Messages of one arm, from its Snapshot on."""
 
     def __init__(self, snapshot: Snapshot, arm: str) -> None:
-        self._arm = arm
+        self._arm, self._axes = arm, snapshot.wrench_axes
         self._moving = JointStates(snapshot.joints, motion=True)
         self._torques = JointStates(snapshot.joints, motion=False)
         self.description = string(snapshot.urdf)
@@ -66,12 +79,23 @@ class Topics:
             ("external_torque", self._torques.encode(wall_s, external_torque(state))),
             ("contact_threshold", self._torques.encode(wall_s, state.threshold)),
         ]
+        if state.wrench is not None:
+            made += self._wrench(state, state.wrench)
         made += [
             ("contact", self._contact(notice.contact, state.touched_link))
             for notice in state.notices
             if notice.contact is not None
         ]
         return made
+
+    def _wrench(self, state: State, wrench: Wrench) -> list[tuple[str, bytes]]:
+        force = wrench.force if state.mode in SENSING else [math.nan] * 3
+        xx, xy, xz, yy, yz, zz = wrench.covariance
+        error = [xx, xy, xz, xy, yy, yz, xz, yz, zz, wrench.strength, wrench.misfit]
+        return [
+            ("wrench", wrench_stamped(state.timing.wall_s, self._axes, force)),
+            ("wrench_covariance", numbers(error)),
+        ]
 
     def _contact(self, contact: Contact, link: str) -> bytes:
         level = Level.ERROR if contact.level == "collision" else Level.WARN

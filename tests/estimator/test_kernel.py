@@ -133,6 +133,7 @@ def kernel_of(modules: dict[str, ModuleType], like: Estimator) -> Any:
         like.settings,
         LEVELS,
         like.period_s,
+        like.model.place(),
     )
 
 
@@ -140,6 +141,7 @@ def state(kernel: Any) -> bytes:
     levels = kernel.levels
     arrays = (
         kernel.shown,
+        kernel.wrench.shown,
         kernel.sensing,
         levels.collision,
         levels.above,

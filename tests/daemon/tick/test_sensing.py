@@ -24,7 +24,8 @@ def estimate(sensing: str, flags: Flag) -> Estimate:
         q=zero, q_dot=zero, theta=zero, phi=zero, phi_sigma=zero, side=zero.astype(np.int8),
         tau_M=zero, residual=zero, beside={}, threshold=zero, thresholded=zero,
         level_share=zero, uncorrected=zero, contacts=(),
-        touched_link="", flags=flags, sensing=np.array([each == "." for each in sensing]),
+        touched_link="", flags=flags, wrench=zero,
+        sensing=np.array([each == "." for each in sensing]),
     )  # fmt: skip
 
 

@@ -322,6 +322,7 @@ class Estimator:
             if np.count_nonzero(thresholded)
             else "",
             flags=flags,
+            wrench=np.zeros(0),
             sensing=sensing,
         )
 

@@ -65,6 +65,7 @@ def filled(layout: Layout, estimates: list[Estimate]) -> Columns:
         beside={name: np.array([e.beside[name] for e in estimates]) for name in layout.beside},
         touched_link=np.array([links[e.touched_link] for e in estimates]),
         flags=np.array([int(e.flags) for e in estimates]),
+        wrench=rows("wrench"),
     )
     return layout.replayed(made)
 

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from mcap.reader import make_reader
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO
-from daemon.protocol.state import Snapshot
+from daemon.protocol.state import Snapshot, Wrench
 from programs.clients.client import Client
 from programs.contactd.contactd import main
 from programs.foxglove.foxglove_door import serve
@@ -35,10 +35,17 @@ def with_urdf(snapshot: Snapshot) -> Snapshot:
     return msgspec.structs.replace(snapshot, urdf=ROMEO_URDF)
 
 
+PUSH = Wrench(
+    force=[0.0, 0.0, -18.0], covariance=[9.0, 0.0, 0.0, 1.0, 0.0, 4.0], unseen=[], strength=4.0,
+    misfit=0.8,
+)  # fmt: skip
+
+
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     states = [
-        state_at(k, touched_link="LShoulderYaw" if 100 <= k < 200 else "") for k in range(90, 250)
+        state_at(k, touched_link="LShoulderYaw" if 100 <= k < 200 else "", wrench=PUSH)
+        for k in range(90, 250)
     ]
     return written(tmp_path / "made.mcap", [with_urdf(snapshot_at(89)), *states])
 
@@ -111,6 +118,7 @@ def test_foxglove_gets_the_arm_its_values_and_its_log(recording: Path, tmp_path:
     assert answer.exit_code == 0, answer.output
     found = decoded(target)
     assert len(found["/joints/LElbowYaw"]) == len(found["/arm"]) == 160
+    assert found["/wrench"] == [msgspec.to_builtins(PUSH)] * 160
     one = found["/joints/LShoulderYaw"][20]
     expected = state_at(110)
     assert one["residual"] == expected.residual[1]

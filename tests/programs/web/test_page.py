@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from msgspec.structs import replace
 
 from bench.rigs.generated_arms import Body, urdf_of
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from daemon.protocol.state import Notice, Permit, StreamState
+from daemon.protocol.state import Notice, Permit, StreamState, Wrench
 from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screens
 
@@ -318,3 +319,22 @@ def test_an_upright_arm_is_in_the_picture_in_any_pose(
             edge = np.concatenate([coloured[[0, -1]].ravel(), coloured[:, [0, -1]].ravel()])
             assert coloured.any()
             assert not edge.any(), name
+
+
+def test_the_force_at_the_tool_is_an_arrow_with_the_cone_of_its_doubt(
+    screens: Screens, arm: FakeDaemon
+) -> None:
+    arm.urdf = (ROMEO / "arm.urdf").read_text()
+    force = Wrench(
+        force=[0.0, 0.0, -18.0], covariance=[9.0, 0.0, 0.0, 9.0, 0.0, 4.0], unseen=[],
+        strength=4.0, misfit=0.8,
+    )  # fmt: skip
+    with page_of(arm.path) as shown:
+        screen = screens.open(f"{shown.url}?scene=on", (1000, 800))
+        arm.changes = {**ARMED, "wrench": force}
+        screen.shows("#felt", "18 N ± 4 at the tool")
+        screen.until("document.querySelector('#scene').dataset.force === '18 N ± 4'")
+        screen.page.wait_for_timeout(500)
+        screen.picture("force")
+        arm.changes = {**ARMED, "wrench": replace(force, misfit=3.0)}
+        screen.until("document.querySelector('#scene').dataset.force === ''")

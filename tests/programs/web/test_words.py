@@ -12,8 +12,9 @@ from msgspec.structs import replace
 from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
-from daemon.protocol.state import Permit, State
-from programs.web.words import Load, load, owner, words
+from daemon.modes.table import Mode
+from daemon.protocol.state import Permit, State, Wrench
+from programs.web.words import Load, force, load, owner, words
 
 CUP = SimpleNamespace(mass=0.4, com=[0.0, 0.1, 0.0])
 
@@ -63,3 +64,29 @@ def test_a_load_is_told_where_a_state_has_one(
     found = load(cast(State, SimpleNamespace(**fields)))
     expected = announced is not None and Load(announced, 0.4, [0.0, 0.1, 0.0], str(CUP))
     assert found == (expected or None)
+
+
+PUSH = Wrench(
+    force=[0.0, 0.0, -18.0], covariance=[9.0, 0.0, 0.0, 1.0, 0.0, 4.0], unseen=[], strength=4.0,
+    misfit=0.8,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("mode", "changes", "shown"),
+    [
+        ("holding", {}, True),
+        ("off", {}, False),
+        ("holding", {"misfit": 2.1}, False),
+        ("holding", {"force": [0.0, 0.0, 0.0]}, False),
+    ],
+)
+def test_a_force_is_drawn_where_one_fits_and_the_mode_senses(
+    make_state: Callable[..., State], mode: str, changes: dict[str, Any], shown: bool
+) -> None:
+    found = force(replace(make_state(5), mode=Mode(mode), wrench=replace(PUSH, **changes)))
+    assert (found is not None) == shown
+    if found is not None:
+        assert (found.way, found.size, found.text) == ([0.0, 0.0, -1.0], 18.0, "18 N ± 4")
+        assert found.cone == pytest.approx(0.3)  # atan(1.96 * 3 / 18), to a tenth
+    assert force(cast(State, SimpleNamespace(mode=Mode.HOLDING))) is None

@@ -54,6 +54,8 @@ def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) 
         "/left_arm/external_torque": ["sensor_msgs/msg/JointState"],
         "/left_arm/joint_states": ["sensor_msgs/msg/JointState"],
         "/left_arm/robot_description": ["std_msgs/msg/String"],
+        "/left_arm/wrench": ["geometry_msgs/msg/WrenchStamped"],
+        "/left_arm/wrench_covariance": ["std_msgs/msg/Float64MultiArray"],
     }
     where = (0, "127.0.0.1", sdk)
     until(lambda: dict(discovery.get_topic_names_and_types(*where)) == expected)

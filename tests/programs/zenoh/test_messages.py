@@ -21,12 +21,14 @@ from programs.zenoh.messages import (
     Level,
     diagnostic_array,
     diagnostic_status,
+    numbers,
     outcome,
     read_diagnostic_array,
     read_diagnostic_status,
     read_outcome,
     stamp,
     string,
+    wrench_stamped,
 )
 from programs.zenoh.type_hashes import TYPE_HASHES
 
@@ -130,6 +132,23 @@ def test_joint_state(data: st.DataObject, names: list[str], wall_s: float, motio
     assert (read.header.stamp.sec, read.header.stamp.nanosec) == stamp(wall_s)
     header = Header(Time(*stamp(wall_s)), "")
     assert payload == cyclone(JointState(header, names, position, velocity, effort))
+
+
+@given(TIMES, NAMES, st.lists(NUMBERS, min_size=3, max_size=3))
+def test_wrench_stamped(wall_s: float, frame: str, force: list[float]) -> None:
+    read = rosbags(wrench_stamped(wall_s, frame, force), "geometry_msgs/msg/WrenchStamped")
+    assert (read.header.stamp.sec, read.header.stamp.nanosec) == stamp(wall_s)
+    assert read.header.frame_id == frame
+    found = read.wrench.force
+    assert all(map(same, force, (found.x, found.y, found.z)))
+    assert (read.wrench.torque.x, read.wrench.torque.y, read.wrench.torque.z) == (0.0, 0.0, 0.0)
+
+
+@given(st.lists(NUMBERS, max_size=11))
+def test_numbers(values: list[float]) -> None:
+    read = rosbags(numbers(values), "std_msgs/msg/Float64MultiArray")
+    assert len(read.data) == len(values)
+    assert all(map(same, values, read.data))
 
 
 DIAGNOSES = st.builds(
