@@ -105,11 +105,10 @@ def _within(
 ) -> LinkEncoder:
     """`found` with its interval, or refused where angles in reach (M,) [rad] were visited too
     little; others: harmonics of the fit with more of them."""
-    differ, much = (
-        float(np.abs(one(reach) - one(visited).mean()).max())
-        for one in (lambda a: _at(found.harmonics, a) - _at(others, a),
-                    lambda a: _at(found.harmonics, a))
-    )  # fmt: skip
+    here, there = (
+        np.stack([(own := _at(found.harmonics, a)) - _at(others, a), own]) for a in (visited, reach)
+    )
+    differ, much = np.abs(there - here.mean(axis=1, keepdims=True)).max(axis=1).tolist()
     if differ <= _HALF * much:
         return replace(found, interval=differ)
     turned = float(np.ptp(visited)) / (2.0 * np.pi)
