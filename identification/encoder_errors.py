@@ -14,6 +14,9 @@ from common.arrays import Matrix, Vector
 
 ORDERS = (1, 2)
 _LEAST_TURN = 0.25  # of a period: over less of it, a harmonic is a straight line
+SHOWN = 0.6
+"""Share of a period that an angle must turn for a harmonic to be stated: over less of it, one takes
+the place of others, of the gap and of drift, and is a multiple of what it is."""
 REPORTED = 0.0001
 """Amplitude [rad] at the link above which an error is reported."""
 
@@ -26,10 +29,12 @@ class Harmonic:
     order: int
     amplitude: float
     """[rad] at the link: half of what it spans over the turns that were made"""
+    interval: float = 0.0
+    """Half the 95 % interval of the amplitude [rad]"""
 
     def __str__(self) -> str:
-        return (f"{self.encoder} encoder off by {1e3 * self.amplitude:.2g} mrad, "
-                f"{self.order} x per turn")  # fmt: skip
+        return (f"{self.encoder} encoder off by {1e3 * self.amplitude:.2g} +- "
+                f"{1e3 * self.interval:.1g} mrad, {self.order} x per turn")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +44,19 @@ class Turns:
     columns: Matrix
     of: tuple[tuple[Literal["link", "motor"], int], ...]
 
-    def harmonics(self, solution: Vector, used: Matrix) -> tuple[Harmonic, ...]:
-        """Harmonics worth reporting, of coefficients (2 k,), over rows `used` (M, 2 k)."""
+    shown: tuple[bool, ...]
+    """Whether the motion shows the size of each; the others are beside what is fitted"""
+
+    def harmonics(self, solution: Vector, errors: Vector, used: Matrix) -> tuple[Harmonic, ...]:
+        """Harmonics worth reporting, of coefficients (2 k,) with standard errors, over rows `used`
+        (M, 2 k)."""
         found = []
-        for place, (encoder, order) in enumerate(self.of):
+        for place, ((encoder, order), shown) in enumerate(zip(self.of, self.shown, strict=True)):
             pair = slice(2 * place, 2 * place + 2)
             size = 0.5 * float(np.ptp(used[:, pair] @ solution[pair]))
-            if size > REPORTED:
-                found.append(Harmonic(encoder, order, size))
+            off = 1.96 * float(errors[pair].max())
+            if shown and size > max(REPORTED, off):
+                found.append(Harmonic(encoder, order, size, off))
         return tuple(found)
 
 
@@ -56,11 +66,13 @@ def turns(q: Vector, theta: Vector, gear: float) -> Turns:
     angles: list[tuple[Literal["link", "motor"], Vector]] = [("link", q)]
     if abs(gear) > 1.0:
         angles.append(("motor", gear * theta))
-    columns, of = [np.empty((len(q), 0))], []
+    columns, of, shown = [np.empty((len(q), 0))], [], []
     for encoder, angle in angles:
+        turned = float(np.ptp(angle)) / (2.0 * np.pi)
         for order in ORDERS:
-            if order * float(np.ptp(angle)) < _LEAST_TURN * 2.0 * np.pi:
+            if order * turned < _LEAST_TURN:
                 continue
             columns.append(np.stack([np.cos(order * angle), np.sin(order * angle)], axis=1))
             of.append((encoder, order))
-    return Turns(np.concatenate(columns, axis=1), tuple(of))
+            shown.append(turned >= SHOWN)
+    return Turns(np.concatenate(columns, axis=1), tuple(of), tuple(shown))

@@ -97,11 +97,12 @@ def _fitted(
             break
     left = x - columns @ solution
     period = float(np.median(np.diff(time_s)))
+    errors = _block_errors(columns, left, rests, period)
     return _Fit(
         alpha=abs(float(solution[2])),
         skew=float(solution[3]),
-        errors=_block_errors(columns, left, rests, period),
-        harmonics=repeats.harmonics(solution[4:], columns[:, 4:]),
+        errors=errors,
+        harmonics=repeats.harmonics(solution[4:], errors[4:], columns[:, 4:]),
         side=columns[:, 2],
         scatter=1.4826 * float(np.median(np.abs(left))),
     )

@@ -5,23 +5,28 @@
 
 at rests of phi, that is at a border of the gap; a is the angle of the encoder. What gravity bends
 repeats with the turn, too: hence the column of the torque. A joint that turns by less than
-`LEAST_TURN` shows too little of a turn to separate its harmonics from a straight line, and they
-would be wrong where it has not been.
+`LEAST_TURN` shows too little of a turn to separate its harmonics from a straight line. Over less
+than a turn one harmonic takes the place of others, and is wrong where the joint has not been: as
+far as it differs there from a fit with more of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
+from identification.encoder_errors import SHOWN
 from identification.gap_result import smoothed
 from identification.motion_log import MotionLog
 
 ORDERS = (1, 2)
-LEAST_TURN = 0.6
+LEAST_TURN = SHOWN
 """Share of a turn that the link must have made for each order."""
+BESIDE = (1, 2, 3)
+"""Orders of the other fit."""
+_HALF = 0.5  # of the correction, that it may be off by within the limits
 SMALLEST = 0.0001
 """Amplitude [rad] that is worth a correction."""
 MOST_LEFT = 0.8
@@ -29,6 +34,7 @@ MOST_LEFT = 0.8
 _NO_LOAD = 0.1  # [Nm]: what less than this bends is no error
 _SEPARATES = 1.5
 _RESTS = 500
+_PLACES = 100
 _HELD_OUT = 0.3
 
 
@@ -42,6 +48,8 @@ class LinkEncoder:
     reason: str
     left: float = float("nan")
     """Scatter of phi at the borders on held-out motion, over that without the harmonics"""
+    interval: float = float("nan")
+    """Most that the correction may be off within the joint's limits [rad]"""
 
     @property
     def amplitude(self) -> float:
@@ -50,10 +58,15 @@ class LinkEncoder:
 
 
 def link_encoder(
-    log: MotionLog, i: int, offset: float, gear: float, torque_constant: float
+    log: MotionLog,
+    i: int,
+    offset: float,
+    gear: float,
+    torque_constant: float,
+    limits: tuple[float, float],
 ) -> LinkEncoder:
     """Error of one link's encoder; offset [rad]: of its angle, `link_offset`; gear: turns of the
-    motor for one of the link."""
+    motor for one of the link; limits [rad]: between which a correction has to be right."""
     name = log.joints[i]
     if log.motor_position is None:
         return LinkEncoder(name, (), "no motor position, against which the link's is compared")
@@ -79,7 +92,41 @@ def link_encoder(
     motor = _turns(gear * theta, ORDERS)
     link = _turns(q - offset, orders)
     columns = np.concatenate([plain, motor, link], axis=1)[rests]
-    return _judged(name, orders, columns, phi[rests], plain.shape[1] + motor.shape[1])
+    found = _judged(name, orders, columns, phi[rests], plain.shape[1] + motor.shape[1])
+    if not found.harmonics:
+        return found
+    beside = np.concatenate([plain, motor, _turns(q - offset, BESIDE)], axis=1)[rests]
+    others = _pairs(BESIDE, _fitted(beside, phi[rests])[0][plain.shape[1] + motor.shape[1] :])
+    return _within(found, others, (q - offset)[rests], np.linspace(*limits, _PLACES) - offset)
+
+
+def _within(
+    found: LinkEncoder, others: Sequence[tuple[int, float, float]], visited: Vector, reach: Vector
+) -> LinkEncoder:
+    """`found` with its interval, or refused where angles in reach (M,) [rad] were visited too
+    little; others: harmonics of the fit with more of them."""
+    here, there = (
+        np.stack([(own := _at(found.harmonics, a)) - _at(others, a), own]) for a in (visited, reach)
+    )
+    differ, much = np.abs(there - here.mean(axis=1, keepdims=True)).max(axis=1).tolist()
+    if differ <= _HALF * much:
+        return replace(found, interval=differ)
+    turned = float(np.ptp(visited)) / (2.0 * np.pi)
+    about = (f"{turned:.2f} of a turn shows no harmonic: {1e3 * much:.2g} +- {1e3 * differ:.2g} "
+             "mrad within the limits: move the joint further")  # fmt: skip
+    return LinkEncoder(found.joint, (), about, found.left, differ)
+
+
+def _at(harmonics: Sequence[tuple[int, float, float]], angle: Vector) -> Vector:
+    """Error (N,) [rad] at angles of the encoder."""
+    coefficients = np.array([pair for _, *pair in harmonics]).ravel()
+    return np.asarray(_turns(angle, [order for order, _, _ in harmonics]) @ coefficients)
+
+
+def _pairs(orders: Sequence[int], solution: Vector) -> tuple[tuple[int, float, float], ...]:
+    """Harmonics of these coefficients (2 k, perhaps more)."""
+    pairs = solution[: 2 * len(orders)].reshape(-1, 2).tolist()
+    return tuple((k, c, s) for k, (c, s) in zip(orders, pairs, strict=True))
 
 
 def _plain(time_s: Vector, speed: Vector, torque: Vector) -> Matrix:
@@ -111,9 +158,7 @@ def _judged(
     sides = np.concatenate([columns, side[:, None]], axis=1)
     few = np.concatenate([columns[:, :known], side[:, None]], axis=1)
     left = _tried(sides, phi, first, last) / max(_tried(few, phi, first, last), 1e-9)
-    pairs = with_them[known : known + 2 * len(orders)].reshape(-1, 2).tolist()
-    harmonics = tuple((k, c, s) for k, (c, s) in zip(orders, pairs, strict=True))
-    found = LinkEncoder(name, harmonics, "", left)
+    found = LinkEncoder(name, _pairs(orders, with_them[known:]), "", left)
     if found.amplitude < SMALLEST:
         return LinkEncoder(name, (), f"less than {1e3 * SMALLEST:g} mrad", left)
     if not left < MOST_LEFT:

@@ -35,7 +35,8 @@ from identification.touches import near
 SHORTEST_S = 20.0
 """Least motion [s] unless less is asked for."""
 _ROUNDS = 3
-_WORSE = 1.1  # times |r| by the URDF, held out, that is no fit
+_WORSE = 1.02  # times |r| by the URDF, held out, that is not good: less is noise
+_NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses stay
 _WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
@@ -217,10 +218,11 @@ def _judged(
     by those at its beginning."""
     by_urdf, by_this = _held_out(joints, nominal, period_s)
     worth = bool((_rms(by_this) < _WORTH * _rms(by_urdf)).any())
+    most = _WORSE if worth else _NO_FIT
     fits = []
     for i, against in enumerate(reasons):
         verdict, reason = against
-        worse = ~(by_this[:, i] <= _WORSE * by_urdf[:, i])  # NaN, too: too little counted
+        worse = ~(by_this[:, i] <= most * by_urdf[:, i])  # NaN, too: too little counted
         if verdict is MassesVerdict.GOOD and worse.any():
             k, verdict = int(np.argmax(worse)), MassesVerdict.WORSE
             reason = (f"|r| {by_this[k, i]:.3g} Nm, by the URDF {by_urdf[k, i]:.3g}, on the "

@@ -16,11 +16,10 @@ import numpy as np
 
 from common.arrays import Matrix, Vector
 from identification.bending import STIFFEST, USUAL, USUALLY
-from identification.encoder_errors import Harmonic, turns
+from identification.encoder_errors import SHOWN, Harmonic, turns
 from identification.stroke_samples import Samples, free_torque
 
 _BLOCK_S = 0.2  # samples of a plateau that count as one
-_TURN = 0.6  # of a motor's turn, in which its harmonics show
 _ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 _STEP = 0.3  # of an encoder, by which the mean over a way may be off
 _LATE_S = 0.002  # by which the current may be later than the positions, unseen
@@ -147,7 +146,7 @@ def _solved(
     origin = _origin(rows.time_s, rows.stroke, integrated=integrated)
     repeats = turns(np.zeros_like(rows.theta), rows.theta, gear)
     turned = abs(gear) * float(np.ptp(rows.theta)) / (2.0 * np.pi)
-    harmonic = repeats.columns if turned > _TURN else np.empty((len(rows.theta), 0))
+    harmonic = repeats.columns if turned > SHOWN else np.empty((len(rows.theta), 0))
     plain = origin(rows.time_s)
     rubs = rows.direction[:, None] if off > 0.0 else np.empty((len(rows.theta), 0))
     X = np.column_stack([-rows.side, -rows.load, plain, harmonic, rubs])
@@ -166,13 +165,15 @@ def _solved(
     inverse = np.linalg.pinv(A.T @ A)
     places = np.round(rows.theta / max(float(np.ptp(rows.theta)) / 12.0, 1e-9))
     clusters = (rows.stroke, 100.0 * rows.side + places)
-    variance = max(_sandwich(X, left, of, inverse) for of in clusters)
+    variances = np.max([_sandwich(X, left, of, inverse) for of in clusters], axis=0)
+    variance = float(variances[0])
     scatter = float(np.sqrt(np.square(left).mean()))
     # What the prior leaves open.
     variance += inverse[0, 0] * weak**2
     load = float(np.median(np.abs(rows.load)))
     upper = float((rows.side > 0.0).mean())
     own = 2 + plain.shape[1]
+    of_turn = slice(own, own + harmonic.shape[1])
     fit = StrokeFit(
         alpha=float(solution[0]),
         compliance=float(solution[1]),
@@ -180,8 +181,8 @@ def _solved(
         error=float(np.sqrt(variance)),
         scatter=scatter,
         rarer=min(upper, 1.0 - upper),
-        harmonics=repeats.harmonics(solution[own : own + harmonic.shape[1]], harmonic)
-        if turned > _TURN else (),
+        harmonics=repeats.harmonics(solution[of_turn], np.sqrt(variances[of_turn]), harmonic)
+        if turned > SHOWN else (),
         coulomb=float("nan"),
         unsure=USUAL * load if solution[1] < STIFFEST else 0.0,
         hidden=_hidden(seen),
@@ -212,10 +213,10 @@ def _origin(time_s: Vector, stroke: Vector, *, integrated: bool) -> Callable[[Ve
     return lambda t: np.stack([np.interp(t, knots, row) for row in eye], axis=1)
 
 
-def _sandwich(X: Matrix, left: Vector, of: Vector, inverse: Matrix) -> float:
-    """Variance of the first coefficient, rows of one cluster being alike."""
+def _sandwich(X: Matrix, left: Vector, of: Vector, inverse: Matrix) -> Vector:
+    """Variances of the coefficients, rows of one cluster being alike."""
     names, place = np.unique(of, return_inverse=True)
     sums = np.zeros((len(names), X.shape[1]))
     np.add.at(sums, place.ravel(), left[:, None] * X)
     few = len(names) / max(len(names) - 2.0, 1.0)
-    return few * float((inverse @ (sums.T @ sums) @ inverse)[0, 0])
+    return np.asarray(few * np.diag(inverse @ (sums.T @ sums) @ inverse))

@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,13 @@ def read_csv(
         if of_gap and not any(side in table for side in sides):
             missing.append(" or ".join(sides))
     if missing:
-        raise LogError(f"{path}: no column {', '.join(missing)}")
+        instead = [
+            f"; {lacks.replace('current', _ALSO)} [Nm] would do with a `torque_constant`"
+            for lacks in missing[:1]
+            if lacks.startswith("current.")
+        ]
+        raise LogError(f"{path}: no column {', '.join(missing)}{''.join(instead)}; columns of "
+                       f"other names: {beside(path).name} beside it (docs/logs.md)")  # fmt: skip
     time_s, notes = _even(table["time"])
     columns: dict[str, Matrix] = {}
     for name in COLUMNS:
@@ -83,7 +90,8 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     if twice := [name for name in columns if header.count(name) > 1]:
         raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
     at = [header.index(name) for name in columns]
-    values = [_numbers(path, line, [row[k] for k in at]) for line, row in rows]
+    stamp = columns.index(conversions["time"].column) if "time" in conversions else -1
+    values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
     table = np.array(values, dtype=np.float64).reshape(-1, len(at))
     if which is not None:
         table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
@@ -160,11 +168,23 @@ def _conversions(
     return conversions, which
 
 
-def _numbers(path: Path, line: int, row: Sequence[str | float]) -> list[float]:
+def _numbers(path: Path, line: int, row: Sequence[str | float], stamp: int) -> list[float]:
+    """Numbers of a row; `stamp`: which of them may be a time of day, by ISO 8601."""
     try:
-        return [_number(field) for field in row]
+        return [
+            _time_of_day(field)
+            if k == stamp and isinstance(field, str) and ":" in field
+            else _number(field)
+            for k, field in enumerate(row)
+        ]
     except ValueError as error:
         raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
+
+
+def _time_of_day(field: str) -> float:
+    """[s] of a day and time, UTC where it has no zone."""
+    at = datetime.fromisoformat(field.strip())
+    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
 
 
 def _number(field: str | float) -> float:

@@ -29,8 +29,8 @@ def moved(
     return MotionLog(("joint",), t, *(x[:, None] for x in columns), theta_seen[:, None])
 
 
-def found(log: MotionLog) -> LinkEncoder:
-    return link_encoder(log, 0, OFFSET, GEAR, 3.0)
+def found(log: MotionLog, limits: tuple[float, float] = (-2.5, 2.5)) -> LinkEncoder:
+    return link_encoder(log, 0, OFFSET, GEAR, 3.0, limits)
 
 
 @pytest.mark.parametrize(
@@ -64,3 +64,41 @@ def test_what_cannot_be_told_is_no_correction(log: MotionLog, says: str) -> None
     one = found(log)
     assert one.harmonics == ()
     assert says in one.reason
+
+
+def errors(harmonics: tuple[tuple[int, float, float], ...], angle: np.ndarray) -> np.ndarray:
+    """Errors [rad] at link positions, beside their mean."""
+    all_of_them = np.zeros_like(angle)
+    for k, c, s in harmonics:
+        all_of_them += c * np.cos(k * (angle - OFFSET)) + s * np.sin(k * (angle - OFFSET))
+    return all_of_them - all_of_them.mean()
+
+
+ECCENTRIC = (1, 0.0012, -0.0009)
+WITH_MORE = (ECCENTRIC, (2, -0.0003, 0.0002), (3, 0.0002, 0.0002))
+
+
+@pytest.mark.parametrize("reach", [1.05, 1.3, 1.6, 1.9])
+@pytest.mark.parametrize("true", [(ECCENTRIC,), WITH_MORE])
+def test_no_harmonic_from_less_of_a_turn_than_shows_it(
+    reach: float, true: tuple[tuple[int, float, float], ...]
+) -> None:
+    """A third of a turn of an encoder that is off 1 x: fits that take 2 x for it are right where
+    the joint was, and wrong elsewhere."""
+    one = found(moved(reach, true), (-3.0, 3.0))
+    assert one.harmonics == ()
+    assert one.reason
+
+
+@pytest.mark.parametrize("reach", [1.05, 1.4, 2.5, 3.1])
+@pytest.mark.parametrize("true", [(ECCENTRIC,), WITH_MORE, ((2, 0.0004, 0.0003),)])
+def test_a_correction_is_off_by_no_more_than_stated(
+    reach: float, true: tuple[tuple[int, float, float], ...]
+) -> None:
+    """Also by a harmonic that the model lacks, within the limits."""
+    one = found(moved(reach, true), (-reach, reach))
+    if one.harmonics:
+        place = np.linspace(-reach, reach, 200)
+        off = np.abs(errors(one.harmonics, place) - errors(true, place)).max()
+        assert off < one.interval + 0.0001
+        assert off < np.abs(errors(true, place)).max()

@@ -49,14 +49,16 @@ def _outcome(robot: "Robot", measured: "Measured", joints: list[str], date: str)
         joint = robot.configuration.joints[robot.configuration.joint_names.index(name)]
         wiring = joint.wiring
         found = link_encoder(measured.log, measured.log.joints.index(name), wiring.link_offset,
-                             wiring.gear, joint.torque_constant)  # fmt: skip
+                             wiring.gear, joint.torque_constant,
+                             (joint.limits.lower, joint.limits.upper))  # fmt: skip
         good, figures = bool(found.harmonics), ""
         if good:
             figures = ", ".join(
                 f"{1e3 * math.hypot(cosine, sine):.2f} mrad {order} x per turn"
                 for order, cosine, sine in found.harmonics
             )
-            figures += f"; leaves {found.left:.0%} of the scatter"
+            figures += (f"; leaves {found.left:.0%} of the scatter, off by "
+                        f"{1e3 * found.interval:.1g} mrad at most")  # fmt: skip
             entries[name] = EncodersEntry(
                 date=date,
                 log=measured.sha256,

@@ -91,6 +91,37 @@ def test_what_a_gap_needs_is_asked_for(tmp_path: Path, without: str) -> None:
         read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
 
 
+def test_a_column_that_is_missing_comes_with_what_to_write_instead(tmp_path: Path) -> None:
+    columns = pressed(0.02)
+    del columns["torque.joint"]
+    path = save(tmp_path / "log.csv", columns)
+    with pytest.raises(LogError, match=r"torque\.joint \[Nm\] would do.*log\.yaml beside it"):
+        read_csv(path, ["joint"], {"joint": 3.0}, of_gap=True)
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_times_of_day_are_times(tmp_path: Path, zone: str) -> None:
+    """Also over midnight."""
+    columns = pressed(0.02)
+    begun = np.datetime64("2026-05-31T23:59:50.000000")
+    stamps = begun + np.round(1e6 * columns["time"]).astype("timedelta64[us]")
+    names = list(columns)
+    lines = [",".join(names)]
+    lines += [
+        ",".join([f"{stamp}{zone}", *(f"{columns[name][k]:.9g}" for name in names[1:])])
+        for k, stamp in enumerate(stamps)
+    ]
+    path = tmp_path / "log.csv"
+    if zone == "Z":  # the same time by a clock that was put forward
+        forward = lines[-1].replace("2026-06-01T00:", "2026-06-01T02:")
+        assert forward != lines[-1]
+        lines[-1] = forward.replace("Z", "+02:00")
+    path.write_text("\n".join(lines) + "\n")
+    log, notes = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+    assert notes == ()
+    np.testing.assert_allclose(log.time_s - log.time_s[0], columns["time"], atol=1e-5)
+
+
 def test_other_joints_need_not_be_in_the_log_of_a_gap(tmp_path: Path) -> None:
     path = save(tmp_path / "log.csv", pressed(0.02))
     log, notes = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
