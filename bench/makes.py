@@ -101,12 +101,19 @@ def missed(found: Found) -> int:
     return int(np.isinf(found.delays_s).sum())
 
 
+def _ratio(ours: float, theirs: float) -> float:
+    """NaN where neither is known."""
+    return ours / theirs if math.isfinite(theirs) else math.nan
+
+
 def _delay(rig: Rig, joint: int, random: np.random.Generator) -> float:
     rig.run(random.uniform(*REST_S))
     for _ in range(1000):
         if rig.mode is Mode.TRACKING:
             break
         rig.step()
+    if rig.mode is not Mode.TRACKING:
+        raise click.ClickException(f"{rig.robot.path}: {rig.tick.controller.machine.cause}")
     period_s = rig.robot.configuration.period_s
     torque = 2.0 * rig.estimate.threshold[joint] * random.choice((-1.0, 1.0))
     within = random.uniform()
@@ -188,7 +195,7 @@ def main(arm: Path, touches: int, seed: int, as_json: bool) -> None:
         *(
             Target(
                 f"delay over that with CANopen, p{share}",
-                percentile(ours.delays_s, share) / percentile(theirs.delays_s, share),
+                _ratio(percentile(ours.delays_s, share), percentile(theirs.delays_s, share)),
                 1.25,
             )
             for share in (50, 95)
