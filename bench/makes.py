@@ -109,10 +109,10 @@ def _ratio(ours: float, theirs: float) -> float:
 def _delay(rig: Rig, joint: int, random: np.random.Generator) -> float:
     rig.run(random.uniform(*REST_S))
     for _ in range(1000):
-        if rig.mode is Mode.TRACKING:
+        if tracks := rig.mode is Mode.TRACKING:
             break
         rig.step()
-    if rig.mode is not Mode.TRACKING:
+    if not tracks:
         raise click.ClickException(f"{rig.robot.path}: {rig.tick.controller.machine.cause}")
     period_s = rig.robot.configuration.period_s
     torque = 2.0 * rig.estimate.threshold[joint] * random.choice((-1.0, 1.0))
