@@ -14,13 +14,13 @@ import numpy as np
 from bench.rigs.durand_arm import durand_rig
 from bench.rigs.faulty_wire import FaultyWire
 from bench.rigs.lines import OpenLine, virtual_line
-from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, Rig, lockstep_rig
-from bench.rigs.speech import CANOPEN, DAMIAO_BUS, Speech
+from bench.rigs.lockstep import BEAM, DESK_ARM, OPENARM, ROMEO, Rig, lockstep_rig
+from bench.rigs.speech import CANOPEN, DAMIAO_BUS, ROBSTRIDE_BUS, Speech
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
 from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import ON_TIME, Wakeup
-from drivers.can.wire import Frame, Wire
+from drivers.can.wire import EXTENDED, Frame, Wire
 from drivers.canopen.ids import EMERGENCY
 from simulator.sensors import Readings
 
@@ -58,7 +58,10 @@ DAMIAO = Make(
     DAMIAO_BUS,
     (("joint2", 0.04),),
 )
-MAKES = (ROMEO_ARM, DESK, DURAND, DAMIAO)
+ROBSTRIDE = Make(
+    "robstride", partial(lockstep_rig, BEAM), 3, 5, 3.0, 0.0, 0, 0, "RUN", ROBSTRIDE_BUS
+)
+MAKES = (ROMEO_ARM, DESK, DURAND, DAMIAO, ROBSTRIDE)
 
 #: Of a joint that is to be fast: as slow as its range allows, so that it is fast for longer.
 FAST_HZ = 0.4
@@ -157,7 +160,10 @@ class BreakableArm:
         """Let a frame of somebody else arrive before the next SYNC."""
         self.rig.line.far.send(
             can.Message(
-                arbitration_id=cob_id, data=data, is_extended_id=False, is_error_frame=error
+                arbitration_id=cob_id & ~EXTENDED,
+                data=data,
+                is_extended_id=bool(cob_id & EXTENDED),
+                is_error_frame=error,
             )
         )
 
@@ -170,7 +176,8 @@ class BreakableArm:
             rig.ticks += self.left_out
         wakeup = Wakeup(lateness_s=self.late_s, left_out=self.left_out) if self.late_s else ON_TIME
         rig.tick.begin(rig.time_s)
-        if self.make.speech.request not in dict(self.wire.sent):
+        speech = self.make.speech
+        if speech.request not in {speech.kin(can_id) for can_id, _ in self.wire.sent}:
             rig.arm.advance(rig.arm.now + self.period_s)  # nothing else moves it then
         self.wire.pass_tick()
         rig.lockstep.pump()
@@ -389,7 +396,7 @@ def breakable(make: Make, **both_ends: Any) -> Iterator[BreakableArm]:
     wires: list[FaultyWire] = []
 
     def between(wire: Wire) -> FaultyWire:
-        wires.append(FaultyWire(wire))
+        wires.append(FaultyWire(wire, make.speech.kin))
         return wires[0]
 
     with make.rig(between=between, **both_ends) as rig:

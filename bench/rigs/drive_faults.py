@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from bench.rigs import foreign_tool
 from bench.rigs.breakable_arm import BreakableArm, Fault, for_ever, lasting, once, throughout
-from bench.rigs.speech import DAMIAO_BUS, HOT
+from bench.rigs.speech import HOT
 from drivers.canopen.cia402 import VOLTAGE_ENABLED
 from drivers.canopen.codec import transmit_pdos
 from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, HEARTBEAT, RPDO, START_NODE
@@ -62,10 +62,14 @@ def false_statusword(word: int) -> Fault:
 def samples_repeat(on: BreakableArm) -> Iterator[None]:
     """Its PDOs repeat what they said, statusword and all; by SDO it says what is."""
     kept: dict[int, bytes] = {}
-    answers, told_by = set(on.answers(on.drive)), on.make.speech.told_by
+    answers, told_by, kin = set(on.answers(on.drive)), on.make.speech.told_by, on.make.speech.kin
 
     def repeated(can_id: int, data: bytes) -> bytes:
-        return kept.setdefault(can_id << 8 | told_by(data), data) if can_id in answers else data
+        return (
+            kept.setdefault(kin(can_id) << 8 | told_by(data), data)
+            if kin(can_id) in answers
+            else data
+        )
 
     with on.saying(repeated):
         yield from for_ever()
@@ -146,9 +150,14 @@ def another_product(on: BreakableArm) -> Iterator[None]:
 
 def runaway(on: BreakableArm) -> Iterator[None]:
     """A drive that does what it likes, but still knows the quick stop, or that it is disabled."""
-    if on.make.speech is DAMIAO_BUS:
+    if on.make.speech.stops_by_ramp:
         laws, joint = on.rig.arm._laws, on.joint
-        on.simulated._act = lambda: laws.impede(joint, 0.0, 3.2, 0.0, 5.0, 0.0)
+
+        def act() -> None:
+            if on.make.speech.runs(on.simulated):
+                laws.impede(joint, 0.0, 3.2, 0.0, 5.0, 0.0)
+
+        on.simulated._act = act
         try:
             yield from for_ever()
         finally:

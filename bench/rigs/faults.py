@@ -204,6 +204,23 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("... for 80 ms", "slcan"): _NO_ERRORS,
     ("... for 400 ms", "slcan"): _NO_ERRORS,
 }
+_NO_LINK = "it has no encoder of the link"
+_NO_MISS = "it reports no missed master: it is off then, another case"
+EXCLUDED |= {
+    **{(case, "robstride"): why for (case, where), why in EXCLUDED.items() if where == "damiao"},
+    ("encoder jump of 0.2 rad", "robstride"): _NO_LINK,
+    ("encoder frozen", "robstride"): _NO_LINK,
+    ("gear slips at 0.8 rad/s", "robstride"): _NO_LINK,
+    ("hard hit", "robstride"): "found as a position that changed by more than it can move",
+    ("drive locked in 0x8130", "robstride"): _NO_MISS,
+    ("... and a drive misses us", "robstride"): _NO_MISS,
+    ("drive deaf to SYNC", "robstride"): "its request is an order like others",
+    ("setpoints turned off by a tool", "robstride"): "found; it is refused until its power is off",
+    (
+        "two drives with one node",
+        "robstride",
+    ): "not found: all answers of a motor share an identifier",
+}
 
 
 @dataclass(frozen=True, slots=True)

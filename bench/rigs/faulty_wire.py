@@ -13,8 +13,9 @@ QUEUED = 10  # What a network interface queues by default (txqueuelen)
 class FaultyWire:
     """Stands between the drives of the daemon and the wire that they would have."""
 
-    def __init__(self, wire: Wire) -> None:
-        self._wire = wire
+    def __init__(self, wire: Wire, kin: Callable[[int], int] = lambda can_id: can_id) -> None:
+        """kin: identifier by which a frame is known here."""
+        self._wire, self._kin = wire, kin
         self.lost: set[int] = set()
         self.changes: list[Callable[[int, bytes], bytes]] = []  # of received data, one by one
         self.unsent: set[int] = set()  # Frames of ours that get lost.
@@ -33,16 +34,17 @@ class FaultyWire:
         if self.receiving:
             raise self.receiving
         while frame := self._ready.popleft() if self._ready else self._next(timeout):
-            if frame[0] not in self.lost:
+            if self._kin(frame[0]) not in self.lost:
                 return self._changed(*frame) if self.changes else frame
         return None
 
     def _next(self, timeout: float) -> Frame | None:
         """The next frame that is not late, from the wire."""
         while frame := self._wire.receive(timeout):
-            if frame[0] in self.twice:
+            kin = self._kin(frame[0])
+            if kin in self.twice:
                 self._ready.append(frame)
-            if frame[0] not in self.late:
+            if kin not in self.late:
                 return frame
             self._held.append(frame)
         return None
@@ -61,7 +63,7 @@ class FaultyWire:
         """Send, or raise what was put in the way, like `Wire.send`."""
         if self.sending:
             raise self.sending
-        kept = [(can_id, bytes(data)) for can_id, data in frames if can_id not in self.unsent]
+        kept = [(i, bytes(data)) for i, data in frames if self._kin(i) not in self.unsent]
         if self.queue is not None:
             room = QUEUED - len(self.queue)
             self.queue += kept[:room]

@@ -9,6 +9,7 @@ from drivers.canopen.cia402 import QUICK_STOP
 from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.ids import EMERGENCY, ENTER_PRE_OPERATIONAL, NMT, SYNC
 from drivers.damiao.frames import ANSWERS, DISABLE, REGISTERS, Status, read, refresh, setpoint_of
+from drivers.robstride import frames as robstride
 from simulator.arm import SimulatedArm
 from simulator.damiao.models import ENCODER_COUNTS
 from simulator.damiao.motor import LOST, OVERLOAD, ROTOR_HOT, UNDER_VOLTAGE
@@ -19,6 +20,7 @@ from simulator.profile import TURN
 #: Errors by their codes in CANopen.
 OVER_CURRENT, SUPPLY, HOT, MASTER_SILENT = 0x2310, 0x3220, 0x4310, 0x8130
 _ERRORS = {SUPPLY: UNDER_VOLTAGE, HOT: ROTOR_HOT, MASTER_SILENT: LOST}
+_FAULTS = {SUPPLY: robstride.Fault.UNDERVOLTAGE, HOT: robstride.Fault.OVERHEATED}
 _NO_VELOCITY = 0x7FF
 
 
@@ -33,6 +35,9 @@ class Speech(Protocol):
     """Identifier of what asks for samples."""
     stops_by_ramp: bool
     """True where to stop is a ramp of setpoints."""
+
+    def kin(self, can_id: int) -> int:
+        """Identifier that stands for all that differ only by what their sender reports."""
 
     def answers(self, drive: Any) -> list[int]:
         """Identifiers of a drive's samples."""
@@ -51,6 +56,9 @@ class Speech(Protocol):
 
     def states(self, arm: SimulatedArm) -> set[str]:
         """States of all of them."""
+
+    def runs(self, drive: Any) -> bool:
+        """True for a simulated drive with torque."""
 
     def told_by(self, data: bytes) -> int:
         """Which of the answers that share an identifier this is."""
@@ -77,6 +85,10 @@ class Canopen:
 
     operating, stopped, stops_by_ramp = "OPERATION_ENABLED", "QUICK_STOP_ACTIVE", False
     request = SYNC
+
+    def kin(self, can_id: int) -> int:
+        """Itself."""
+        return can_id
 
     def answers(self, drive: Any) -> list[int]:
         """Its TPDOs."""
@@ -128,6 +140,10 @@ class Canopen:
         """By CiA 402."""
         return {drive.state.name for drive in arm.drives}
 
+    def runs(self, drive: Any) -> bool:
+        """In operation."""
+        return bool(drive.state.name == self.operating)
+
     def emergency(self, on: Any, code: int) -> None:
         """An emergency message; the drive is as before."""
         on.say(EMERGENCY + on.drive.node, code.to_bytes(2, "little") + bytes([code > 0] + [0] * 5))
@@ -150,6 +166,10 @@ class Damiao:
 
     operating, stopped, stops_by_ramp = "ENABLED", "ENABLED", True
     request = REGISTERS
+
+    def kin(self, can_id: int) -> int:
+        """Itself."""
+        return can_id
 
     def answers(self, drive: Any) -> list[int]:
         """Its master id."""
@@ -189,6 +209,10 @@ class Damiao:
         """As in their feedback."""
         return {Status(motor.status).name for motor in arm.motors}
 
+    def runs(self, drive: Any) -> bool:
+        """Enabled."""
+        return bool(drive.status == Status.ENABLED)
+
     def emergency(self, on: Any, code: int) -> None:
         """The motor fails: it has no message beside its status."""
         if code:
@@ -209,4 +233,80 @@ class Damiao:
         on.simulated._act()
 
 
-CANOPEN, DAMIAO_BUS = Canopen(), Damiao()
+class RobStride:
+    """RobStride motors: a feedback for each frame, mode and faults in its identifier."""
+
+    operating, stopped, stops_by_ramp = "RUN", "RUN", True
+    request = robstride.identifier(robstride.Kind.WRITE, 0, 0)
+
+    def kin(self, can_id: int) -> int:
+        """A feedback without mode and faults, and a request to any motor."""
+        kind = robstride.kind_of(can_id)
+        if kind == robstride.Kind.WRITE:
+            return self.request
+        return can_id & ~(0xFF << 16) if kind == robstride.Kind.FEEDBACK else can_id
+
+    def answers(self, drive: Any) -> list[int]:
+        """Its feedback to us."""
+        return [robstride.identifier(robstride.Kind.FEEDBACK, drive.node, robstride.HOST)]
+
+    def link_scale(self, drive: Any) -> float:
+        """It has no encoder there."""
+        raise NotImplementedError
+
+    def foreign(self, drive: Any) -> tuple[Frame, Frame, Frame]:
+        """From another address."""
+        request = robstride.write(drive.node, robstride.Parameter.TIMEOUT, 2000)
+        setpoint = robstride.setpoint_id(drive.node), bytes(8)
+        return request, robstride.stop(drive.node), setpoint
+
+    def told_by(self, data: bytes) -> int:
+        """They are one."""
+        return 0
+
+    def setpoints(self, drives: Sequence[Any], sent: Sequence[Frame]) -> dict[int, tuple[int, int]]:
+        """They always follow; one without velocity counts as told to stop."""
+        found = {}
+        for can_id, data in sent:
+            if robstride.kind_of(can_id) == robstride.Kind.SETPOINT:
+                counts = robstride.fields_of(data)[1] - 0x7FFF
+                counts -= counts == 1  # zero lies between two
+                found[can_id & 0xFF] = int(counts != 0), counts
+        return found
+
+    def simulated(self, arm: SimulatedArm, joint: int) -> Any:
+        """Motor of a joint."""
+        return arm.motors[joint]
+
+    def states(self, arm: SimulatedArm) -> set[str]:
+        """As in their feedback."""
+        return {self.operating if self.runs(motor) else "RESET" for motor in arm.motors}
+
+    def runs(self, drive: Any) -> bool:
+        """By its mode."""
+        return bool(drive.mode == robstride.RUN)
+
+    def deaf(self, to: str) -> tuple[str, ...]:
+        """Without setpoints it lets go."""
+        return {"all": ("on_frame",)}[to]
+
+    def emergency(self, on: Any, code: int) -> None:
+        """The motor fails."""
+        if code:
+            on.simulated.fail(_FAULTS[code])
+
+    def fail(self, on: Any) -> None:
+        """The motor fails."""
+        on.simulated.fail(robstride.Fault.OVERLOAD)
+
+    def lock(self, on: Any) -> None:
+        """It reports nothing of the kind."""
+        raise NotImplementedError
+
+    def ignore_setpoints(self, on: Any) -> None:
+        """It is put into its velocity mode."""
+        on.simulated.parameters[robstride.Parameter.MODE] = 2
+        on.simulated._act()
+
+
+CANOPEN, DAMIAO_BUS, ROBSTRIDE_BUS = Canopen(), Damiao(), RobStride()

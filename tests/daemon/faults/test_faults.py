@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from bench.rigs.breakable_arm import DAMIAO, MAKES, BreakableArm, restore, start
+from bench.rigs.breakable_arm import MAKES, BreakableArm, restore, start
 from bench.rigs.faults import CASES, EXCLUDED, PLACES, SHOWN, TRIALS, Case, MakeOnWire, Trial
 from bench.rigs.lines import LINES
 from common.errors import ProgramError
@@ -86,7 +86,9 @@ class Stages(dict[MakeOnWire, BreakableArm]):
 @pytest.fixture
 def on(stages: dict[MakeOnWire, BreakableArm], place: MakeOnWire) -> Iterator[BreakableArm]:
     """Off, undisturbed and at its first pose; whoever leaves it in disorder was the last."""
-    if place.make is DAMIAO:  # its motors hold while the arm is off: it cannot be put back
+    if (
+        place.make.speech.stops_by_ramp
+    ):  # its motors hold while the arm is off: it cannot be put back
         with place.stage() as on:
             yield on
         return
