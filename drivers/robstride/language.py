@@ -32,6 +32,8 @@ from drivers.robstride.frames import (
 from drivers.robstride.settings import RobStrideDrive
 
 _COMMANDS: Final = frozenset({Kind.SETPOINT, Kind.ENABLE, Kind.STOP})
+#: All else changes a motor: its zero, its id, what it keeps.
+_HARMLESS: Final = frozenset({-1, Kind.GET_ID, Kind.FEEDBACK, Kind.READ, Kind.FAULTS})
 _MODES: Final = {0: "reset", 1: "calibrating", RUN: "running"}
 _WORDS: Final = {
     Fault.UNDERVOLTAGE: "under-voltage",
@@ -96,7 +98,7 @@ class RobStrideLanguage(Language):
 
     def masters(self, can_id: int) -> bool:
         """True for a frame that a master of these motors may send."""
-        return kind_of(can_id) in (*_COMMANDS, Kind.WRITE) and can_id & 0xFF in self.joint_of
+        return kind_of(can_id) not in _HARMLESS and can_id & 0xFF in self.joint_of
 
     def answer_of(
         self, joint: int, can_id: int, data: bytes | bytearray

@@ -234,8 +234,9 @@ def test_a_motor_that_restarts_in_motion_stops_the_arm(moving: Broken) -> None:
     rig.enable()
 
 
-@pytest.mark.parametrize("kind", [Kind.SETPOINT, Kind.ENABLE, Kind.STOP])
-def test_another_master_stops_the_arm(moving: Broken, kind: Kind) -> None:
+#: 6 is a new zero, 7 a new id, 22 keeps parameters, 25 is another protocol.
+@pytest.mark.parametrize("kind", [Kind.SETPOINT, Kind.ENABLE, Kind.STOP, Kind.WRITE, 6, 7, 22, 25])
+def test_another_master_stops_the_arm(moving: Broken, kind: int) -> None:
     moving.filter.more.append((identifier(kind, 0xAA, 1 + JOINT), bytes(8)))
     moving.rig.run(0.2)
     assert moving.rig.mode is Mode.FAULTED
