@@ -156,6 +156,10 @@ class Language(ABC):
     def masters(self, can_id: int) -> bool:
         """True for a frame that a master of these motors may send."""
 
+    def zeroed(self, can_id: int) -> int | None:
+        """Joint whose motor is given another zero, where one that holds takes it."""
+        return None
+
     @abstractmethod
     def answer_of(
         self, joint: int, can_id: int, data: bytes | bytearray

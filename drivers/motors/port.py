@@ -102,6 +102,9 @@ class Port:
                 self._on_bus_off()
             self.report(event)
             return
+        if (joint := language.zeroed(can_id)) is not None:
+            self._replies.forget(joint)  # an old p would throw it
+            self._on_held(joint, math.nan)
         joint = language.commanded(can_id)
         self._traffic.take(can_id, len(data), unknown=joint is None and can_id != BEAT)
         if can_id == BEAT and len(data):

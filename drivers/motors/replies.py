@@ -107,6 +107,11 @@ class Replies:
         self.plausibility.begin_tick()
         self.awaited.expect_all(now)
 
+    def forget(self, joint: int) -> None:
+        """Know no position of this joint: what it was counted from is another."""
+        self._counts[:, joint] = np.nan
+        self.plausibility.forget([joint])
+
     def take(self, joint: int, can_id: int, data: bytes | bytearray) -> bool:
         """Keep a motor's frame; False for one that cannot be its own."""
         found = self._language.answer_of(joint, can_id, data)

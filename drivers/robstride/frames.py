@@ -30,6 +30,7 @@ class Kind(IntEnum):
     FEEDBACK = 2
     ENABLE = 3
     STOP = 4  # and, with a first byte of 1, clear faults
+    ZERO = 6  # takes where the motor is for 0
     READ = 17
     WRITE = 18
     FAULTS = 21

@@ -100,6 +100,10 @@ class RobStrideLanguage(Language):
         """True for a frame that a master of these motors may send."""
         return kind_of(can_id) not in _HARMLESS and can_id & 0xFF in self.joint_of
 
+    def zeroed(self, can_id: int) -> int | None:
+        """Joint whose motor another zero is given to."""
+        return self.joint_of.get(can_id & 0xFF) if kind_of(can_id) == Kind.ZERO else None
+
     def answer_of(
         self, joint: int, can_id: int, data: bytes | bytearray
     ) -> Feedback | Output | None:
