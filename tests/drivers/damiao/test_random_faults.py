@@ -2,6 +2,8 @@
 
 import struct
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +13,10 @@ from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
 from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Frame, Wire
-from drivers.damiao.frames import ANSWERS, ENABLE, setpoint_of
+from drivers.damiao.frames import ANSWERS, ENABLE
 from drivers.motors.guardian import BEAT
-from simulator.damiao.motor import OVERLOAD, DamiaoMotor
+from drivers.motors.language import State
+from simulator.damiao.motor import OVERLOAD
 
 T = 0.01
 FAULTS = (
@@ -35,7 +38,7 @@ class Chaos:
     def __init__(self, random: np.random.Generator) -> None:
         self.random = random
         self.lose = self.spoil = 0.0
-        self.late: int | None = None  # answer id
+        self.late: int | None = None  # motor
         self.false: int | None = None  # the same, of feedback that is not true
         self.queued: list[Frame] = []
         self.held: list[Frame] = []  # until the next period
@@ -53,17 +56,30 @@ class Chaos:
             can_id, data = frame[0], bytes(frame[1])
             if self.random.random() < self.lose:
                 continue
-            if can_id == self.false and self.random.random() < 0.1:
-                status = int(self.random.choice([0, 1, 5, 13, 14]))
-                data = bytes([status << 4 | can_id & 0xF]) + self.random.bytes(7)
-            if can_id == self.late:
+            sender = self.sender_of(can_id)
+            if sender and sender == self.false and self.random.random() < 0.1:
+                can_id, data = self.falsified(can_id)
+            if sender and sender == self.late:
                 self.held.append((can_id, data))
                 continue
-            if data[2:4] == b"\x33\x51" and self.random.random() < self.spoil:
-                junk = struct.pack("<f", np.nan), self.random.bytes(4)
-                data = data[:4] + junk[self.random.integers(2)]
-            return can_id, data
+            return can_id, self.spoiled(can_id, data)
         return None
+
+    def sender_of(self, can_id: int) -> int | None:
+        """Motor that answers by this identifier."""
+        return can_id - ANSWERS if can_id > ANSWERS else None
+
+    def falsified(self, can_id: int) -> tuple[int, bytes]:
+        """Feedback of anything."""
+        status = int(self.random.choice([0, 1, 5, 13, 14]))
+        return can_id, bytes([status << 4 | can_id & 0xF]) + self.random.bytes(7)
+
+    def spoiled(self, can_id: int, data: bytes) -> bytes:
+        """Data of an answer, now and then spoiled."""
+        if data[2:4] == b"\x33\x51" and self.random.random() < self.spoil:
+            junk = struct.pack("<f", np.nan), self.random.bytes(4)
+            return data[:4] + junk[self.random.integers(2)]
+        return data
 
     def tick(self) -> None:
         """Let those of the last period come."""
@@ -78,6 +94,8 @@ class Chaos:
 
 class Run:
     """One run, and what it is held to."""
+
+    powered, overload, hand_Nm = 1, OVERLOAD, 8.0
 
     def __init__(self, rig: Rig, chaos: Chaos, random: np.random.Generator) -> None:
         self.rig, self.chaos, self.random = rig, chaos, random
@@ -99,9 +117,11 @@ class Run:
         self.chaos.tick()
         self.rig.step()
         self._check_setpoints()
-        enables = [i for i, data in self.chaos.sent if data == ENABLE]
+        enables = [frame for frame in self.chaos.sent if self.is_enable(*frame)]
         assert not enables or self.rig.mode not in (Mode.OFF, Mode.FAULTED), self.rig.mode
-        self.limp |= {i for i, motor in enumerate(self.rig.arm.motors) if motor.status != 1}
+        self.limp |= {
+            i for i, motor in enumerate(self.rig.arm.motors) if motor.status != self.powered
+        }
         if self.rig.mode in (Mode.HOLDING, Mode.TRACKING):
             self.limp.clear()
         self._check_travel()
@@ -111,19 +131,25 @@ class Run:
         """No setpoint is further from where its motor is than the current limit allows, nor from
         the last one than its velocity takes it."""
         for can_id, data in self.chaos.sent:
-            if can_id >= ANSWERS or (found := setpoint_of(data)) is None:
+            language = self.rig.drives._language
+            if (joint := language.commanded(can_id)) is None:
                 continue
-            i = can_id - 1
-            profile = self.drives[i].profile
+            if (found := language.setpoint_of(joint, can_id, data)) is None:
+                continue
+            i, p, speed = joint, found[0], abs(found[1])
+            profile, before = self.drives[i].profile, self.p[i]
             count = 2 * profile.position_max / 0xFFFF
-            p, before = (found[0] - 0xFFFF / 2) * count, self.p[i]
-            speed = abs(found[1] - 0xFFF / 2) * 2 * profile.velocity_max / 0xFFF
             here = self.rig.drives._measured[i]
             motor = self.rig.arm.motors[i]
             apart = abs(p - motor.positions[0])
-            assert motor.status != 1 or apart < self.reach[i] + UNHEARD, (i, p, motor.positions)
+            assert motor.status != self.powered or apart < self.reach[i] + UNHEARD, (
+                i,
+                p,
+                motor.positions,
+            )
             assert speed < self.drives[i].velocity * 1.01 + profile.velocity_max / 0xFFF
-            holds = self.rig.drives.replies.statuses[i] == 1 and motor.status == 1
+            on = self.rig.drives.replies.statuses[i].state is State.ON
+            holds = on and motor.status == self.powered
             if holds and before is not None and abs(before - here) < 0.9 * self.reach[i]:
                 step = speed * T + profile.velocity_max / 0xFFF * T
                 assert abs(p - before) < step + 2 * count, (i, p, before, speed)
@@ -161,11 +187,11 @@ class Run:
     def fault(self, what: str) -> None:
         """Begin a fault, keep it for a while, end it."""
         rig, chaos, random = self.rig, self.chaos, self.random
-        joint = int(random.integers(7))
+        joint = int(random.integers(len(self.drives)))
         motor = rig.arm.motors[joint]
         ticks = int(random.integers(2, 40))
         if what in ("late", "false"):
-            setattr(chaos, what, ANSWERS + joint + 1)
+            setattr(chaos, what, joint + 1)
         elif what in ("lost", "nonsense"):
             chaos.lose = random.uniform(0.01, 0.1) if what == "lost" else 0.0
             chaos.spoil = 0.2 if what == "nonsense" else 0.0
@@ -173,16 +199,16 @@ class Run:
             self._break(rig.arm.motors[joint], what)
         elif what == "taken up":
             rig.take_up(rig.robot)
-            self.p = [None] * 7
+            self.p = [None] * len(self.drives)
         elif what == "doubted":
             rig.drives.distrust([joint])
         elif what == "stall":
             self._stall(int(random.integers(5, 51)))
         elif what == "hand":
-            rig.arm.external_torque[joint] = random.uniform(-8.0, 8.0)
+            rig.arm.external_torque[joint] = random.uniform(-self.hand_Nm, self.hand_Nm)
         for _ in range(ticks):
             if what == "foreign":
-                can_id = (int(random.integers(0x7F0)), 0x11 + joint, BEAT)[random.integers(3)]
+                can_id = self.foreign(joint)
                 chaos.queued.append((can_id, random.bytes(int(random.integers(9)))))
             self.step()
         chaos.lose = chaos.spoil = 0.0
@@ -190,13 +216,21 @@ class Run:
         motor.silent = False
         rig.arm.external_torque[:] = 0.0
 
-    def _break(self, motor: DamiaoMotor, what: str) -> None:
+    def _break(self, motor: Any, what: str) -> None:
         if what == "silent":
             motor.silent = True
         elif what == "reset":
             motor.boot()
         else:
-            motor.fail(OVERLOAD)
+            motor.fail(self.overload)
+
+    def is_enable(self, can_id: int, data: bytes) -> bool:
+        """True for a command that gives a motor its power."""
+        return data == ENABLE
+
+    def foreign(self, joint: int) -> int:
+        """Identifier of another's frame."""
+        return (int(self.random.integers(0x7F0)), 0x11 + joint, BEAT)[self.random.integers(3)]
 
     def _stall(self, ticks: int) -> None:
         rig = self.rig
@@ -207,7 +241,7 @@ class Run:
             rig.lockstep.pump()
         rig.ticks += ticks
         self.step()
-        self.p = [None] * 7  # the guardian's last setpoint may come after our first
+        self.p = [None] * len(self.drives)  # the guardian's last setpoint may come after our first
 
     def ask(self) -> None:
         """Ask for anything, as a client may."""
@@ -228,16 +262,15 @@ class Run:
             self.step()
 
 
-@pytest.mark.parametrize("seed", range(24))
-def test_random_faults(seed: int) -> None:
+def run_of(seed: int, folder: Path, chaos_of: type[Chaos], run_of: type[Run]) -> None:
+    """Four random faults, each with what a person may ask for after it."""
     random = np.random.default_rng(seed)
-    chaos = Chaos(random)
-
-    with lockstep_rig(OPENARM, between=chaos.before) as rig:
+    chaos = chaos_of(random)
+    with lockstep_rig(folder, between=chaos.before) as rig:
         rig.enable()
         if random.random() < 0.7:
             rig.request(Event.START)
-        run = Run(rig, chaos, random)
+        run = run_of(rig, chaos, random)
         run.steps(int(random.integers(20, 150)))
         for _ in range(4):
             run.fault(FAULTS[random.integers(len(FAULTS))])
@@ -245,3 +278,8 @@ def test_random_faults(seed: int) -> None:
                 run.ask()
             run.steps(100)
             run.recover()
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_faults(seed: int) -> None:
+    run_of(seed, OPENARM, Chaos, Run)
