@@ -44,14 +44,15 @@ def convert(source: Source, kind: type[T]) -> T:
         unknown = re.search(_UNKNOWN[of_a_key], message)
         if unknown:
             line = source.line([*keys, unknown.group(1)])
-            known = _choices_at(kind, keys, of_a_key) if of_a_key else _fields_at(kind, keys)
+            node = _type_at(kind, keys, source.data)
+            known = _choices_of(node, of_a_key) if of_a_key else _fields_of(node)
             message = f"unknown key `{unknown.group(1)}` (allowed: {', '.join(known)})"
         else:
             line = source.line(keys)
             message = _plain(message)
             if of_a_key:
                 message += " as a key"
-            if choices := _choices_at(kind, keys, of_a_key):
+            if choices := _choices_of(_type_at(kind, keys, source.data), of_a_key):
                 allowed = ", ".join(choices)
                 if message.startswith(_NO_CHOICE):
                     one = "one of " if len(choices) > 1 else ""
@@ -148,30 +149,35 @@ def _spell(keys: list[str | int], data: Any) -> str:
     return text
 
 
-def _type_at(kind: Any, keys: list[str | int]) -> Any:
-    """Type expected at the end of `keys`, as msgspec describes it."""
+def _type_at(kind: Any, keys: list[str | int], data: Any = None) -> Any:
+    """Type expected at the end of `keys`, as msgspec describes it; of a union that of `data`."""
     node: Any = msgspec.inspect.type_info(kind)
     for key in keys:
-        node = _struct_of(node)
-        if isinstance(node, msgspec.inspect.StructType):
+        tags = [t.tag for t in getattr(node, "types", ()) if getattr(t, "tag_field", None) == key]
+        node = _struct_of(node, data)
+        if tags:
+            node = msgspec.inspect.LiteralType(tuple(tags))
+        elif isinstance(node, msgspec.inspect.StructType):
             node = next((f.type for f in node.fields if f.encode_name == key), None)
         elif isinstance(node, msgspec.inspect.DictType):
             node = node.value_type
         elif isinstance(node, (msgspec.inspect.ListType, msgspec.inspect.VarTupleType)):
             node = node.item_type
-    return _struct_of(node)
+        data = _walk([key], data)
+    return _struct_of(node, data)
 
 
-def _struct_of(node: Any) -> Any:
-    """Struct among the choices of a union, where there is one."""
-    if isinstance(node, msgspec.inspect.UnionType):
-        return next((t for t in node.types if hasattr(t, "fields")), node)
-    return node
+def _struct_of(node: Any, data: Any) -> Any:
+    """Struct among the choices of a union, where there is one: that whose tag `data` has."""
+    if not isinstance(node, msgspec.inspect.UnionType):
+        return node
+    structs = [t for t in node.types if isinstance(t, msgspec.inspect.StructType)]
+    tagged = (t for t in structs if t.tag_field and _walk([t.tag_field], data) == t.tag)
+    return next(tagged, structs[0] if structs else node)
 
 
-def _fields_at(kind: Any, keys: list[str | int]) -> list[str]:
-    """Names that are allowed at the end of `keys`."""
-    node = _type_at(kind, keys)
+def _fields_of(node: Any) -> list[str]:
+    """Names of the fields of a struct."""
     return [f.encode_name for f in node.fields] if hasattr(node, "fields") else []
 
 
@@ -183,13 +189,12 @@ def choices(kind: Any, path: str) -> list[str]:
         while hasattr(inside := _type_at(kind, keys), "item_type") or hasattr(inside, "value_type"):
             keys.append(0)
         keys.append(name)
-    of_a_key = isinstance(_type_at(kind, keys), msgspec.inspect.DictType)
-    return _choices_at(kind, keys, of_a_key)
-
-
-def _choices_at(kind: Any, keys: list[str | int], of_a_key: bool) -> list[str]:
-    """Values, or keys, that are allowed at the end of `keys`; empty if they are not enumerated."""
     node = _type_at(kind, keys)
+    return _choices_of(node, isinstance(node, msgspec.inspect.DictType))
+
+
+def _choices_of(node: Any, of_a_key: bool) -> list[str]:
+    """Values, or keys, that a type allows; empty if they are not enumerated."""
     if of_a_key:
         node = node.key_type
     if isinstance(node, msgspec.inspect.EnumType):

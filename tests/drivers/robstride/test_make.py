@@ -1,11 +1,13 @@
 """What a configuration of RobStride motors is asked: problems, and the load of the bus."""
 
 from pathlib import Path
+from shutil import copytree
 
 import msgspec
 import pytest
 
 from bench.rigs.lockstep import BEAM
+from common.errors import ConfigurationError
 from daemon.config.load import load_robot
 from drivers.can.load import bus_load
 from drivers.robstride import make
@@ -32,6 +34,31 @@ def test_problems(profile, wiring, play: float, at: str, says: str) -> None:
     ((place, text),) = make.problems(changed, [drive], Path(), 10, 127)
     assert place == (at,)
     assert says in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "allowed", "others"),
+    [
+        ("model: RS00", "model: RS09", "drives.RS00.model", "RS00", "DM4310"),
+        ("model: RS00", "modell: RS00", "drives.RS00", "stiffness", "tpdo"),
+        ("make: robstride, model: RS00", "make: robot, model: RS00", "RS00.make", "damiao", "eds"),
+    ],
+)
+def test_a_wrong_word_names_those_of_its_make(
+    tmp_path: Path, old: str, new: str, at: str, allowed: str, others: str
+) -> None:
+    folder = copytree(BEAM, tmp_path / "arm")
+    path = folder / "config.yaml"
+    text = path.read_text()
+    path.write_text(text.replace(old, new))
+    line = text[: text.index(old)].count("\n") + 1
+    with pytest.raises(ConfigurationError) as error:
+        load_robot(folder)
+    said = str(error.value)
+    assert f"config.yaml:{line}: " in said
+    assert f"{at}: " in said
+    assert allowed in said.replace(at, "")
+    assert others not in said
 
 
 def test_the_example_has_none() -> None:
