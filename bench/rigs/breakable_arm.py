@@ -213,7 +213,7 @@ class BreakableArm:
         raise AssertionError(f"{self.rig.mode}: {self.rig.tick.controller.machine.cause}")
 
     def setpoints(self) -> dict[int, tuple[int, int]]:
-        """Whether the last tick told a drive to follow (0 if not), and its target velocity
+        """Whether the last tick commanded a drive to follow (0 if not), and its target velocity
         [counts], by node."""
         return self.make.speech.setpoints(self.drives, self.wire.sent)
 
@@ -232,12 +232,12 @@ class BreakableArm:
             return node in before and abs(counts) < abs(before[node][1])
 
         ramps = self.make.speech.stops_by_ramp
-        told = [
+        moving = [
             node
             for node, (follows, counts) in setpoints.items()
             if (follows or counts) and not (ramps and brakes(node, counts))
         ]
-        return not told and others <= setpoints.keys()
+        return not moving and others <= setpoints.keys()
 
     @property
     def mute(self) -> bool:

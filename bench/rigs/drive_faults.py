@@ -62,11 +62,15 @@ def false_statusword(word: int) -> Fault:
 def samples_repeat(on: BreakableArm) -> Iterator[None]:
     """Its PDOs repeat what they said, statusword and all; by SDO it says what is."""
     kept: dict[int, bytes] = {}
-    answers, told_by, kin = set(on.answers(on.drive)), on.make.speech.told_by, on.make.speech.kin
+    answers, answer_kind, kin = (
+        set(on.answers(on.drive)),
+        on.make.speech.answer_kind,
+        on.make.speech.kin,
+    )
 
     def repeated(can_id: int, data: bytes) -> bytes:
         return (
-            kept.setdefault(kin(can_id) << 8 | told_by(data), data)
+            kept.setdefault(kin(can_id) << 8 | answer_kind(data), data)
             if kin(can_id) in answers
             else data
         )

@@ -30,7 +30,7 @@ class Speech(Protocol):
     operating: str
     """State of a simulated drive that follows its setpoints."""
     stopped: str
-    """State of one that was told to stop."""
+    """State of one that was commanded to stop."""
     request: int
     """Identifier of what asks for samples."""
     stops_by_ramp: bool
@@ -49,7 +49,7 @@ class Speech(Protocol):
         """Another master's request, command without power and setpoint to the drive."""
 
     def setpoints(self, drives: Sequence[Any], sent: Sequence[Frame]) -> dict[int, tuple[int, int]]:
-        """Whether a drive is told to follow (0 if not), and its velocity in counts, by node."""
+        """Whether a drive is to follow (0 if not), and its velocity in counts, by node."""
 
     def simulated(self, arm: SimulatedArm, joint: int) -> Any:
         """The drive at the other end of the bus."""
@@ -60,7 +60,7 @@ class Speech(Protocol):
     def runs(self, drive: Any) -> bool:
         """True for a simulated drive with torque."""
 
-    def told_by(self, data: bytes) -> int:
+    def answer_kind(self, data: bytes) -> int:
         """Which of the answers that share an identifier this is."""
 
     def deaf(self, to: str) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class Canopen:
         command = NMT, bytes([ENTER_PRE_OPERATIONAL, drive.node])
         return (SYNC, b""), command, (pdo.cob_id, bytes(pdo.layout.size))
 
-    def told_by(self, data: bytes) -> int:
+    def answer_kind(self, data: bytes) -> int:
         """Each has its own."""
         return 0
 
@@ -122,14 +122,14 @@ class Canopen:
         """Of the RPDOs."""
         frames, found = dict(sent), {}
         for drive in drives:
-            told: dict[str, int] = {}
+            sent_to_it: dict[str, int] = {}
             for pdo in receive_pdos(drive):
                 if pdo.cob_id in frames:
                     counts = pdo.layout.unpack(frames[pdo.cob_id])
-                    told |= zip((field.entry for field in pdo.fields), counts, strict=True)
-            if told:
-                follows = told["controlword"] & 0x0F not in (0, QUICK_STOP)
-                found[drive.node] = int(follows), told["target_velocity"]
+                    sent_to_it |= zip((field.entry for field in pdo.fields), counts, strict=True)
+            if sent_to_it:
+                follows = sent_to_it["controlword"] & 0x0F not in (0, QUICK_STOP)
+                found[drive.node] = int(follows), sent_to_it["target_velocity"]
         return found
 
     def simulated(self, arm: SimulatedArm, joint: int) -> Any:
@@ -183,7 +183,7 @@ class Damiao:
         """The setpoint is zeros: full torque backwards."""
         return refresh(drive.node), (drive.node, DISABLE), (drive.node, bytes(8))
 
-    def told_by(self, data: bytes) -> int:
+    def answer_kind(self, data: bytes) -> int:
         """The register, or 0 for a feedback."""
         return data[3] if data[2] == read(0, 0)[1][2] else 0
 
@@ -192,11 +192,11 @@ class Damiao:
         return {"requests": ("_on_register",), "all": ("on_frame",)}[to]
 
     def setpoints(self, drives: Sequence[Any], sent: Sequence[Frame]) -> dict[int, tuple[int, int]]:
-        """They always follow; one without velocity counts as told to stop."""
+        """They always follow; one without velocity counts as commanded to stop."""
         nodes, found = {drive.node for drive in drives}, {}
         for can_id, data in sent:
-            if can_id in nodes and (told := setpoint_of(data)):
-                counts = told[1] - _NO_VELOCITY
+            if can_id in nodes and (sent_to_it := setpoint_of(data)):
+                counts = sent_to_it[1] - _NO_VELOCITY
                 counts -= counts == 1  # zero lies between two
                 found[can_id] = int(counts != 0), counts
         return found
@@ -260,12 +260,12 @@ class RobStride:
         setpoint = robstride.setpoint_id(drive.node), bytes(8)
         return request, robstride.stop(drive.node), setpoint
 
-    def told_by(self, data: bytes) -> int:
+    def answer_kind(self, data: bytes) -> int:
         """They are one."""
         return 0
 
     def setpoints(self, drives: Sequence[Any], sent: Sequence[Frame]) -> dict[int, tuple[int, int]]:
-        """They always follow; one without velocity counts as told to stop."""
+        """They always follow; one without velocity counts as commanded to stop."""
         found = {}
         for can_id, data in sent:
             if robstride.kind_of(can_id) == robstride.Kind.SETPOINT:

@@ -10,18 +10,21 @@ _ALONG_AN_AXIS = 0.9  # cosine of 26 degrees
 NO_FIT = 2.0
 """Misfit above which no single force at the tool explains the residuals."""
 
+_ELSEWHERE = "not one force at the tool: elsewhere, or two"
+
 
 def wrench_words(wrench: Wrench, frame: str) -> str:
     """`18 N +- 4, towards -z of FRAME; along y not seen`."""
     unseen = f"along {' and '.join(map(along, wrench.unseen))} not seen" if wrench.unseen else ""
     size = hypot(*wrench.force)
     if size == 0.0:
-        words = "nothing" if wrench.strength < 1.0 else "a force"
-        return f"{words} beyond its level" + (f"; {unseen}" if unseen else "")
+        words = f"{'nothing' if wrench.strength < 1.0 else 'a force'} beyond its level"
+        words = _ELSEWHERE if wrench.misfit > NO_FIT else words
+        return f"{words}; {unseen}" if unseen else words
     way = _unit(wrench.force)
     words = f"{size:.0f} N +- {bound_N(wrench, way):.0f}, towards {_towards(way)} of {frame}"
     if wrench.misfit > NO_FIT:
-        words += "; not one force at the tool: elsewhere, or two"
+        words += f"; {_ELSEWHERE}"
     return f"{words}; {unseen}" if unseen else words
 
 

@@ -24,6 +24,8 @@ def wrench(**fields: Any) -> Wrench:
         ({"misfit": 2.5},
          "18 N +- 4, towards -z of hand; not one force at the tool: elsewhere, or two"),
         ({"force": [0.0, 0.0, 0.0], "strength": 0.5}, "nothing beyond its level"),
+        ({"force": [0.0, 0.0, 0.0], "strength": 0.5, "misfit": 5.5},
+         "not one force at the tool: elsewhere, or two"),
         ({"force": [0.0, 0.0, 0.0], "unseen": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]},
          "a force beyond its level; along x and y not seen"),
     ],
