@@ -108,6 +108,11 @@ class MotorArm(MotorTick):
         ContactdError. After any other exception the set-up of every motor is unknown."""
         setup: Setup = self.setup(self._wire, lambda: self._beat(meanwhile))
         renewed = []
+        if zeroed := sorted(self._port.zeroed):
+            raise DriveError(
+                f"{self._named(zeroed)}: another master gave it a new zero, so its position is "
+                "unknown. Take its power, put its zero right and start the daemon anew"
+            )
         try:
             for i, drive in enumerate(self._drives):
                 problem = "silent, let go by itself, or jumped" if i in self.unfit() else None

@@ -139,12 +139,13 @@ class MotorTick:
             if answers:
                 joints = self._named(self.replies.awaited.joints_of(answers))
                 self._port.report(Event(kind, f"{joints}: {text}"))
+        self._unset |= self._port.zeroed
         if not self._language.outputs:
             # Its only encoder is not believed any more; what it has to hold is found anew.
             for i, jumped in enumerate(self.replies.plausibility.jumped):
                 if jumped and i not in self._unset:
                     self._unset.add(i)
-                    text = f"{self.names[i]}: its position changed by more than it can move"
+                    text = f"{self.names[i]}: its position changes unlike its velocity"
                     self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
             before, self._were[i] = self._were[i], status

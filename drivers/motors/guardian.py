@@ -61,6 +61,10 @@ class _Motor:
         self.here = (answer.position - middle) * self.step
         self.hot = answer.degC >= HOT_C
 
+    def zero(self) -> None:
+        """Keep the setpoint where it is, as the motor counts from now on: from where it stands."""
+        self.position, self.here = self.position - self.here, 0.0
+
     def lower(self, passed_s: float) -> bool:
         """Move the setpoint along the load; False where the motor bears nothing to speak of."""
         profile = self.drive.profile
@@ -103,6 +107,8 @@ class Guardian:
                 self._motors[joint].hear(answer, language.middle[0])
         elif (of := language.time_out_of(can_id, data)) is not None:
             self._motors[of[0]].alone = not of[1]
+        if (joint := language.zeroed(can_id)) is not None:
+            self._motors[joint].zero()
 
     def step(self, now: float) -> list[Frame]:
         """Frames that are due."""

@@ -43,6 +43,8 @@ class Port:
         self._guarded = self.taken_over = False
         """A guardian holds motors."""
         self._begun_s = 0.0
+        self.zeroed: set[int] = set()
+        """Joints whose motors another gave a new zero."""
 
     def begin(self, now: float) -> None:
         """Begin to tick."""
@@ -105,6 +107,7 @@ class Port:
         if (joint := language.zeroed(can_id)) is not None:
             self._replies.forget(joint)  # an old p would throw it
             self._on_held(joint, math.nan)
+            self.zeroed.add(joint)
         joint = language.commanded(can_id)
         self._traffic.take(can_id, len(data), unknown=joint is None and can_id != BEAT)
         if can_id == BEAT and len(data):

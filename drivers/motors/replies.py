@@ -23,7 +23,7 @@ HELD: Final = "held"
 #: Position of a motor and of its output may differ by the gap, a wrong gear by far more [rad],
 #: whole turns apart.
 FAR: Final = 0.35
-#: Most by which a motor's position may change in a tick unlike its velocity says [rad].
+#: Most by which a motor's position may change unlike its velocity says [rad].
 CHANGES: Final = 0.03
 #: Two turns of the output look the same to its encoder.
 TURN: Final = 2.0 * math.pi
@@ -77,10 +77,7 @@ class Replies:
                 for drive, step in zip(drives, per_count, strict=True)
             ]
         )
-        self._speeds = [
-            0.0 if language.outputs else velocity * period_s / position
-            for position, velocity, _ in language.steps
-        ]
+        self._speeds = [velocity * period_s / position for position, velocity, _ in language.steps]
         signs = np.array([float(drive.wiring.motor_sign) for drive in drives])
         # Motors truncate: half a count more is the middle of what a count may be, and 0 is exact.
         self._middle = np.array([language.middle]).T
@@ -119,7 +116,8 @@ class Replies:
             return False
         if isinstance(found, Feedback):
             speed = (found.velocity - self._language.middle[1]) * self._speeds[joint]
-            if not self.plausibility.admits(joint, found.position, speed):
+            witness = None if self._language.outputs else speed
+            if not self.plausibility.admits(joint, found.position, witness):
                 return False
             self._feedback(joint, found)
         elif found.position is not None:

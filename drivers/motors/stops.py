@@ -27,7 +27,7 @@ class Stops:
         self._names = tuple(drive.name for drive in drives)
         self._fastest = [drive.velocity for drive in drives]
         self._braking = [drive.quick_stop * period_s for drive in drives]  # in a tick [rad/s]
-        self.watches = Watches(drives, period_s)
+        self.watches = Watches(drives, period_s, falls=True)
 
     def setpoints(
         self, targets: Sequence[PowerTarget], wanted: Sequence[float], last: Sequence[float]

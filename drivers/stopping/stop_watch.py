@@ -91,6 +91,7 @@ class StopBounds:
     patience_s: float  # until it stops by itself when it misses us
     ticks: int  # of each stage
     period_s: float
+    falls: bool = False  # its joint does when its power is cut, so that two sensors must ask for it
 
 
 class StopWatch:
@@ -128,7 +129,7 @@ class StopWatch:
 
     def __init__(self, bounds: StopBounds) -> None:
         self._bounds = bounds
-        self._distance = Distance(bounds.travel)
+        self._distance = Distance(bounds.travel, falls=bounds.falls)
         self.witness = Witness(SUDDEN_SHARE * bounds.deceleration)
         """Witness of its samples, while it runs, too."""
         self.begin(math.nan, Stage.NONE, math.nan)

@@ -16,7 +16,10 @@ REPEATS: Final = "all of its samples repeat while its motor moves, or was comman
 class Watches:
     """One watch for each drive, in the order of the joints."""
 
-    def __init__(self, drives: Sequence[Drive[Any]], period_s: float) -> None:
+    def __init__(
+        self, drives: Sequence[Drive[Any]], period_s: float, *, falls: bool = False
+    ) -> None:
+        """falls: the joints fall when their power is cut."""
         ticks = stage_ticks(least_patience_s(drives), period_s)
         # From the first command on: noticing is over by then.
         travels = worst_travel(drives, period_s, noticing_s=0.0)
@@ -30,6 +33,7 @@ class Watches:
                     patience_s=drive.profile.patience_s,
                     ticks=ticks,
                     period_s=period_s,
+                    falls=falls,
                 )
             )
             for drive, travel in zip(drives, travels, strict=True)
