@@ -37,7 +37,7 @@ class RecordedTicks(Protocol):
         """Begin a tick."""
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
-        """Take another frame of it."""
+        """Take a frame of it, its first as well."""
 
     def finish(self) -> Samples:
         """End the tick."""

@@ -216,10 +216,7 @@ EXCLUDED |= {
     ("... and a drive misses us", "robstride"): _NO_MISS,
     ("drive deaf to SYNC", "robstride"): "its request is an order like others",
     ("setpoints turned off by a tool", "robstride"): "found; it is refused until its power is off",
-    (
-        "two drives with one node",
-        "robstride",
-    ): "not found: all answers of a motor share an identifier",
+    ("SYNC lost", "robstride"): "its requests are its setpoints: it hears nothing, another case",
 }
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import can
 
+from bench.rigs.sync_clock import GUARDIAN
 from drivers.can.wire import EXTENDED, IDENTIFIER, frame_of
 from drivers.motors.guardian import Guardian
 from simulator.arm import SimulatedArm
@@ -25,4 +26,6 @@ class GuardianAtBus:
             self.guardian.take(now, *frame_of(message))
         for can_id, data in () if self.killed else self.guardian.step(now):
             number, is_extended = can_id & IDENTIFIER, can_id >= EXTENDED
-            self.end.send(can.Message(0.0, number, is_extended, data=bytes(data)))
+            self.end.send(
+                can.Message(0.0, number, is_extended, channel=GUARDIAN, data=bytes(data))
+            )

@@ -237,12 +237,12 @@ class RobStride:
     """RobStride motors: a feedback for each frame, mode and faults in its identifier."""
 
     operating, stopped, stops_by_ramp = "RUN", "RUN", True
-    request = robstride.identifier(robstride.Kind.WRITE, 0, 0)
+    request = robstride.identifier(robstride.Kind.SETPOINT, 0, 0)
 
     def kin(self, can_id: int) -> int:
-        """A feedback without mode and faults, and a request to any motor."""
+        """A feedback without mode and faults, and a request or setpoint to any motor."""
         kind = robstride.kind_of(can_id)
-        if kind == robstride.Kind.WRITE:
+        if kind in (robstride.Kind.WRITE, robstride.Kind.SETPOINT):
             return self.request
         return can_id & ~(0xFF << 16) if kind == robstride.Kind.FEEDBACK else can_id
 

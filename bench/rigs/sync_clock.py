@@ -24,6 +24,8 @@ class Receiver(Protocol):
 PhaseOf = Callable[[can.Message], float | None]
 #: Share of a period after which setpoints go out that act at once.
 SETPOINT_PHASE: Final = 0.4
+#: Channel in the frames of a guardian, whose setpoints begin no period.
+GUARDIAN: Final = "guardian"
 
 
 def at_sync(message: can.Message) -> float | None:
@@ -32,14 +34,17 @@ def at_sync(message: can.Message) -> float | None:
 
 
 def at_request(robot: Robot) -> PhaseOf:
-    """Phase of frames to motors of other makes: a period begins with the first's request."""
+    """Phase of frames to motors of other makes: a period begins with the first's request, which the
+    daemon sends."""
     drives = robot.configuration.joint_drives
     language = LANGUAGES[type(drives[0].profile)](drives)
-    request, setpoint = language.requests[0], language.setpoints[0][0]
+    setpoint = language.setpoints[0][0]
 
     def phase_of(message: can.Message) -> float | None:
         frame = frame_of(message)
-        return 0.0 if frame == request else SETPOINT_PHASE if frame[0] == setpoint else None
+        if message.channel == GUARDIAN:
+            return None
+        return 0.0 if language.begins(frame) else SETPOINT_PHASE if frame[0] == setpoint else None
 
     return phase_of
 

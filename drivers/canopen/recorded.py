@@ -37,7 +37,7 @@ class CanopenTicks:
         self._answers.awaited.expect_all(now)
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
-        """Take another frame of it."""
+        """Take a frame of it, its first as well."""
         if not sent:
             self._answers.take(can_id, data)
         elif (slot := self._slots.get(can_id)) is not None:

@@ -1,7 +1,8 @@
 """Motors of one arm on their bus: every tick requests out, samples in, setpoints out.
 
 A tick asks each motor for its answers, then sends its setpoint, whose own
-feedback acknowledges it. One thread owns the bus. Time is an argument; the `clock` only
+feedback acknowledges it; where setpoints ask, they are those of the tick before. One thread owns
+the bus. Time is an argument; the `clock` only
 measures how much of a deadline is left. No failure of the bus is an exception.
 """
 
@@ -104,7 +105,17 @@ class MotorTick:
             self._backlog = True
             return
         self.replies.begin_tick(now)
-        self._port.send(self._language.requests)
+        if not self._language.asks_by_setpoint:
+            self._port.send(self._language.requests)
+        elif self._port.send(self._asking()):
+            self._presence.beaten(now)
+
+    def _asking(self) -> list[Frame]:
+        """Setpoints of the motors that have one, requests to the others."""
+        known = [self._setpoints.known(i) for i in range(len(self.names))]
+        self.replies.by_setpoint = known
+        pairs = zip(known, self._language.setpoints, self._language.requests, strict=True)
+        return [setpoint if has else request for has, setpoint, request in pairs]
 
     def collect(self, deadline: float) -> Samples:
         """Read until the answers of every motor are in, or `deadline` on the caller's clock has
@@ -185,7 +196,7 @@ class MotorTick:
         frames: list[Frame] = []
         for i, next_velocity in enumerate(self._stops.setpoints(targets, wanted, self._last)):
             self._command_one(i, targets[i], next_velocity, reset, frames)
-        if self._port.send(frames):
+        if (frames or not self._language.asks_by_setpoint) and self._port.send(frames):
             self._presence.beaten(self._now)
 
     def _command_one(
@@ -204,21 +215,26 @@ class MotorTick:
         # One that lost its power without us, or says so, has its setpoint stay until a reset.
         powered = state in (State.ON, State.UNKNOWN) or target is _STOP
         here, current = self._measured[i], float(self.samples.current[i])
+        asks = self._language.asks_by_setpoint
+        at = self._setpoints.at(i, here)  # by the setpoint that it has
         if not self._setpoints.write(i, self._last[i], here, current, powered=powered):
             return
-        frames.append(self._language.setpoints[i])
+        if not asks:
+            at = self._setpoints.at(i, here)
+            frames.append(self._language.setpoints[i])
         if (behind := self._behind.pop(i, None)) is not None:
             frames.append(behind)
-        self.replies.pending[i] = 1  # one that was lost is not awaited for ever
-        words, lets_go = self._words(i, target, status, reset)
+        self.replies.pending[i] = int(not asks)  # one that was lost is not awaited for ever
+        words, lets_go = self._words(i, target, status, reset, at=at)
         self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)
         frames += words
         self.replies.pending[i] += len(words)
 
     def _words(
-        self, i: int, target: PowerTarget, status: Status, reset: bool
+        self, i: int, target: PowerTarget, status: Status, reset: bool, *, at: bool
     ) -> tuple[Sequence[Frame], bool]:
-        """Commands of a motor beside its setpoint, and whether they take its power."""
+        """Commands of a motor beside its setpoint, and whether they take its power; at: that
+        setpoint is where it is."""
         watches, state = self._stops.watches, status.state
         if target is _OFF or watches.each[i].cut:
             # A moving one gets its ramp first; one that runs on is disabled, whatever it reports.
@@ -229,7 +245,7 @@ class MotorTick:
             return ((self._language.clearing(i),) if reset else ()), False
         enables = target is _ON and state is State.OFF and i not in self._unset
         # One that is not heard may be elsewhere by now, and would jump back.
-        here = bool(self.samples.fresh[i]) and self._setpoints.at(i, self._measured[i])
+        here = at and bool(self.samples.fresh[i])
         return (self._language.enabling(i) if enables and here else ()), False
 
     def unproved(self) -> tuple[str, ...]:

@@ -65,6 +65,8 @@ class Language(ABC):
 
     outputs: ClassVar[bool]
     """Each motor also answers about an encoder at its output."""
+    asks_by_setpoint: ClassVar[bool] = False
+    """The setpoint that it has is the request of a tick to a motor: its answer is all there is."""
     bits: ClassVar[tuple[int, int, int]]
     """Bits of position, velocity and torque."""
     gain_bits: ClassVar[int]
@@ -93,6 +95,12 @@ class Language(ABC):
         """Value of one count, by joint."""
         self.middle = [float((1 << bits - 1) - 1) for bits in self.bits]
         """Counts at 0."""
+
+    def begins(self, frame: Frame) -> bool:
+        """True for the frame of ours that a tick begins with."""
+        return frame == self.requests[0] or (
+            self.asks_by_setpoint and frame[0] == self.setpoints[0][0]
+        )
 
     def pack(self, joint: int, position: float, velocity: float) -> None:
         """Write a setpoint with the gains of the profile."""

@@ -16,20 +16,19 @@ class MotorTicks:
         self._replies, self._language = Replies(drives, language, period_s), language
         self.velocity: Vector = np.zeros(len(drives))
         """Target velocities that were sent last (n,) [rad/s]."""
-        self._first = language.requests[0]
         self._signs = [float(drive.wiring.motor_sign) for drive in drives]
         self._running = [False] * len(drives)
 
     def begins(self, can_id: int, data: bytes, *, sent: bool) -> bool:
         """True for the frame that a tick begins with."""
-        return sent and (can_id, data) == self._first
+        return sent and self._language.begins((can_id, data))
 
     def begin(self, now: float) -> None:
         """Begin a tick."""
         self._replies.begin_tick(now)
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
-        """Take another frame of it."""
+        """Take a frame of it, its first as well."""
         if not sent:
             joint = self._language.answering(can_id)
             if joint is not None:
@@ -39,7 +38,7 @@ class MotorTicks:
             if found is None:
                 self._replies.pending[joint] += 1
             else:
-                self._replies.pending[joint] = 1
+                self._replies.pending[joint] = int(not self._language.asks_by_setpoint)
                 self.velocity[joint] = self._signs[joint] * found[1]
 
     def finish(self) -> Samples:

@@ -94,6 +94,8 @@ class Replies:
         """Setpoints of each motor that its feedback still is to come of."""
         self.acknowledged = [0] * n
         """Setpoints that each motor has answered since it was last asked to stop."""
+        self.by_setpoint = [False] * n
+        """Motors that were asked by their setpoint."""
         self.witnessed: Vector = np.full(n, np.nan)
         """Position of each motor [rad at the link]; NaN where its output does not agree, or,
         where it has no encoder, its position jumped."""
@@ -131,6 +133,7 @@ class Replies:
             self.pending[joint] -= 1
             self.acknowledged[joint] += 1
             return
+        self.acknowledged[joint] += self.by_setpoint[joint]
         self._counts[:, joint] = found.position, found.velocity, found.torque
         self._arrived(self._bits[joint])
 

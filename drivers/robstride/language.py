@@ -1,7 +1,8 @@
 """Language of RobStride motors: `drivers.motors.language.Language`.
 
-A tick writes each motor's time-out again: of all that brings a feedback it is what commands
-nothing. A parameter that is read has an answer of its own, with one quantity.
+A tick sends each motor its setpoint, whose feedback is its sample. One that has none yet gets its
+time-out again: of all that brings a feedback it is what commands nothing. A parameter that is read
+has an answer of its own, with one quantity.
 """
 
 from collections.abc import Sequence
@@ -63,6 +64,7 @@ class RobStrideLanguage(Language):
     """Language of the motors of one arm."""
 
     outputs = False
+    asks_by_setpoint = True
     bits = 16, 16, 16
     gain_bits = 16
 
@@ -71,7 +73,7 @@ class RobStrideLanguage(Language):
         return setpoint_id(motor)
 
     def requests_to(self, drive: RobStrideDrive) -> Sequence[Frame]:
-        """Request of a tick to one motor."""
+        """Request to a motor that has no setpoint yet."""
         patience = round(drive.profile.patience_s / TIMEOUT_S)
         return (write(drive.node, Parameter.TIMEOUT, patience),)
 
@@ -115,9 +117,9 @@ class RobStrideLanguage(Language):
         return Feedback(status, found.position, found.velocity, found.torque, found.degC)
 
     def enabling(self, joint: int) -> Sequence[Frame]:
-        """Frames that give a motor its power, after its setpoint; whether it keeps one that came
-        before is not published, so that it gets it again."""
-        return enable(self.motors[joint]), self.setpoints[joint]
+        """Frame that gives a motor its power; whether it keeps the setpoint before is not
+        published, so that the next tick's is what it follows."""
+        return (enable(self.motors[joint]),)
 
     def disabling(self, joint: int) -> Frame:
         """Frame that takes a motor's power."""

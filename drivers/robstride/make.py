@@ -75,16 +75,15 @@ def counts(drive: RobStrideDrive, measure: Measure) -> Counts:
 def frames(
     drives: Sequence[RobStrideDrive], period_s: float, master_node: int = 0
 ) -> tuple[FrameLoad, ...]:
-    """Every periodic frame of an arm: each tick a request and a setpoint, with their answers."""
+    """Every periodic frame of an arm: each tick a setpoint and its answer."""
     tick_hz = 1.0 / period_s
     table = []
     for drive in drives:
         node = drive.node
-        request, answers = identifier(Kind.WRITE, HOST, node), identifier(Kind.FEEDBACK, node, HOST)
+        answer = identifier(Kind.FEEDBACK, node, HOST)
         table += [
-            FrameLoad(f"{drive.name} request", request, 8, tick_hz),
             FrameLoad(f"{drive.name} setpoint", setpoint_id(node), 8, tick_hz),
-            FrameLoad(f"{drive.name} answers", answers, 8, 2.0 * tick_hz),
+            FrameLoad(f"{drive.name} answer", answer, 8, tick_hz),
         ]
     return tuple(table)
 

@@ -123,15 +123,14 @@ def _states(
         if frame.is_error_frame or frame.is_remote_frame:
             continue
         can_id, data, sent = frame_of(frame)[0], bytes(frame.data), not frame.is_rx
-        if not ticks.begins(can_id, data, sent=sent):
-            ticks.take(can_id, data, sent=sent)
-            continue
-        if begun_s is not None:
-            state = run.state(begun_s, ticks.finish(), ticks.velocity, begun_s)
-            if state is not None:
-                yield state
-        begun_s = float(frame.timestamp)
-        ticks.begin(begun_s)
+        if ticks.begins(can_id, data, sent=sent):
+            if begun_s is not None:
+                state = run.state(begun_s, ticks.finish(), ticks.velocity, begun_s)
+                if state is not None:
+                    yield state
+            begun_s = float(frame.timestamp)
+            ticks.begin(begun_s)
+        ticks.take(can_id, data, sent=sent)
     if begun_s is not None:  # what ended the daemon, or its bus, came after the last tick began
         state = run.state(begun_s, ticks.finish(), ticks.velocity, math.inf)
         if state is not None:

@@ -106,6 +106,7 @@ class Run:
             d.wiring.max_current_A * d.profile.Nm_per_A / d.profile.stiffness for d in drives
         ]
         self.p: list[float | None] = [None] * len(drives)
+        self.sent_at = [0] * len(drives)  # tick
         self.faulted_at: np.ndarray | None = None
         self.still_at: np.ndarray | None = None
         self.still_ticks = 0
@@ -151,9 +152,10 @@ class Run:
             on = self.rig.drives.replies.statuses[i].state is State.ON
             holds = on and motor.status == self.powered
             if holds and before is not None and abs(before - here) < 0.9 * self.reach[i]:
-                step = speed * T + profile.velocity_max / 0xFFF * T
+                passed_s = (self.rig.ticks - self.sent_at[i]) * T  # one that asks may be left out
+                step = (speed + profile.velocity_max / 0xFFF) * max(passed_s, T)
                 assert abs(p - before) < step + 2 * count, (i, p, before, speed)
-            self.p[i] = p if holds else None
+            self.p[i], self.sent_at[i] = p if holds else None, self.rig.ticks
 
     def _check_travel(self) -> None:
         """After a fault no joint that has power goes further than its worst travel."""

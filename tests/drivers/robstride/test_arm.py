@@ -138,7 +138,7 @@ def test_what_a_restart_took_is_set_up_again_before_the_arm_is_enabled(arm: Brok
 # --- in order -------------------------------------------------------------------------------------
 
 
-def test_a_tick_is_a_request_and_a_setpoint_for_each_motor(moving: Broken) -> None:
+def test_a_tick_is_a_setpoint_for_each_motor(moving: Broken) -> None:
     requests: list[int] = []
     send = moving.filter.wire.send
 
@@ -149,8 +149,7 @@ def test_a_tick_is_a_request_and_a_setpoint_for_each_motor(moving: Broken) -> No
     moving.filter.wire.send = counted
     moving.rig.run(1.0)
     kinds = [kind_of(can_id) for can_id in requests]
-    assert kinds.count(Kind.WRITE) == kinds.count(Kind.SETPOINT) == 600
-    assert len(kinds) == 1200
+    assert kinds == [Kind.SETPOINT] * 600
 
 
 @pytest.mark.parametrize("keeps", [False, True])
@@ -262,7 +261,7 @@ class Falsified:
 
 @pytest.mark.parametrize(
     ("way", "frames"),
-    [(6.2832, 2), (6.2832, 4), (3.0, 20), (3.0, 400), (0.25, 2), (0.25, 20), (0.25, 400)],
+    [(6.2832, 1), (6.2832, 2), (3.0, 10), (3.0, 400), (0.25, 1), (0.25, 10), (0.25, 400)],
 )
 def test_a_false_feedback_moves_nothing(loaded: Broken, way: float, frames: int) -> None:
     rig = loaded.rig
@@ -277,8 +276,8 @@ def test_a_false_feedback_moves_nothing(loaded: Broken, way: float, frames: int)
     rig.run(3.0, each)
     assert furthest[0] < 0.003
     assert all(running(rig))
-    assert rig.mode is (Mode.HOLDING if frames == 2 else Mode.FAULTED)
-    assert (JOINT in rig.drives.unfit()) is (frames > 2)  # what it has to hold is found anew
+    assert rig.mode is (Mode.HOLDING if frames == 1 else Mode.FAULTED)
+    assert (JOINT in rig.drives.unfit()) is (frames > 1)  # what it has to hold is found anew
     if frames < 400 and rig.mode is Mode.FAULTED:
         rig.run(1.0)
         rig.reset()

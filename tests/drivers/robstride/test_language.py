@@ -67,12 +67,11 @@ def test_statuses(
     assert language.answer_of(2, can_id, MIDDLE[:7]) is None
 
 
-def test_a_motor_that_is_enabled_gets_its_setpoint_after_it(language: RobStrideLanguage) -> None:
-    language.pack(2, 0.5, 0.0)
-    order, setpoint = language.enabling(2)
-    assert order == f.enable(3)
-    assert setpoint == language.setpoints[2]
-    assert language.setpoint_of(2, *setpoint) == pytest.approx((0.5, 0.0), abs=1e-3)
+def test_a_tick_begins_with_the_first_motor(language: RobStrideLanguage) -> None:
+    language.pack(0, 0.5, 0.0)
+    assert language.begins(language.requests[0])
+    assert language.begins(language.setpoints[0])
+    assert not language.begins(language.setpoints[1])
 
 
 def test_a_request_is_the_time_out_again(language: RobStrideLanguage) -> None:

@@ -67,6 +67,6 @@ def test_the_example_has_none() -> None:
         assert make.problems(its[0].profile, its, Path(), 10, 127) == []
 
 
-def test_seven_joints_take_less_than_half_of_a_megabit() -> None:
+def test_seven_joints_take_less_than_a_quarter_of_a_megabit() -> None:
     load = bus_load(make.frames([*DRIVES, DRIVES[0]], 0.01), 1_000_000)
-    assert load == pytest.approx(7 * 4 * 100 * 160 / 1e6)
+    assert load == pytest.approx(7 * 2 * 100 * 160 / 1e6)
