@@ -26,6 +26,4 @@ class GuardianAtBus:
             self.guardian.take(now, *frame_of(message))
         for can_id, data in () if self.killed else self.guardian.step(now):
             number, is_extended = can_id & IDENTIFIER, can_id >= EXTENDED
-            self.end.send(
-                can.Message(0.0, number, is_extended, channel=GUARDIAN, data=bytes(data))
-            )
+            self.end.send(can.Message(0.0, number, is_extended, channel=GUARDIAN, data=bytes(data)))
