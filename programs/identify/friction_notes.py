@@ -24,10 +24,12 @@ def wide_intervals(fits: list[FrictionFit], *, masses_identified: bool) -> tuple
     about = "friction is known of " + ", ".join(
         f"{fit.joint} to {_half(fit.unsure)}" for fit in wide
     )
-    if masses_identified:
+    weigh = [fit.joint for fit in wide if fit.masses_matter and not masses_identified]
+    if not weigh:
         return (f"{about}: {_longer(wide)}",)
+    whose = f", of {', '.join(weigh)}" if len(weigh) < len(wide) else ""
     return (
-        f"{about}, as the URDF's masses may be off: run `contactd identify masses`, then "
+        f"{about}{whose}, as the URDF's masses may be off: run `contactd identify masses`, then "
         f"`friction` again; where the URDF is as good, {_longer(wide)}",
     )
 

@@ -15,9 +15,16 @@ LONGER = re.compile(r"`--seconds\s+(\d+)`\s+narrows")
 URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
 
 
-def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GOOD) -> object:
+def fit(
+    joint: str,
+    unsure: float,
+    seconds: float,
+    verdict: Verdict = Verdict.GOOD,
+    masses_matter: bool = True,
+) -> object:
     return SimpleNamespace(
-        joint=joint, verdict=verdict, unsure=unsure, seconds_for=lambda width: seconds,
+        joint=joint, verdict=verdict, masses_matter=masses_matter,
+        unsure=unsure, seconds_for=lambda width: seconds,
         unsure_after=lambda longer: {LONGEST_S: 0.8 * unsure}[longer],
     )  # fmt: skip
 
@@ -38,6 +45,17 @@ def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GO
             False,
             (f"friction is known of a to +-12 %, b to +-10 %, {URDF}; where the URDF is as good, "
              "`--seconds 600` narrows that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.24, 600.0), fit("b", 0.2, 5.0, masses_matter=False)],
+            False,
+            (f"friction is known of a to +-12 %, b to +-10 %, of a, {URDF}; where the URDF is as "
+             "good, `--seconds 600` narrows that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.24, 131.0, masses_matter=False)],
+            False,
+            ("friction is known of a to +-12 %: `--seconds 140` narrows that to +-7.5 %",),
         ),
         (
             [fit("a", 0.5, math.inf), fit("b", 0.2, 131.0), fit("c", 0.25, 601.0)],
