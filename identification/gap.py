@@ -29,12 +29,14 @@ _WALKS = 2.0  # Kuiper: range of noise that adds up, its mean taken out, in 99 o
 
 
 def identify_gap(
-    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0, *, by_hand: bool = False
-) -> GapResult:
+    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0, *,
+    by_hand: bool = False, stroked: bool = False,
+) -> GapResult:  # fmt: skip
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
-    several sittings, or `by_hand`, whatever a motor that gave way did. gear: turns of the motor for
-    one of the link, 0 where it is not known."""
-    found = _found(log, joint, torque_constant, gear, by_hand=by_hand)
+    several sittings, or `by_hand`, whatever a motor that gave way did, or `stroked`, however
+    unevenly its motor turned. gear: turns of the motor for one of the link, 0 where it is not
+    known."""
+    found = _found(log, joint, torque_constant, gear, by_hand=by_hand, stroked=stroked)
     if found.usable:
         widest = Limit("alpha", 1e3 * found.half_gap, 1e3 * _WIDEST, "mrad",
                        "positions in another unit than rad")  # fmt: skip
@@ -47,7 +49,7 @@ def identify_gap(
 
 
 def _found(
-    log: MotionLog, joint: int, torque_constant: float, gear: float, *, by_hand: bool
+    log: MotionLog, joint: int, torque_constant: float, gear: float, *, by_hand: bool, stroked: bool
 ) -> GapResult:
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
@@ -60,6 +62,8 @@ def _found(
         return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
     if by_hand:
         return _by_hand(log, joint, torque_constant, q, theta)
+    if stroked:
+        return by_strokes(log, joint, torque_constant, gear)
     return _by_what_moved(log, joint, torque_constant, gear, q, theta)
 
 

@@ -12,6 +12,7 @@ from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from estimator.model import Model
 from identification.balance import balanced_pose
+from identification.gap import identify_gap
 from identification.gap_result import GapResult, GapVerdict
 from identification.gap_search import FURTHEST, WIDEST, Search, Strokes, search
 from identification.motion_log import MotionLog
@@ -309,6 +310,18 @@ def slow_strokes(
     torque = gear * (apart - np.clip(apart, -alpha, alpha))
     torque += (1.0 - warms * t / t[-1]) * np.tanh(velocity / 0.002)
     return t, q, theta, velocity, torque + 0.02 * rng.standard_normal(len(t))
+
+
+def test_strokes_of_a_motor_that_turns_unevenly_are_known_to_be_strokes():
+    """As at a light wrist, whose link swings: by the motion alone a hand may have been there."""
+    t, q, theta, velocity, torque = slow_strokes(0.01)
+    uneven = velocity * (1.0 - 0.6 * (np.sin(2.0 * t) > 0.6))
+    log = MotionLog(("j",), t, *(x[:, None] for x in (torque, q, uneven, theta)))
+    assert not stroking(uneven)
+    assert not identify_gap(log, 0, 1.0).usable
+    found = identify_gap(log, 0, 1.0, stroked=True)
+    assert found.verdict is GapVerdict.CLEAR, found
+    assert found.half_gap == pytest.approx(0.01, abs=found.confidence)
 
 
 @pytest.mark.parametrize("alpha", [0.002, 0.01])
