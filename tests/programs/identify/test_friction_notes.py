@@ -9,7 +9,13 @@ from click.testing import CliRunner
 
 from identification.friction_verdict import Verdict
 from programs.contactd.contactd import main
-from programs.identify.friction_notes import LONGEST_S, load_doubts, off_scale, wide_intervals
+from programs.identify.friction_notes import (
+    LONGEST_S,
+    load_doubts,
+    off_scale,
+    rotor_doubts,
+    wide_intervals,
+)
 
 LONGER = re.compile(r"`--seconds\s+(\d+)`\s+narrows")
 URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
@@ -69,6 +75,16 @@ def fit(
 )  # fmt: skip
 def test_what_would_make_it_narrower(fits, weighed, notes):
     assert wide_intervals(fits, masses_identified=weighed) == notes
+
+
+def test_what_a_rotor_that_is_not_taken_costs_is_said() -> None:
+    doubts = [("a", "steps"), ("b", ""), ("c", "steps"), ("d", "no log")]
+    fits = [SimpleNamespace(joint=joint, rotor_doubt=doubt, verdict=Verdict.GOOD)
+            for joint, doubt in doubts]  # fmt: skip
+    steps, log = rotor_doubts(fits, [0.123, 1.0, 0.05, 0.2])
+    assert steps.startswith("B of a, c is not taken: steps. ")
+    assert "levels bear 0.12, 0.05 Nm more" in steps
+    assert "B of d" in log
 
 
 @pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])
