@@ -85,10 +85,11 @@ def targets_of(stories: Sequence[Story]) -> list[Target]:
     """Targets of the owners: who got there, and the worst of those who did."""
     led = [story for story in stories if story.led]
 
-    coulomb, rotors = (
-        [one for story in led for one in story.inside.get(name, ())] for name in ("K_theta_s", "B")
+    gaps, coulomb, viscous, rotors = (
+        [one for story in led for one in story.inside.get(name, ())]
+        for name in ("gap", "K_theta_s", "K_theta_v", "B")
     )
-    joints = len(coulomb)
+    joints = sum(story.joints for story in led)
 
     def share(part: float, of: int) -> float:
         return 100.0 * part / of if of else float("nan")
@@ -105,10 +106,17 @@ def targets_of(stories: Sequence[Story]) -> list[Target]:
                worst([len(s.commands) for s in led]), COMMANDS),
         Target("fields that change beyond the data sheets, signs and zeros, at most",
                worst([len(set(s.seen)) for s in led]), FIELDS),
-        Target(f"Coulomb friction within its interval, of {joints} joints",
-               share(sum(coulomb), joints), 95, "%", "higher"),
-        Target("rotors answered", share(len(rotors), joints), 95, "%", "higher"),
-        Target("rotors within their interval", share(sum(rotors), len(rotors)), 95, "%", "higher"),
+        *(
+            target
+            for name, found in (("gaps", gaps), ("Coulomb friction", coulomb),
+                                ("viscous friction", viscous), ("rotors", rotors))
+            for target in (
+                Target(f"{name} answered, of {joints} joints", share(len(found), joints), 95, "%",
+                       "higher"),
+                Target(f"{name} within the interval", share(sum(found), len(found)), 95, "%",
+                       "higher"),
+            )
+        ),
         Target("machine work of an owner, at most", worst([s.machine_s for s in led]), 1800, "s"),
     ]  # fmt: skip
 

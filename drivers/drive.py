@@ -50,7 +50,7 @@ class DriveKind(Protocol):
 Measure = Literal["effort", "link_position", "motor_velocity", "target_velocity"]
 """Quantity of a drive; `effort` is its current, or its torque as a current."""
 ProfileProblem = tuple[tuple[str | int, ...], str]
-"""Place in a profile, and what is wrong there."""
+"""Place in a profile, or in a joint, and what is wrong there."""
 
 
 @dataclass(frozen=True, slots=True)

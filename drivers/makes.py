@@ -1,6 +1,6 @@
 """Makes of drives: what the configuration asks of each before the first tick."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -67,6 +67,9 @@ class Make(Protocol):
         master_node: int,
     ) -> list[ProfileProblem]:
         """Problems of a profile, of which these are the drives, once each."""
+
+    def wrong(self, drive: Drive[Any]) -> Iterable[ProfileProblem]:
+        """Problems of a joint with such a drive, at its fields."""
 
     def counts(self, drive: Drive[Any], measure: Measure) -> Counts:
         """Integers of a quantity of a drive. Raises ConfigurationError if it has none."""

@@ -5,7 +5,8 @@ At a border, which is the one that the torque pushes at,
     q - theta = middle - alpha sign(torque) - compliance torque - lateness q_dot
 
 so that neither what the gear bends nor a link encoder that is late is taken for a way through the
-gap, whatever masses the model has.
+gap, whatever masses the model has. Friction of the rotor that the torque still has bends as a late
+encoder would, but not in proportion to the speed: lateness is what that leaves.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ _FEWEST = 200
 _AS_WIDE, _GIVE = 0.2, 0.0005  # of the half-gap, and [rad]: another one is no mere bending
 _CLEAR = 0.15  # of the half-gap, that rows may scatter by
 _SOFTEST = 0.005  # [rad/Nm]
-_BETTER = 0.9  # times the scatter, for which an encoder is late
+_BETTER = 0.7  # times the scatter, for which an encoder is late
 _LEAST_S = 0.0005  # of its lateness: less is interpolation
 _FAR = 4.0
 
@@ -49,10 +50,11 @@ def borders(apart: Vector, torque: Vector, q_dot: Vector, half_gap: float) -> Bo
     rarer = min(np.count_nonzero(used & (side > 0.0)), np.count_nonzero(used & (side < 0.0)))
     if used.sum() < _FEWEST or rarer < _RARE * used.sum():
         return None
-    columns = np.stack([np.ones_like(apart), -side, -torque, -q_dot], axis=1)
+    columns = np.stack([np.ones_like(apart), -side, -torque, -np.sign(q_dot), -q_dot], axis=1)
     found, scatter = _fitted(columns[:, :3], apart, used, carries)
+    _, scatter_rubs = _fitted(columns[:, :4], apart, used, carries)
     late, scatter_late = _fitted(columns, apart, used, carries)
-    if scatter_late < _BETTER * scatter and abs(late[3]) > _LEAST_S:
+    if scatter_late < _BETTER * min(scatter, scatter_rubs) and abs(late[4]) > _LEAST_S:
         found, scatter = late, scatter_late
     if (
         abs(found[1] - half_gap) > _AS_WIDE * half_gap + _GIVE
@@ -60,7 +62,7 @@ def borders(apart: Vector, torque: Vector, q_dot: Vector, half_gap: float) -> Bo
         or abs(found[2]) > _SOFTEST
     ):
         return None
-    return Borders(float(found[0]), float(found[1]), float(found[3]) if len(found) > 3 else 0.0)
+    return Borders(float(found[0]), float(found[1]), float(found[4]) if len(found) > 4 else 0.0)
 
 
 def _fitted(columns: Matrix, apart: Vector, used: Mask, tested: Mask) -> tuple[Vector, float]:

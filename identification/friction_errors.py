@@ -55,7 +55,7 @@ def with_what_is_believed(
         weighted = one.weight[:, None] * columns
         torques = one.weight[:, None] * np.column_stack([inertial[:, i], moved[:, i]])
         bias, change = np.linalg.lstsq(weighted, torques, rcond=None)[0].T
-        errors = dict(fit.errors)
+        errors, weighs = dict(fit.errors), float(np.sqrt(max(off**2 - _IDENTIFIED**2, 0.0)))
         constant = constant_off(float("nan") if weighed else fit.gravity_scale)
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
@@ -70,7 +70,12 @@ def with_what_is_believed(
             speed = max(float(np.sqrt(np.square(rows.theta_dot[:, i]).mean())), 1e-9)
             near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed
             errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
-        new.append(replace(fit, errors=errors))
+        of_masses = {
+            name: weighs * abs(float(bias[k]))
+            for k, name in enumerate(COLUMNS[:3])
+            if name in errors
+        }
+        new.append(replace(fit, errors=errors, of_masses=of_masses))
     return new
 
 

@@ -1,6 +1,6 @@
 """Friction found of one joint, how well it is known, and the transmission with it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from identification.sticking import SURE
 WIDE = 0.15
 """Width of the interval of a friction over it, beyond which it is worth to know it better."""
 _MATTERS = 0.1
+_NARROWER = 0.8  # times the interval, for which masses are worth identifying
 _SURE = 6.0
 """Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
 and it was up to four of them off the truth."""
@@ -31,6 +32,8 @@ class FrictionFit:
     """Standard errors: `noise`, and what masses and torque constants that may be wrong make."""
     noise: dict[str, float]
     """Part of them that a longer motion makes smaller, from the scatter between blocks of 1 s"""
+    of_masses: dict[str, float] = field(default_factory=dict)
+    """Part of them that identified masses take off"""
     seconds: float
     """of the motion"""
     r2: float
@@ -88,14 +91,20 @@ class FrictionFit:
         """Width of the 95 % interval of the friction over it, the wider of Coulomb and viscous."""
         return self.unsure_after(self.seconds)
 
-    def unsure_after(self, seconds: float) -> float:
+    @property
+    def masses_matter(self) -> bool:
+        """True where that is clearly narrower with masses that were identified."""
+        return self.unsure_after(self.seconds, weighed=True) < _NARROWER * self.unsure
+
+    def unsure_after(self, seconds: float, *, weighed: bool = False) -> float:
         """The same of a motion like this one, but so long: noise goes with the root of its length,
-        what masses and torque constant make stays."""
-        shorter = self.seconds / seconds
+        what masses (unless `weighed`) and torque constant make stays."""
+        shorter, of = self.seconds / seconds, self.of_masses if weighed else {}
         widths = [
-            np.sqrt(self.errors[name] ** 2 - (1.0 - shorter) * self.noise[name] ** 2) / size
+            np.sqrt(self.errors[name] ** 2 - (1.0 - shorter) * self.noise[name] ** 2
+                    - of.get(name, 0.0) ** 2) / size
             for name, size in self._sizes()
-        ]
+        ]  # fmt: skip
         return float(2.0 * NORMAL_95 * max(widths))
 
     def seconds_for(self, width: float) -> float:

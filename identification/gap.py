@@ -25,15 +25,18 @@ from identification.strokes import from_strokes
 
 _WIDEST = 0.5  # [rad]: what a configuration takes
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
+_WALKS = 2.0  # Kuiper: range of noise that adds up, its mean taken out, in 99 of 100 logs
 
 
 def identify_gap(
-    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0, *, by_hand: bool = False
-) -> GapResult:
+    log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0, *,
+    by_hand: bool = False, stroked: bool = False,
+) -> GapResult:  # fmt: skip
     """Half-gap of one joint by the method that fits what moved in the log, which may be that of
-    several sittings, or `by_hand`, whatever a motor that gave way did. gear: turns of the motor for
-    one of the link, 0 where it is not known."""
-    found = _found(log, joint, torque_constant, gear, by_hand=by_hand)
+    several sittings, or `by_hand`, whatever a motor that gave way did, or `stroked`, however
+    unevenly its motor turned. gear: turns of the motor for one of the link, 0 where it is not
+    known."""
+    found = _found(log, joint, torque_constant, gear, by_hand=by_hand, stroked=stroked)
     if found.usable:
         widest = Limit("alpha", 1e3 * found.half_gap, 1e3 * _WIDEST, "mrad",
                        "positions in another unit than rad")  # fmt: skip
@@ -46,7 +49,7 @@ def identify_gap(
 
 
 def _found(
-    log: MotionLog, joint: int, torque_constant: float, gear: float, *, by_hand: bool
+    log: MotionLog, joint: int, torque_constant: float, gear: float, *, by_hand: bool, stroked: bool
 ) -> GapResult:
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
@@ -59,6 +62,8 @@ def _found(
         return GapResult(joint=name, verdict=GapVerdict.NO_LINK_ENCODER, reason=about)
     if by_hand:
         return _by_hand(log, joint, torque_constant, q, theta)
+    if stroked:
+        return by_strokes(log, joint, torque_constant, gear)
     return _by_what_moved(log, joint, torque_constant, gear, q, theta)
 
 
@@ -128,8 +133,8 @@ def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
 
 
 def _theta(log: MotionLog, rows: slice, joint: int) -> Vector:
-    """Measured, or integrated; with the mean velocity taken out where the motor was to stand, for
-    an uncalibrated bias adds 15 mrad in 40 s."""
+    """Measured, or integrated; where the motor was to stand without the mean velocity, for an
+    uncalibrated bias adds 15 mrad in 40 s, and 0 where the rest is no more than noise adds up."""
     if log.motor_position is not None:
         return log.motor_position[rows, joint]
     velocity, time_s = log.motor_velocity[rows, joint], log.time_s[rows]
@@ -137,4 +142,8 @@ def _theta(log: MotionLog, rows: slice, joint: int) -> Vector:
     middle = 0.5 * (velocity + np.concatenate([velocity[:1], velocity[:-1]]))
     theta: Vector = np.cumsum(middle * steps)
     without_mean = theta - velocity.mean() * (time_s - time_s[0])
-    return without_mean if spread(without_mean) < _SHAKEN else theta
+    moved = spread(without_mean)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(velocity)))) / np.sqrt(2.0)
+    if moved < _WALKS * noise * np.sqrt(np.square(steps).sum()):
+        return np.zeros_like(theta)
+    return without_mean if moved < _SHAKEN else theta

@@ -36,6 +36,7 @@ SHORTEST_S = 20.0
 """Least motion [s] unless less is asked for."""
 _ROUNDS = 3
 _WORSE = 1.02  # times |r| by the URDF, held out, that is not good: less is noise
+_NOTHING = 0.001  # of Coulomb friction, by which |r| may grow, too
 _NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses stay
 _WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
@@ -149,7 +150,7 @@ def identify_masses(
     reasons = _reasons(log, motion, joints, fit, known, gravity)
     found = {i: BodyInertia.of(x) for i, x in zip(massive.tolist(), fit.parameters, strict=True)}
     return Masses(
-        _judged(log.joints, joints, nominal, period_s, found, reasons),
+        _judged(log.joints, joints, nominal, period_s, found, reasons, known.engaged_coulomb),
         _determined(nominal, fit),
         nominal.size,
         tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
@@ -213,16 +214,18 @@ def _judged(
     period_s: float,
     bodies: dict[int, BodyInertia],
     reasons: list[Reason],
+    coulomb: Vector,
 ) -> list[MassesFit]:
     """Fits with their verdicts, by the errors at the end of the motion, which was not fitted, and
-    by those at its beginning."""
+    by those at its beginning; coulomb (n,) [Nm]."""
     by_urdf, by_this = _held_out(joints, nominal, period_s)
     worth = bool((_rms(by_this) < _WORTH * _rms(by_urdf)).any())
     most = _WORSE if worth else _NO_FIT
     fits = []
     for i, against in enumerate(reasons):
         verdict, reason = against
-        worse = ~(by_this[:, i] <= most * by_urdf[:, i])  # NaN, too: too little counted
+        bound = np.maximum(most * by_urdf[:, i], by_urdf[:, i] + _NOTHING * coulomb[i])
+        worse = ~(by_this[:, i] <= bound)  # NaN, too: too little counted
         if verdict is MassesVerdict.GOOD and worse.any():
             k, verdict = int(np.argmax(worse)), MassesVerdict.WORSE
             reason = (f"|r| {by_this[k, i]:.3g} Nm, by the URDF {by_urdf[k, i]:.3g}, on the "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.arrays import Vector
+from common.arrays import Matrix, Vector
 from identification.gap_result import resolution, smoothed
 
 FASTEST = 0.045
@@ -15,7 +15,9 @@ _BEGIN_S = 0.15  # of a stroke: the motor's friction turns round
 _FEWEST = 5  # samples, each way
 _FEWEST_FREE = 5  # samples inside the gap
 _FEWEST_WARM = 6  # strokes
-_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
+_FEWEST_TURNS = 3  # strokes
+_LEAST, _MOST = 0.5, 0.9  # of all friction: surely the rotor's, and at most shown to be
+_WITHIN = 0.8  # of the half-gap
 _SHOWN = 1.0  # [rad], over which gravity would be more than friction
 
 
@@ -36,6 +38,9 @@ class Samples:
     """Not in the beginning of a stroke"""
     resolution: float
     """of the coarser encoder [rad]"""
+    turns: Matrix
+    """Rows of time, phi, torque the motor's way and stroke, from its turn on, while its link stays
+    (M, 4)"""
 
 
 def stroking(theta_dot: Vector) -> bool:
@@ -55,10 +60,12 @@ def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: 
     edges = np.flatnonzero((np.diff(direction, prepend=direction[0]) != 0.0) | pause)
     phi = q - theta
     slope = np.gradient(smoothed(phi, 7), time_s)
+    follows = slope / np.where(v == 0.0, 1.0, v)
     rows: list[NDArray[np.int64]] = []
+    turns: list[Matrix] = [np.empty((0, 4))]
     stroke: list[NDArray[np.int64]] = []
     late: list[NDArray[np.bool_]] = []
-    least = 0.3 / period
+    least, late_by, end = 0.3 / period, round(_BEGIN_S / period), 0
     for a, b in itertools.pairwise([0, *edges.tolist(), len(v)]):
         if not direction[a] or b - a < least:
             continue
@@ -66,8 +73,14 @@ def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: 
         before = rows[-1][-1] if rows else None
         goes_on = before is not None and direction[before] == direction[a]
         stroke.append(np.full(b - a, stroke[-1][-1] + (not goes_on) if rows else 0))
-        late.append(np.arange(b - a) > _BEGIN_S / period)
+        late.append(np.arange(b - a) > late_by)
         rows.append(np.arange(a, b))
+        other = np.flatnonzero((v[end:a] * direction[a] <= 0.0) | pause[end + 1 : a + 1])
+        turn = np.arange(end + int(other[-1]) + 1 if len(other) else end, a + late_by)
+        turn = turn[follows[turn] < -0.5]
+        columns = time_s - time_s[0], phi, torque * direction[a], np.full_like(v, stroke[-1][0])
+        turns.append(np.stack(columns, axis=1)[turn])
+        end = b
     if not rows:
         none = np.empty(0, dtype=np.int64)
         rows, stroke, late = [none], [none], [none.astype(np.bool_)]
@@ -78,10 +91,11 @@ def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: 
         theta=theta[at],
         torque=smoothed(torque, 3)[at],
         direction=direction[at],
-        follows=slope[at] / np.where(v[at] == 0.0, 1.0, v[at]),
+        follows=follows[at],
         stroke=np.concatenate(stroke),
         late=np.concatenate(late),
         resolution=max(resolution(q), resolution(theta)),
+        turns=np.concatenate(turns),
     )
 
 
@@ -150,7 +164,18 @@ def free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[Vector, float
         return float(np.median((seen.torque * seen.direction)[inside])) * even, 0.0, 0.0
     held = held_by(seen)
     whole = held.friction if held is not None else 0.0
-    return _ROTORS * whole * even, 0.0, (1.0 - _ROTORS) * whole
+    surely = float(np.clip(_turning(seen, phi, alpha), _LEAST * whole, _MOST * whole))
+    return 0.5 * (whole + surely) * even, 0.0, 0.5 * (whole - surely)
+
+
+def _turning(seen: Samples, phi: Vector, alpha: float) -> float:
+    """Torque [Nm] that the motor took, in most strokes, before its link came along, in a gap so
+    narrow that friction still turns round there: what it rubs with is not less."""
+    time_s, phi_then, torque, stroke = seen.turns.T
+    center = np.interp(time_s, seen.time_s, seen.phi - phi)
+    inside = np.abs(phi_then - center) < _WITHIN * alpha
+    most = [float(torque[inside & (stroke == k)].max()) for k in np.unique(stroke[inside])]
+    return float(np.median(most)) if len(most) >= _FEWEST_TURNS else 0.0
 
 
 def _warming(seen: Samples, inside: NDArray[np.bool_], offset: float) -> Vector:

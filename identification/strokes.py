@@ -20,6 +20,7 @@ _RIGID = 1.5 * SMALLEST  # [rad]: what a rigid joint moves at most, with its int
 _FLOATS, _DRIFTS = 0.08, 0.5  # share of the time, and of the motor's speed, at which phi changes
 _BEYOND, _LOOSE, _LOOSELY = 0.1, 0.1, 0.0001  # of alpha; of alpha and [rad]: scatter that floats
 _ROUGH = 0.0003  # [rad]: scatter that every encoder may have
+_NARROW = 2.0 * SMALLEST  # [rad] of alpha, of which half is close enough: gears bend by as much
 WIDTH = 0.05
 """Half the interval of a gap over alpha, at most; or 0.5 mrad where that is more."""
 
@@ -142,14 +143,16 @@ def _judged(name: str, fit: StrokeFit, strokes: int, floats: list[Limit]) -> Gap
     one_side = Limit("share of the time at the more frequent border", 1.0 - fit.rarer, 1.0 - _RARE,
                      "", "gravity holds the link at one border: by hand")  # fmt: skip
     found = refused(found, GapVerdict.ONE_BORDER, [one_side])
+    narrow = fit.alpha if fit.alpha < _NARROW else 0.0
+    most = max(2.0 * WIDTH * fit.alpha, SMALLEST, narrow)
     limits = [
         Limit("noise of the torque over that which pushes the link", fit.noise, 1.0 / _PUSHED, "",
               "the log's current is not this motor's, or has the other sign (`motor_sign`)"),
         Limit("scatter of phi at the borders", 1e3 * fit.scatter,
               1e3 * (CLEAR * fit.alpha + _ROUGH), "mrad",
               "a person touched the link, or encoders with errors that do not repeat with a turn"),
-        Limit("interval of alpha", 2e3 * confidence, 1e3 * max(2.0 * WIDTH * fit.alpha, SMALLEST),
-              "mrad", "an elastic gear, or encoders with errors that show too little in so short a "
-              "motion: by hand"),
+        Limit("interval of alpha", 2e3 * confidence, 1e3 * most, "mrad",
+              "an elastic gear, friction by which a gear bends as much as this gap, or encoders "
+              "with errors that show too little in so short a motion: by hand, or its data sheet"),
     ]  # fmt: skip
     return refused(found, GapVerdict.UNCLEAR, limits) if found.limit is None else found

@@ -16,6 +16,7 @@ from identification.wiring_strokes import LEAST_MOTION, PIECE, between, follows_
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
 _BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be off
+_POSES = 200
 _PRODUCT = 0.02  # of two ratios, off 1, of gears that are swapped
 # Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
 _SURE, _ALIKE = 0.025, 0.06
@@ -113,8 +114,11 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
             "joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
-        look = " or find swapped drives: did this joint move?"
-        notes.append(f"too little gravity in this pose to check K_c{look * (log.n > 1)}")
+        most = _most_gravity(model, joint)
+        swapped = ", nor whether drives are swapped (did this joint move?)" if log.n > 1 else ""
+        why = (f"a pose shows it in which the joint carries more, up to {in_Nm(most)}"
+               if most > abs(friction) else "gravity hardly acts on this joint")  # fmt: skip
+        notes.append(f"K_c is not checked{swapped}: {why}")
     return WiringResult(joint=name, problems=tuple(problems), undetermined=tuple(undetermined),
                   notes=tuple(notes), follows=follows, friction=friction, held=held,
                   gravity=gravity)  # fmt: skip
@@ -225,6 +229,12 @@ def _torques(
     rows = np.flatnonzero(engaged)[:: max(1, int(engaged.sum()) // 50)]
     gravity = float(np.mean([model.gravity(log.link_position[k])[joint] for k in rows]))
     return 0.5 * (up - down), 0.5 * (up + down), gravity
+
+
+def _most_gravity(model: Model, joint: int) -> float:
+    """Largest gravity of the joint over random poses, always the same, within its limits [Nm]."""
+    poses = np.random.default_rng(0).uniform(model.lower, model.upper, (_POSES, len(model.lower)))
+    return float(max(abs(model.gravity(q)[joint]) for q in poses))
 
 
 def _noise(torque: Vector) -> float:

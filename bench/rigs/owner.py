@@ -215,21 +215,28 @@ class Owner:
             raise GivenUpError(f"the hand was not felt: {rig.mode}")
 
     def _inside(self) -> dict[str, list[bool]]:
-        """Whether Coulomb friction and rotor of each joint lie within the intervals found."""
+        """Whether gap, friction and rotor of each joint lie within the intervals found."""
         robot = load_robot(self.folder)
         description, simulation = true_arm(robot)
         true = true_parameters(description, simulation.settings)
         assert robot.identified is not None
-        found: dict[str, list[bool]] = {"K_theta_s": [], "B": []}
+        coulomb, viscous = (of.reshape(2, -1).sum(axis=0) for of in (true.coulomb, true.viscous))
+        found: dict[str, list[bool]] = {"gap": [], "K_theta_s": [], "K_theta_v": [], "B": []}
         for i, joint in enumerate(robot.identified.joints[name] for name in self.arm.names):
+            if (gap := joint.gap) is not None:
+                off = abs(gap.half_gap - true.half_gap[i])
+                found["gap"].append(bool(off <= gap.confidence))
             if (entry := joint.friction) is None:
                 continue
-            coulomb = entry.friction.motor_coulomb + entry.friction.link_coulomb
-            off = {"K_theta_s": coulomb - true.coulomb.reshape(2, -1).sum(axis=0)[i]}
+            its = entry.friction
+            by = {
+                "K_theta_s": its.motor_coulomb + its.link_coulomb - coulomb[i],
+                "K_theta_v": its.motor_viscous + its.link_viscous - viscous[i],
+            }
             if entry.rotor_inertia is not None:
-                off["B"] = entry.rotor_inertia - true.rotor_inertia[i]
-            for name, by in off.items():
-                found[name].append(bool(abs(by) <= NORMAL_95 * entry.errors[name]))
+                by["B"] = entry.rotor_inertia - true.rotor_inertia[i]
+            for name, off in by.items():
+                found[name].append(bool(abs(off) <= NORMAL_95 * entry.errors[name]))
         return found
 
     # -- how commands are typed ------------------------------------------------------------------

@@ -46,6 +46,10 @@ def convert(source: Source, kind: type[T]) -> T:
             line = source.line([*keys, unknown.group(1)])
             node = _type_at(kind, keys, source.data)
             known = _choices_of(node, of_a_key) if of_a_key else _fields_of(node)
+            tag = getattr(node, "tag_field", None)
+            if tag and source.node([*keys, tag]) is source.node(keys):  # none is written
+                makes = _choices_of(_type_at(kind, [*keys, tag], source.data), False)
+                known += [f"{tag}: {one}" for one in makes]
             message = f"unknown key `{unknown.group(1)}` (allowed: {', '.join(known)})"
         else:
             line = source.line(keys)

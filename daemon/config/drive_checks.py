@@ -27,6 +27,10 @@ def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
         make, master = make_of(profile), c.bus.master_node
         for place, what in make.problems(profile, drives, folder, c.period_ms, master):
             yield _in_profile(name, place, what)
+        for i, joint in enumerate(c.joints):
+            if joint.wiring.profile == name:
+                for place, what in make.wrong(drive_of(joint, profile)):
+                    yield Problem(*at(i, joint, *map(str, place)), what)
         # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
         if profile.master_timeout_ms < 3 * c.period_ms:
             yield Problem(

@@ -45,6 +45,11 @@ def problems(
     return [(p.at, f"{profile.eds}: {p.what}") for p in dict.fromkeys(found)]
 
 
+def wrong(drive: CanopenDrive) -> tuple[ProfileProblem, ...]:
+    """Problems of a joint with such a drive: its profile has them all."""
+    return ()
+
+
 _ENTRIES: Final[dict[Measure, PdoEntry]] = {
     "link_position": "link_position",
     "motor_velocity": "motor_velocity",

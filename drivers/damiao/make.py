@@ -23,22 +23,21 @@ def problems(
     period_ms: int,
     master_node: int,
 ) -> list[ProfileProblem]:
-    """Problems of a profile, of which these are the drives."""
-    return [(("model",), f"{drive.name}: {what}") for drive in drives for what in _wrong(drive)]
+    """Problems of a profile: at the start its motors are asked for its figures."""
+    return []
 
 
-def _wrong(drive: DamiaoDrive) -> Iterator[str]:
-    """Problems of the wiring of one motor."""
+def wrong(drive: DamiaoDrive) -> Iterator[ProfileProblem]:
+    """Problems of a joint with such a motor, at its fields."""
     wiring, profile = drive.wiring, drive.profile
     if wiring.node > HIGHEST_ID:
-        yield f"node {wiring.node}; the id of a Damiao motor is 1 to {HIGHEST_ID}"
+        yield ("wiring", "node"), f"{wiring.node}; the id of a Damiao motor is 1 to {HIGHEST_ID}"
     if wiring.gear != profile.figures.gear:
-        yield (
-            f"gear {wiring.gear:g}; that of a {profile.model} is {profile.figures.gear:g}, and the "
-            "joint must turn with its output"
-        )
+        its = f"that of a {profile.model} is {profile.figures.gear:g}"
+        text = f"{wiring.gear:g}; {its}, and the joint must turn with its output"
+        yield ("wiring", "gear"), text
     if wiring.link_sign != wiring.motor_sign:
-        yield "link_sign must be motor_sign: both encoders are in one motor"
+        yield ("wiring", "link_sign"), "must be motor_sign: both encoders are in one motor"
 
 
 def counts(drive: DamiaoDrive, measure: Measure) -> Counts:

@@ -8,7 +8,7 @@ from drivers.drive import Counts, Measure, ProfileProblem
 from drivers.motors.recorded import MotorTicks
 from drivers.robstride.frames import HOST, Kind, identifier, setpoint_id
 from drivers.robstride.language import RobStrideLanguage
-from drivers.robstride.settings import RobStrideDrive, RobStrideProfile
+from drivers.robstride.settings import FEEDBACK, RobStrideDrive, RobStrideProfile
 
 
 def problems(
@@ -19,38 +19,40 @@ def problems(
     master_node: int,
 ) -> list[ProfileProblem]:
     """Problems of a profile, of which these are the drives."""
-    figures = profile.figures
-    found: list[ProfileProblem] = []
-    for field, most in (("stiffness", figures.stiffest), ("damping", figures.most_damping)):
-        given = getattr(profile, field)
-        if given > most:
-            text = f"{given:g}; a setpoint to an {profile.model} reaches {most:g}"
-            found.append(((field,), text))
-    return found + [
-        (("model",), f"{drive.name}: {what}") for drive in drives for what in _wrong(drive)
+    figures, model = profile.figures, profile.model
+    torque, velocity = FEEDBACK[model]
+    manuals = f"no manual of an {model} has more than"
+    bounds = (
+        ("stiffness", figures.stiffest, f"a setpoint to an {model} reaches"),
+        ("damping", figures.most_damping, f"a setpoint to an {model} reaches"),
+        ("torque_max_Nm", torque, manuals),
+        ("velocity_max", velocity, manuals),
+    )
+    return [
+        ((field,), f"{given:g}; {what} {most:g}")
+        for field, most, what in bounds
+        if (given := getattr(profile, field)) > most
     ]
 
 
-def _wrong(drive: RobStrideDrive) -> Iterator[str]:
-    """Problems of the wiring of one motor."""
+def wrong(drive: RobStrideDrive) -> Iterator[ProfileProblem]:
+    """Problems of a joint with such a motor, at its fields."""
     wiring, profile = drive.wiring, drive.profile
     if wiring.gear != profile.figures.gear:
-        yield (
-            f"gear {wiring.gear:g}; that of an {profile.model} is {profile.figures.gear:g}, and "
-            "the joint must turn with its output"
-        )
+        its = f"that of an {profile.model} is {profile.figures.gear:g}"
+        text = f"{wiring.gear:g}; {its}, and the joint must turn with its output"
+        yield ("wiring", "gear"), text
     if wiring.link_sign != wiring.motor_sign:
-        yield "link_sign must be motor_sign: one encoder is both"
+        yield ("wiring", "link_sign"), "must be motor_sign: one encoder is both"
     if drive.play:
-        yield (
-            f"half_gap {drive.play / 2.0:g}; without an encoder at its output it must be 0 "
-            "(docs/drives.md)"
-        )
+        text = "without an encoder at its output it must be 0 (docs/drives.md)"
+        yield ("half_gap",), f"{drive.play / 2.0:g}; {text}"
     if torque_limit(drive) > profile.torque_max_Nm:
-        yield (
-            f"max_current_A {wiring.max_current_A:g} means {torque_limit(drive):.3g} Nm; its "
-            f"feedback ends at torque_max_Nm, {profile.torque_max_Nm:g}"
+        text = (
+            f"{wiring.max_current_A:g} means {torque_limit(drive):.3g} Nm; its feedback ends at "
+            f"torque_max_Nm, {profile.torque_max_Nm:g}"
         )
+        yield ("wiring", "max_current_A"), text
 
 
 def torque_limit(drive: RobStrideDrive) -> float:

@@ -35,6 +35,11 @@ MODELS: Final[dict[Model, ModelFigures]] = {
     "RS06": _figures(9.0, 1.09, 11.0, 36.0, 45.0, 0.012, 50.0, *_STRONG),
     "EL05": _figures(9.0, 0.94, 1.8, 6.0, 45.0, 0.00094, 50.0),  # inertia: of an RS05's rotor
 }
+#: Torque [Nm] and velocity [rad/s] that a feedback reaches by the manual that states most.
+FEEDBACK: Final[dict[Model, tuple[float, float]]] = {
+    "RS00": (17.0, 50.0), "RS01": (17.0, 44.0), "RS02": (17.0, 44.0), "RS03": (60.0, 50.0),
+    "RS04": (120.0, 15.0), "RS05": (17.0, 50.0), "RS06": (60.0, 50.0), "EL05": (6.0, 50.0),
+}  # fmt: skip
 #: Position to either side that a feedback reaches in every model [rad at the output].
 REACH: Final = 4.0 * math.pi
 

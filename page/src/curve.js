@@ -83,7 +83,9 @@ export class Curve {
       series: [{}, line("residual"), line("level", [4, 3]), line("level", [4, 3])],
       axes: [
         { ...axis, size: 1.2 * rem, gap: 2, splits: (u) => seconds(u), values: (u, at) => at.map((t) => ago(u, t)) },
-        { ...axis, size: 2.4 * rem, gap: 4, space: (u, axis, low, high, height) => Math.max(1.1 * rem, height / 8) },
+        // Before the first tick there is no scale.
+        { ...axis, size: 2.4 * rem, gap: 4, values: (u, at) => at.map((v) => (u.data[0].length ? String(v) : "")),
+          space: (u, axis, low, high, height) => Math.max(1.1 * rem, height / 8) },
       ],
       hooks: { drawClear: [(u) => this.#shade(u)] },
     };

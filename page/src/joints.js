@@ -6,7 +6,8 @@ import { Series } from "./series.js";
 import { SIDES, fixed, isBeyond, learned, signed } from "./words.js";
 
 const METERS_EVERY_MS = 1000; // for screen readers
-const GOOD_DRIVE = "operation enabled";
+/** Of each make (`OPERATING` in programs/clients/shown.py). */
+const OPERATING = new Set(["operation enabled", "enabled", "running"]);
 
 /** All cards; `draw` takes the newest tick, `add` every tick. */
 export class Joints {
@@ -187,7 +188,7 @@ class Card {
     if (flags.unproved) told.push("✖ not seen to stand");
     if (!flags.sensing) told.push("✖ senses nothing");
     if (!flags.fresh) told.push("◌ sample missing");
-    if (this.#energised && this.#drive !== GOOD_DRIVE) told.push(`✖ ${this.#drive}`);
+    if (this.#energised && !OPERATING.has(this.#drive)) told.push(`✖ ${this.#drive}`);
     if (beyond) told.push("▲ felt");
     if (flags.touched) told.push("◉ touched");
     const bad = told.some((text) => text.startsWith("✖"));

@@ -38,9 +38,13 @@ def strain_style(residual: float, threshold: float) -> str:
     return "yellow" if abs(residual) > 0.5 * threshold else "green"
 
 
+OPERATING = ("operation enabled", "enabled", "running")
+"""States of drives under power, by the names that each make has."""
+
+
 def drive_text(name: str) -> Text:
     """State of a drive: green in operation, red in fault, else yellow."""
-    styles: dict[str, str] = {"operation enabled": "green", "fault": "bold red"}
+    styles = dict.fromkeys(OPERATING, "green") | {"fault": "bold red"}
     return Text(name, styles.get(name, "yellow"))
 
 

@@ -1,5 +1,6 @@
 """`contactd check`: checks a configuration and prints what follows from it, without the bus."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.table import Table
@@ -20,7 +21,7 @@ from drivers.can.wire import IDENTIFIER
 from programs.command_line.console import on_stdout
 from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
-from programs.contactd.check_drives import drives_in_words, new_table, remark
+from programs.contactd.check_drives import add_alike, drives_in_words, new_table, remark
 from programs.contactd.drafts.configuration import guesses
 from programs.identify.stated_levels import source, unused
 
@@ -57,13 +58,16 @@ def print_check(config: Path) -> None:
             remark(console, one)
     console.print(wiring, joints, levels, travelled)
     say(TRAVEL_WORDS, dim=True)
+    alone: dict[str, list[str]] = {}
     for name, profile in c.drives.items():
-        say(f"{name}: {profile.without_us}")
+        alone.setdefault(profile.without_us, []).append(name)
+    for without_us, names in alone.items():
+        say(f"{', '.join(names)}: {without_us}")
     console.print()
     for line in sensitivity_over_poses(c, robot.model):
         say(line)
     frames = frames_of(c)
-    console.print(_frames(frames))
+    console.print(_frames(frames, c.joint_names))
     load = bus_load(frames, c.bus.bitrate)
     exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
     say(
@@ -136,9 +140,12 @@ def _joints(c: Configuration, loads: list[Load]) -> Table:
 def _levels(c: Configuration, found: Identified | None) -> Table:
     """Table of contact levels in force, the least that learning leaves, and their source."""
     table = new_table("\ncontact levels", "joint", "contact Nm", "least Nm", "source")
-    for joint, least in zip(c.joints, c.least_levels, strict=True):
-        level = joint.thresholds.contact
-        table.add_row(joint.name, f"{level:g}", f"{least:.4g}", source(joint, found))
+    levels = zip(c.joints, c.least_levels, strict=True)
+    add_alike(
+        table,
+        ((joint.name, f"{joint.thresholds.contact:g}", f"{least:.4g}", source(joint, found))
+         for joint, least in levels),
+    )  # fmt: skip
     return table
 
 
@@ -151,9 +158,10 @@ def _travels(c: Configuration) -> Table:
         "daemon\ndies\nrad",
         gap=1,
     )
+    rows = []
     for drive, travel in zip(c.joint_drives, travels(c), strict=True):
         parts = (travel.noticing, travel.stages, travel.patience, travel.braking)
-        table.add_row(
+        rows.append((
             drive.name,
             f"{drive.velocity:g}",
             f"{drive.quick_stop:g}",
@@ -161,18 +169,20 @@ def _travels(c: Configuration) -> Table:
             f"{travel.total:.3f}",
             f"{travel.own:.3f}",
             f"{travel.patience + travel.braking:.3f}" if drive.profile.stops_alone else "falls",
-        )
+        ))  # fmt: skip
+    add_alike(table, rows)
     return table
 
 
-def _frames(frames: tuple[FrameLoad, ...]) -> Table:
+def _frames(frames: tuple[FrameLoad, ...], joints: Sequence[str]) -> Table:
+    """Table of frames, a row for those that differ by their joint alone."""
     table = new_table("\nframes", "COB-ID", "bytes", "rate/s", "bits", "what")
+    alike: dict[tuple[str, ...], list[str]] = {}
     for frame in sorted(frames, key=lambda f: f.cob_id):
-        table.add_row(
-            f"0x{frame.cob_id & IDENTIFIER:03X}",
-            str(frame.size),
-            f"{frame.rate_hz:g}",
-            str(frame.bits),
-            frame.name,
-        )
+        of, _, what = frame.name.partition(" ")
+        what = f"{what}, each joint" if of in joints else frame.name
+        cells: tuple[str, ...] = str(frame.size), f"{frame.rate_hz:g}", str(frame.bits), what
+        alike.setdefault(cells, []).append(f"0x{frame.cob_id & IDENTIFIER:03X}")
+    for cells, ids in alike.items():
+        table.add_row(ids[0] if ids[-1] == ids[0] else f"{ids[0]} to {ids[-1]}", *cells)
     return table

@@ -1,5 +1,7 @@
 """Drives as `contactd check` prints them, a make at a time."""
 
+import itertools
+from collections.abc import Iterable
 from typing import Any
 
 from rich.console import Console
@@ -12,8 +14,6 @@ from daemon.drives import build_setups
 from drivers.canopen.boot.required_objects import DriveSetup, lacks
 from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
-from drivers.damiao.settings import DamiaoProfile
-from drivers.robstride.settings import RobStrideProfile
 
 QUANTITY_UNITS = {
     "current": "of rated",
@@ -32,6 +32,7 @@ WITHOUT = {
     "max_motor_speed": "the drive's own speed limit is left as it is",
 }
 FOLDED = "mapping"  # the column that may wrap
+_LABEL = 20  # characters, beside which the widest table fits into 80
 
 
 def drives_in_words(robot: Robot) -> list[Table | str]:
@@ -45,9 +46,7 @@ def drives_in_words(robot: Robot) -> list[Table | str]:
     for name, profile in c.drives.items():
         if isinstance(profile, CanopenProfile):
             found += _canopen(c, name, profile, setups[name])
-        else:
-            found.append(_motors(c, name, profile))
-    return found
+    return found or [_motors(c)]
 
 
 def _canopen(
@@ -66,23 +65,36 @@ def _canopen(
     ]
 
 
-def _motors(c: Configuration, name: str, profile: DamiaoProfile | RobStrideProfile) -> Table:
+def _motors(c: Configuration) -> Table:
+    """Steps of what motors measure, a profile a row."""
     table = new_table(
-        f"\ndrive profile {name} ({type(profile).__struct_config__.tag} {profile.model})",
-        *("joint", "id", "mrad", "mrad/s", "mNm", "Nm per A"),
+        "\nmotors", *("profile", "model", "joints", "mrad", "mrad/s", "mNm", "Nm per A")
     )
-    for joint, drive in zip(c.joints, c.joint_drives, strict=True):
-        if joint.wiring.profile == name:
-            position, velocity, current = (
-                1000.0 * abs(c.make.counts(drive, measure).gain)
-                for measure in ("link_position", "motor_velocity", "effort")
-            )
-            per_A = profile.Nm_per_A
-            table.add_row(
-                *(joint.name, str(joint.wiring.node), f"{position:.2f}", f"{velocity:.2f}"),
-                *(f"{current * per_A:.2g}", f"{per_A:.4g}"),
-            )
+    for name, profile in c.drives.items():
+        drives = [drive for drive in c.joint_drives if drive.profile is profile]
+        if isinstance(profile, CanopenProfile) or not drives:
+            continue
+        position, velocity, current = (
+            1000.0 * abs(c.make.counts(drives[0], measure).gain)
+            for measure in ("link_position", "motor_velocity", "effort")
+        )
+        table.add_row(
+            name, f"{type(profile).__struct_config__.tag} {profile.model}", str(len(drives)),
+            f"{position:.2f}", f"{velocity:.2f}", f"{current * profile.Nm_per_A:.2g}",
+            f"{profile.Nm_per_A:.4g}",
+        )  # fmt: skip
     return table
+
+
+def add_alike(table: Table, rows: Iterable[tuple[str, ...]]) -> None:
+    """Add rows of joints in their order, one for those in succession that are alike, where their
+    names leave the figures room."""
+    for cells, alike in itertools.groupby(rows, key=lambda row: row[1:]):
+        names = [row[0] for row in alike]
+        together = f"{names[0]} to {names[-1]}"
+        names = [together] if len(names) > 1 and len(together) <= _LABEL else names
+        for name in names:
+            table.add_row(name, *cells)
 
 
 def remark(console: Console, text: str) -> None:

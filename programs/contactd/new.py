@@ -74,7 +74,7 @@ def new_arm(
             raise ConfigurationError(f"{why}:\n{error}") from error
         raise
     of_urdf = [f"{urdf.name}, {place}: {what}" for place, what in urdf_mistakes(text)]
-    _report(folder, written, [*of_urdf, *plan.verdicts()])
+    _report(folder, written, [*of_urdf, *plan.verdicts()], guarded=bool(models))
 
 
 def _of_sheets(named: dict[str, Path], objects: Sequence[str]) -> dict[str, Draft]:
@@ -148,7 +148,7 @@ def _refuse_clashes(given: Sequence[Path]) -> None:
             )
 
 
-def _report(folder: Path, written: str, remarks: Sequence[str]) -> None:
+def _report(folder: Path, written: str, remarks: Sequence[str], *, guarded: bool) -> None:
     click.echo(f"wrote {folder / 'config.yaml'}: {guesses(written)} lines with CHECK hold guesses")
     for remark in remarks:
         say(remark)
@@ -163,3 +163,8 @@ def _report(folder: Path, written: str, remarks: Sequence[str]) -> None:
   contactd simulate {folder}
     simulates the arm of simulation.yaml, to rehearse"""
     )
+    if guarded:
+        click.echo(
+            f"""  contactd guard {folder}
+    holds the arm, beside `contactd run`: these motors let go when nothing is sent to them"""
+        )

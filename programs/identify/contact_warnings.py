@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 
+from daemon.config.schema import Joint
 from daemon.protocol.state import Notice
 
+_OF_LEVEL = 0.5  # that friction which is not known may take
 ContactWarning = Callable[[Notice], str]
 """Warning about a contact; empty where none is due."""
 
@@ -38,6 +40,20 @@ def ends_strokes(joint: str) -> ContactWarning:
                 "until `contactd identify thresholds`")  # fmt: skip
 
     return warning
+
+
+def level_below_friction(joint: Joint, friction: float) -> tuple[str, ...]:
+    """Sentence on the level to begin with, where friction [Nm] was seen that the configuration does
+    not know, and its level would take for a touch; else none."""
+    known = joint.friction.motor_coulomb + joint.friction.link_coulomb
+    level, off = joint.thresholds.contact, friction - known
+    if not off > _OF_LEVEL * level:
+        return ()
+    return (
+        f"{joint.name} rubs with {friction:.2g} Nm, {known:.2g} by the configuration: set its "
+        f"thresholds.contact to {level + off:.2g} until `contactd identify thresholds`, or motion "
+        "is taken for a touch",
+    )
 
 
 def other_joint_touched(joint: str) -> ContactWarning:

@@ -1,5 +1,6 @@
 """Notes on good fits of friction: which are known badly, which parameters may be off."""
 
+from collections.abc import Sequence
 from math import ceil
 
 from identification.friction_fit import WIDE, FrictionFit
@@ -24,10 +25,12 @@ def wide_intervals(fits: list[FrictionFit], *, masses_identified: bool) -> tuple
     about = "friction is known of " + ", ".join(
         f"{fit.joint} to {_half(fit.unsure)}" for fit in wide
     )
-    if masses_identified:
+    weigh = [fit.joint for fit in wide if fit.masses_matter and not masses_identified]
+    if not weigh:
         return (f"{about}: {_longer(wide)}",)
+    whose = f", of {', '.join(weigh)}" if len(weigh) < len(wide) else ""
     return (
-        f"{about}, as the URDF's masses may be off: run `contactd identify masses`, then "
+        f"{about}{whose}, as the URDF's masses may be off: run `contactd identify masses`, then "
         f"`friction` again; where the URDF is as good, {_longer(wide)}",
     )
 
@@ -86,13 +89,19 @@ def load_doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
     )
 
 
-def rotor_doubts(fits: list[FrictionFit]) -> tuple[str, ...]:
-    """Sentences about rotors that are not taken, one for each reason, with the joints' names."""
-    why: dict[str, list[str]] = {}
-    for fit in _good(fits):
-        if fit.rotor_doubt:
-            why.setdefault(fit.rotor_doubt, []).append(fit.joint)
-    return tuple(f"B of {', '.join(names)} is not taken: {doubt}" for doubt, names in why.items())
+def rotor_doubts(fits: list[FrictionFit], costs: Sequence[float]) -> tuple[str, ...]:
+    """Sentences about rotors that are not taken, one for each reason, with the joints' names, and
+    what levels bear of rotors twice those in force, whose torques at full acceleration are `costs`
+    [Nm]."""
+    why: dict[str, dict[str, float]] = {}
+    for fit, cost in zip(fits, costs, strict=True):
+        if fit.rotor_doubt and fit.verdict is Verdict.GOOD:
+            why.setdefault(fit.rotor_doubt, {})[fit.joint] = cost
+    return tuple(
+        f"B of {', '.join(of)} is not taken: {doubt}. Where rotors are twice those in force, "
+        f"levels bear {', '.join(f'{cost:.2g}' for cost in of.values())} Nm more"
+        for doubt, of in why.items()
+    )
 
 
 def _good(fits: list[FrictionFit]) -> list[FrictionFit]:

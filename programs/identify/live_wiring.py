@@ -1,6 +1,7 @@
 """Motion of one joint of a live arm for the check of its wiring."""
 
 import math
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -17,6 +18,7 @@ from programs.identify.measured import Measured
 from programs.identify.motions import WIDEST_GUESS, WIRING_TRAVEL, wiring_motion
 from programs.identify.session import InterruptedStepError
 
+_FAULT = re.compile(f"({Condition.APART}|{Condition.FROZEN}): .*", re.DOTALL)
 _TOO_FAR = "its gear or a scale is wrong, or its gap is larger than half_gap says"
 
 
@@ -46,7 +48,7 @@ def move_to_and_fro(arm: LiveArm, joint: str, to_go_on: str) -> Measured:
             text, warning = f"{joint} moves a little", wiring_spoiled(joint)
             arm.move(step, text, path, warning=warning, motors_only=True, to_go_on=to_go_on)
         except (ControlError, InterruptedStepError) as error:
-            if why := _why_apart(arm, error):
+            if why := why_apart(arm, error):
                 words = "".join(f". {name}: {words}" for name, words in why.items())
                 raise ApartError(f"{error}{words}", why) from error
             raise
@@ -71,13 +73,17 @@ def _may_float(arm: LiveArm, i: int, here: Vector) -> bool:
     return weight < rub.motor_coulomb + rub.link_coulomb
 
 
-def _why_apart(arm: LiveArm, error: ContactdError) -> dict[str, str]:
+def why_apart(arm: LiveArm, error: ContactdError) -> dict[str, str]:
     """Most likely mistake of each joint whose link and motor are too far apart, from the
     recorded motion or, where they came apart at rest, for the person to look; else empty."""
-    if not any(condition in str(error) for condition in (Condition.APART, Condition.FROZEN)):
-        return {}
-    names = enumerate(arm.configuration.joint_names)
-    return {joint: _apart(arm, i, joint) for i, joint in names if joint in str(error)}
+    # What stands before the fault is the motion that it ended, perhaps of another joint.
+    found = _FAULT.search(str(error))
+    fault, names = found[0] if found else "", enumerate(arm.configuration.joint_names)
+    return {
+        joint: _apart(arm, i, joint)
+        for i, joint in names
+        if re.search(rf"(?<![\w-]){re.escape(joint)}(?![\w-])", fault)
+    }
 
 
 def _apart(arm: LiveArm, i: int, joint: str) -> str:

@@ -71,12 +71,14 @@ def test_targets_count_who_got_there() -> None:
         commands = ["contactd run", "contactd run", "contactctl arm"] * (1 + seed)
         inside = {"K_theta_s": [True, True, True, False], "B": [True]}
         seen = ["base.link_sign"]
-        return Story(seed, "alder", 5, False, commands, seen, led, led, "", 60.0, inside)
+        return Story(seed, "alder", 4, False, commands, seen, led, led, "", 60.0, inside)
 
     by_name = {t.name: t.value for t in targets_of([story(0, led=True), story(9, led=False)])}
     assert by_name["owners who armed and led their arm, of 2"] == 1
     assert by_name["different commands of an owner who got there, at most"] == 2
-    assert by_name["Coulomb friction within its interval, of 4 joints"] == 75.0
-    assert by_name["rotors answered"] == 25.0
-    assert by_name["rotors within their interval"] == 100.0
+    assert by_name["Coulomb friction answered, of 4 joints"] == 100.0
+    assert by_name["Coulomb friction within the interval"] == 75.0
+    assert by_name["rotors answered, of 4 joints"] == 25.0
+    assert by_name["rotors within the interval"] == 100.0
+    assert by_name["gaps answered, of 4 joints"] == 0.0
     assert by_name["commands typed, every start of the daemon among them, at most"] == 3

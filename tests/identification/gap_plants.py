@@ -86,7 +86,7 @@ def random_joint(rng: np.random.Generator, settings: SimulationSettings) -> Join
     peak = 3.0 * (gravity + coulomb + link_coulomb)
     half_gap = log_uniform(0.001, 0.1)
     plant = PlantParameters(
-        model=_pendulum(mass, bare + 0.2 * mass * _LEVER**2),
+        model=pendulum(mass, bare + 0.2 * mass * _LEVER**2),
         half_gap=np.array([half_gap]),
         rotor_inertia=np.array([rotor]),
         torque_constant=np.array([peak / 4.0]),
@@ -115,7 +115,7 @@ def random_joint(rng: np.random.Generator, settings: SimulationSettings) -> Join
                  errors(), errors(), bool(rng.random() < 0.5))  # fmt: skip
 
 
-def _pendulum(mass: float, inertia: float) -> pin.Model:
+def pendulum(mass: float, inertia: float) -> pin.Model:
     """A link about a horizontal axis that hangs at 0."""
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelRY(), pin.SE3.Identity(), "joint")

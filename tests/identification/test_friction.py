@@ -148,6 +148,17 @@ def test_masses_that_were_identified_are_believed_more(moved, identify, arm, mon
         )
 
 
+@pytest.mark.parametrize(("falls", "matter"), [(0.0, True), (1e4, False)])
+def test_masses_matter_unless_friction_that_falls_with_speed_does(
+    moved, identify, monkeypatch, falls, matter
+):
+    monkeypatch.setattr("identification.friction_errors._CONSTANT_OFF", 0.0)
+    monkeypatch.setattr("identification.friction_errors._BY_URDF", 0.3)
+    monkeypatch.setattr("identification.friction_errors._FALLS", falls)
+    fits, _ = identify(moved.filtered[0], moved.arms[0].half_gap)
+    assert any(fit.masses_matter for fit in fits) is matter
+
+
 def test_what_weighing_changed_is_as_little_sure(moved, arm):
     log = moved.filtered[0].select(slice(0, 1400))
     known = replace(arm.transmission, half_gap=moved.arms[0].half_gap)

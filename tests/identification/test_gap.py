@@ -293,6 +293,21 @@ def test_says_which_encoder_is_to_blame(q, theta, verdict):
     assert identify_gap(of(q, theta), 0, 1.0).verdict is verdict
 
 
+@pytest.mark.parametrize(
+    ("phi", "verdict"),
+    [(visits(0.0015, 60), GapVerdict.CLEAR), (np.zeros(10000), GapVerdict.NO_MOTION)],
+)
+def test_the_noise_of_a_velocity_adds_up_to_no_motion(phi, verdict):
+    """Of a motor that stands; its own position is not measured. It adds up to more than the gap."""
+    log = of(phi, np.zeros_like(phi))
+    noise = np.random.default_rng(2).normal(0.0, 0.004, log.motor_velocity.shape)
+    pressed = -np.sign(phi) * (np.abs(phi) > 0.0014)
+    log = replace(log, motor_velocity=noise, motor_position=None, current=0.2 * pressed[:, None])
+    found = identify_gap(log, 0, 1.0, by_hand=True)
+    assert found.verdict is verdict, found
+    assert not found.usable or abs(found.half_gap - 0.0015) < found.confidence, found
+
+
 def two_encoders(skew_s: float, alpha: float, seconds: float = 60.0) -> tuple[np.ndarray, ...]:
     """Both encoders of a joint with friction, moved at speeds that vary; the link's is late."""
     fine = np.arange(0.0, seconds, 0.001)

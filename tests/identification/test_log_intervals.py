@@ -11,10 +11,12 @@ ALPHA, COMPLIANCE, PERIOD = 0.004, 0.0022, 0.01  # [rad], [rad/Nm], [s]
 TIME = PERIOD * np.arange(1, 3001)
 
 
-def bent(arm, torque: np.ndarray, late: float = 0.0, masses_off: float = 0.0) -> Intervals:
+def bent(
+    arm, torque: np.ndarray, late: float = 0.0, masses_off: float = 0.0, rubs: float = 0.0
+) -> Intervals:
     """Joint 0, whose gear carries torque (N,) [Nm] and meets the border that it pushes at; the
     others are free of load. Its link encoder is late [s], its model's masses are off by torque
-    [Nm]."""
+    [Nm], its rotor `rubs` by so much more than is known [Nm]."""
     n = arm.transmission.n
     zero = np.zeros((len(TIME), n))
     load, ends = zero.copy(), np.zeros((len(TIME), 5, n))
@@ -23,7 +25,8 @@ def bent(arm, torque: np.ndarray, late: float = 0.0, masses_off: float = 0.0) ->
     ends[:, 1, 0] = 1.3 * np.cos(1.3 * TIME - 1.3 * late)
     # theta runs ahead of the link by the half-gap, and by what the gear bends.
     ends[:, 4, 0] = np.sin(1.3 * TIME) + ALPHA * np.sign(torque) + COMPLIANCE * torque
-    ends[:, 2, 0] = torque / arm.transmission.torque_constant[0]
+    moved = torque + rubs * np.tanh(ends[:, 1, 0] / 0.01)
+    ends[:, 2, 0] = moved / arm.transmission.torque_constant[0]
     return Intervals(
         time_s=TIME, dt=np.full(len(TIME), PERIOD), first=TIME < 1.5 * PERIOD, inertial=load,
         current=ends[:, 2], gravity=load, q=zero, q_dot=zero, theta_dot=zero, theta_ddot=zero,
@@ -65,12 +68,15 @@ def test_what_a_motor_goes_while_samples_are_missing_is_no_play(arm, measured):
 
 
 @pytest.mark.parametrize(
-    ("late", "masses_off"), [(0.0, 0.0), (0.005, 0.0), (0.0, 1.0), (-0.003, 1.0)]
+    ("late", "masses_off", "rubs"),
+    [(0.0, 0.0, 0.0), (0.005, 0.0, 0.0), (0.0, 1.0, 0.0), (-0.003, 1.0, 0.0), (0.0, 0.0, 0.3)],
 )
-def test_neither_a_late_encoder_nor_other_masses_make_a_way_through_the_gap(arm, late, masses_off):
+def test_neither_a_late_encoder_nor_other_masses_make_a_way_through_the_gap(
+    arm, late, masses_off, rubs
+):
     torque = 2.0 * np.sin(TIME) + 0.5 * np.sin(2.7 * TIME)
     known = replace(arm.transmission, half_gap=np.full(arm.transmission.n, ALPHA))
-    rows = bent(arm, torque, late, masses_off)
+    rows = bent(arm, torque, late, masses_off, rubs)
     found = locate(rows, known, arm.configuration.estimator)
     assert found.late[0] == pytest.approx(late, abs=1e-4)
     assert found.gap[:, 0].mean() < 0.05

@@ -98,17 +98,21 @@ def test_what_is_shown_says_how_much_better_it_is(masses) -> None:
     assert masses.touched == ()
 
 
+@pytest.mark.parametrize(
+    ("by_urdf", "by_this", "verdict"),
+    [(1.06, 1.12, MassesVerdict.WORSE), (0.00259, 0.00265, MassesVerdict.GOOD)],
+)
 def test_masses_that_are_worse_on_held_out_motion_are_not_good(
-    subjects, short, monkeypatch: pytest.MonkeyPatch
+    subjects, short, monkeypatch: pytest.MonkeyPatch, by_urdf, by_this, verdict
 ) -> None:
-    """One joint of a measured arm: 1.06 Nm by the URDF, 1.12 by the masses found, others better."""
+    """One joint of a measured arm, by more than a thousandth of its friction; others better."""
     n = short.n
     before, after = np.full((2, n), 1.06), np.full((2, n), 0.5)
-    after[0, 2] = 1.12
+    before[:, 2], after[0, 2], after[1, 2] = by_urdf, by_this, 0.5 * by_urdf
     monkeypatch.setattr("identification.masses._held_out", lambda *_: (before, after))
     found = identified(subjects, short, shortest_s=10.0)
-    assert not found.usable
-    assert found.fits[2].verdict is MassesVerdict.WORSE
+    assert found.usable is (verdict is MassesVerdict.GOOD)
+    assert found.fits[2].verdict is verdict
 
 
 def test_right_masses_stay(subjects, log) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -11,13 +12,14 @@ from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from estimator.model import Model
 from identification.balance import balanced_pose
+from identification.gap import identify_gap
 from identification.gap_result import GapResult, GapVerdict
 from identification.gap_search import FURTHEST, WIDEST, Search, Strokes, search
 from identification.motion_log import MotionLog
 from identification.stroke_samples import stroking
 from identification.strokes import STROKES, from_strokes
 from simulator.description import SimulationSettings
-from tests.identification.gap_plants import GUESS, Joint, answers, random_joint, searched
+from tests.identification.gap_plants import GUESS, Joint, answers, pendulum, random_joint, searched
 
 SETTINGS = SimulationSettings(friction="dahl", presliding=0.0003, velocity_bias=0.0007, seed=1)
 
@@ -57,6 +59,22 @@ def test_what_the_gear_bends_is_taken_off(alpha):
     assert found.half_gap == pytest.approx(alpha, abs=found.confidence)
     assert found.half_gap == pytest.approx(alpha, abs=max(0.02 * alpha, 0.0003))
     assert found.compliance == pytest.approx(1.0 / 400.0, rel=0.3)
+
+
+@pytest.mark.parametrize(("alpha", "link"), [(0.0012, 0.3), (0.0015, 0.3), (0.0016, 0.4)])
+def test_a_narrow_gap_shows_in_which_a_strong_motors_friction_turns_round(alpha, link):
+    """3 Nm, as at the upright joints of an arm of 5 kg: the motor is never seen free."""
+    strong = joint(lambda one: one.gravity == 0.0 and one.has_motor_position,
+                   half_gap=alpha, rotor_inertia=0.55, lightest_link=0.6, usual_link=0.6,
+                   stiffness=1500.0, torque_constant=5.0)  # fmt: skip
+    friction = {"coulomb": np.array([link, 3.0]), "viscous": np.array([0.04, 3.0])}
+    plant = replace(strong.plant, **friction, model=pendulum(0.0, 0.6))
+    drive = replace(strong.description, torque_constant=5.15, gear=100.0, rated_current_A=5.2,
+                    max_current_A=15.0)  # fmt: skip
+    strong = replace(strong, plant=plant, description=drive)
+    [(found, _)] = searched([strong], GUESS, msgspec.structs.replace(SETTINGS, presliding=0.0005))
+    assert found.verdict is GapVerdict.CLEAR, found
+    assert abs(found.half_gap - alpha) < found.confidence < 0.0009, found
 
 
 def test_a_rigid_joint_has_no_gap_and_a_loaded_one_is_not_called_rigid():
@@ -292,6 +310,18 @@ def slow_strokes(
     torque = gear * (apart - np.clip(apart, -alpha, alpha))
     torque += (1.0 - warms * t / t[-1]) * np.tanh(velocity / 0.002)
     return t, q, theta, velocity, torque + 0.02 * rng.standard_normal(len(t))
+
+
+def test_strokes_of_a_motor_that_turns_unevenly_are_known_to_be_strokes():
+    """As at a light wrist, whose link swings: by the motion alone a hand may have been there."""
+    t, q, theta, velocity, torque = slow_strokes(0.01)
+    uneven = velocity * (1.0 - 0.6 * (np.sin(2.0 * t) > 0.6))
+    log = MotionLog(("j",), t, *(x[:, None] for x in (torque, q, uneven, theta)))
+    assert not stroking(uneven)
+    assert not identify_gap(log, 0, 1.0).usable
+    found = identify_gap(log, 0, 1.0, stroked=True)
+    assert found.verdict is GapVerdict.CLEAR, found
+    assert found.half_gap == pytest.approx(0.01, abs=found.confidence)
 
 
 @pytest.mark.parametrize("alpha", [0.002, 0.01])

@@ -143,6 +143,24 @@ def test_gravity_is_compared_where_there_is_some(wired, check):
     assert abs(check(wired, WRIST).gravity) < 0.1
 
 
+def test_a_torque_constant_that_gravity_does_not_check_is_said_to_be_open(wired, check, arm):
+    rubs = replace(wired, current=wired.current + 0.3 * np.sign(wired.motor_velocity))
+    (never,) = check(rubs, WRIST).notes
+    assert "gravity hardly acts" in never
+    poses = np.random.default_rng(1).uniform(arm.model.lower, arm.model.upper, (300, wired.n))
+    pose = min(poses, key=lambda q: abs(arm.model.gravity(q)[SHOULDER]))
+    held = check(wired, SHOULDER).held / arm.transmission.torque_constant[SHOULDER]
+    (here,) = check(
+        replace(
+            wired,
+            link_position=wired.link_position - wired.link_position.mean(axis=0) + pose,
+            current=wired.current - held * (np.arange(wired.n) == SHOULDER),
+        ),
+        SHOULDER,
+    ).notes
+    assert "a pose shows it in which the joint carries more, up to" in here
+
+
 @pytest.mark.parametrize("joint", [SHOULDER, ELBOW, WRIST])
 @pytest.mark.parametrize(
     ("fields", "factor", "says"),

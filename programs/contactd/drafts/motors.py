@@ -94,8 +94,10 @@ def model_of(given: str) -> DraftedMotor:
     make, _, model = given.partition(":")
     found = make.lower(), model.upper()
     if found not in MODELS:
-        known = ", ".join(map(":".join, MODELS))
-        raise ConfigurationError(f"--drive {given}: must be [NAME=]MAKE:MODEL; there are {known}")
+        own = [its for its in MODELS if its[0] == found[0]]
+        why = f"{own[0][0]} has no model {model}" if own else "must be [NAME=]MAKE:MODEL"
+        known = ", ".join(map(":".join, own or MODELS))
+        raise ConfigurationError(f"--drive {given}: {why}; there are {known}")
     return DraftedMotor(*found)
 
 

@@ -118,7 +118,9 @@ def friction_outcome(
     notes += off_scale(fits) + load_doubts(fits)
     notes += offsets(c, np.array([fit.offset for fit in fits]))
     draw = partial(plot_friction, log, shown)
-    return Outcome(lines=lines, entries={**entries}, notes=notes + rotor_doubts(fits), draw=draw)
+    costs = [joint.rotor_inertia * joint.limits.acceleration for joint in c.joints]
+    notes += rotor_doubts(fits, costs)
+    return Outcome(lines=lines, entries={**entries}, notes=notes, draw=draw)
 
 
 def _entry(

@@ -40,16 +40,18 @@ def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool
             outcome = Outcome(lines=[Line(name, "by hand", good=False, reason=str(error))])
         else:
             with identification.busy(f"fitting the gap of {name} to it"):
-                outcome = _outcome(identification.robot, measured, name, now(), by_hand=by_hand)
+                stroked = identification.arm is not None and not by_hand
+                how = {"by_hand": by_hand, "stroked": stroked}
+                outcome = _outcome(identification.robot, measured, name, now(), **how)
         recordings = f"{'gap' if by_hand else 'strokes'}-{name}"
         outcomes.append(identification.conclude("gap", outcome, recordings))
     return all(outcomes)
 
 
 def _outcome(
-    robot: "Robot", measured: "Measured", name: str, date: str, *, by_hand: bool
+    robot: "Robot", measured: "Measured", name: str, date: str, *, by_hand: bool, stroked: bool
 ) -> Outcome:
-    """Identify the half-gap of one joint, by what moved or `by_hand`."""
+    """Identify the half-gap of one joint by what moved, `by_hand`, or `stroked` by its motor."""
     from daemon.config.identified import Entry, GapEntry
     from identification.gap import identify_gap
     from identification.gap_result import GapVerdict
@@ -57,7 +59,8 @@ def _outcome(
 
     log, place = measured.log, measured.log.joints.index(name)
     joint = robot.configuration.joints[robot.configuration.joint_names.index(name)]
-    found = identify_gap(log, place, joint.torque_constant, joint.wiring.gear, by_hand=by_hand)
+    found = identify_gap(log, place, joint.torque_constant, joint.wiring.gear, by_hand=by_hand,
+                         stroked=stroked)  # fmt: skip
     entries = dict[str, Entry]()
     if found.usable:
         entries[name] = GapEntry(

@@ -98,6 +98,7 @@ def _outcome(measured: "Measured", name: str, found: "WiringResult", c: "Configu
     """Outcome of a check, with its entry if it passed."""
     from daemon.config.identified import Entry, WiringEntry
     from identification.wiring import SCALE_TOLERANCE, in_Nm
+    from programs.identify.contact_warnings import level_below_friction
     from programs.identify.live_wiring import would_fit
 
     figures = f"link/motor {found.follows:.3f}" if math.isfinite(found.follows) else ""
@@ -112,4 +113,6 @@ def _outcome(measured: "Measured", name: str, found: "WiringResult", c: "Configu
         follows = round(float(found.follows), 4)
         entries[name] = WiringEntry(date=now(), log=measured.sha256, follows=follows)
     line = Line(name, verdict, found.passed, figures, reason)
-    return Outcome(lines=[line], entries=entries)
+    joint = c.joints[c.joint_names.index(name)]
+    notes = level_below_friction(joint, found.friction) if found.passed else ()
+    return Outcome(lines=[line], entries=entries, notes=notes)

@@ -20,19 +20,24 @@ DRIVES = load_robot(BEAM).configuration.joint_drives
     [
         ({"stiffness": 600.0}, {}, 0.0, "stiffness", "500"),
         ({"damping": 6.0}, {}, 0.0, "damping", "5"),
-        ({}, {"gear": 9.0}, 0.0, "model", "7.75"),
-        ({}, {"link_sign": -1}, 0.0, "model", "motor_sign"),
-        ({}, {}, 0.004, "model", "half_gap 0.002"),
-        ({"torque_max_Nm": 10.0}, {}, 0.0, "model", "torque_max_Nm"),
+        ({"torque_max_Nm": 170.0}, {}, 0.0, "torque_max_Nm", "17"),
+        ({"velocity_max": 440.0}, {}, 0.0, "velocity_max", "44"),
+        ({}, {"gear": 9.0}, 0.0, "wiring.gear", "7.75"),
+        ({}, {"link_sign": -1}, 0.0, "wiring.link_sign", "motor_sign"),
+        ({}, {}, 0.004, "half_gap", "0.002"),
+        ({"torque_max_Nm": 10.0}, {}, 0.0, "wiring.max_current_A", "torque_max_Nm"),
     ],
 )
 def test_problems(profile, wiring, play: float, at: str, says: str) -> None:
+    """Those of a profile at its fields, those of a joint at the joint's."""
     one = DRIVES[0]
     changed = msgspec.structs.replace(one.profile, **profile)
     wired = msgspec.structs.replace(one.wiring, **wiring)
     drive = type(one)(one.name, wired, changed, one.velocity, one.quick_stop, play)
-    ((place, text),) = make.problems(changed, [drive], Path(), 10, 127)
-    assert place == (at,)
+    of_profile = make.problems(changed, [drive], Path(), 10, 127)
+    ((place, text),) = [*of_profile, *make.wrong(drive)]
+    assert bool(of_profile) is (at in profile)
+    assert ".".join(map(str, place)) == at
     assert says in text
 
 
@@ -41,6 +46,8 @@ def test_problems(profile, wiring, play: float, at: str, says: str) -> None:
     [
         ("model: RS00", "model: RS09", "drives.RS00.model", "RS00", "DM4310"),
         ("model: RS00", "modell: RS00", "drives.RS00", "stiffness", "tpdo"),
+        ("make: robstride, model: RS00", "model: RS00", "drives.RS00", "make: robstride", "DM4310"),
+        ("gear: 10,", "gear: 9,", "(joint3).wiring.gear", "RS00 is 10", "drives"),
         ("make: robstride, model: RS00", "make: robot, model: RS00", "RS00.make", "damiao", "eds"),
     ],
 )
@@ -65,6 +72,7 @@ def test_the_example_has_none() -> None:
     for name in {drive.wiring.profile for drive in DRIVES}:
         its = [drive for drive in DRIVES if drive.wiring.profile == name]
         assert make.problems(its[0].profile, its, Path(), 10, 127) == []
+        assert not [what for drive in its for what in make.wrong(drive)]
 
 
 def test_seven_joints_take_less_than_a_quarter_of_a_megabit() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT
+from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, SINGLE_JOINT
 from programs.contactd import check as check_module
 from programs.contactd.check import print_check
 from programs.contactd.contactd import main
@@ -32,9 +32,23 @@ def test_the_table_of_quantities():
         "RPDO2 0x300 + node 4 target_velocity 0x60FF:00/32",
         "without object 0x6073:00 (current limit, per mille of rated): it has no current limit of "
         "its own",
-        "0x28C 6 100 115 swing TPDO2",
+        "0x28B to 0x28C 6 100 115 TPDO2, each joint",
     ):
         assert row.split() in lines, row
+
+
+def test_what_joints_have_in_common_is_said_once():
+    lines = [line.split() for line in check(OPENARM).output.splitlines()]
+    for row in (
+        "DM4310 damiao DM4310 3 0.38 14.65 4.9 0.945",
+        "joint5 to joint7 0.3 0.06 stated in config.yaml",
+        "joint3 to joint4 1.2 12 0.336 0.108 0.120 0.060 0.624 0.984 falls",
+        "0x7FF 8 200 135 requests, each joint",
+    ):
+        assert row.split() in lines, row
+    (without,) = [line for line in lines if "guard`" in line]
+    assert without[:3] == ["DM8009,", "DM4340,", "DM4310:"]
+    assert len(lines) < 60
 
 
 def test_a_field_is_explained():

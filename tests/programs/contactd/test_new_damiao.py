@@ -114,6 +114,7 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     said = " ".join(result.output.split())
     assert "big (at joint1, CHECK): can be used" in said
+    assert f"contactd guard {tmp_path / 'mine'} holds the arm" in said
     assert re.search(r"small \(at joint2, .*CHECK\): is too weak: .* of its rated 3 Nm", said)
 
 
@@ -124,7 +125,8 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
         (["--eds", str(ROMEO / "drive.eds"), *drives("damiao:DM4340")], "must be of one make"),
         ([*drives("damiao:DM4340"), "--object", "current=0x6078"], "--object"),
         (drives("damiao:DM4341"), "there are damiao:DM4310, damiao:DM4340"),
-        (drives("robstride:DM4340"), "must be [NAME=]MAKE:MODEL"),
+        (drives("robstride:RS09"), "robstride has no model RS09; there are robstride:RS00, "),
+        (drives("DM4340"), "must be [NAME=]MAKE:MODEL; there are damiao:DM4310"),
         (drives("a=damiao:DM4340", "a=damiao:DM4310"), "a is another model already"),
         (drives(*8 * ["damiao:DM4340"]), "has only 7 joints"),
     ],

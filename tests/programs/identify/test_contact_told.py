@@ -1,13 +1,18 @@
 """Warnings about a contact while a step of `contactd identify`, or a hand, moves the arm."""
 
+import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from daemon.config.schema import Joint
 from daemon.protocol.state import Contact, Notice
 from programs.identify.contact_warnings import (
     ContactWarning,
     discarded,
+    level_below_friction,
     other_joint_touched,
     wiring_spoiled,
 )
@@ -43,6 +48,20 @@ def test_a_joint_that_is_touched_again_is_named_once_in_a_motion_of_the_wiring()
     warning = wiring_spoiled("wrist")
     said = [bool(warning(contact(joint))) for joint in ("wrist", "wrist", "elbow", "wrist")]
     assert said == [True, False, True, False]
+
+
+@pytest.mark.parametrize(
+    ("rubs", "level"), [(0.4, None), (0.59, None), (0.67, "0.82"), (3.35, "3.5"), (math.nan, None)]
+)
+def test_friction_that_no_draft_knew_asks_for_a_level(rubs: float, level: str | None) -> None:
+    """Half of the level of 0.5 Nm is left to friction beyond 0.35 Nm."""
+    joint = SimpleNamespace(
+        name="elbow", thresholds=SimpleNamespace(contact=0.5),
+        friction=SimpleNamespace(motor_coulomb=0.3, link_coulomb=0.05),
+    )  # fmt: skip
+    said = level_below_friction(cast(Joint, joint), rubs)
+    assert bool(said) is (level is not None)
+    assert all(f"thresholds.contact to {level} until" in one for one in said)
 
 
 def pushed(arm: CommissionedArm, *words: str) -> str:

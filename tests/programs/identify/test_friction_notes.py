@@ -9,15 +9,28 @@ from click.testing import CliRunner
 
 from identification.friction_verdict import Verdict
 from programs.contactd.contactd import main
-from programs.identify.friction_notes import LONGEST_S, load_doubts, off_scale, wide_intervals
+from programs.identify.friction_notes import (
+    LONGEST_S,
+    load_doubts,
+    off_scale,
+    rotor_doubts,
+    wide_intervals,
+)
 
 LONGER = re.compile(r"`--seconds\s+(\d+)`\s+narrows")
 URDF = "as the URDF's masses may be off: run `contactd identify masses`, then `friction` again"
 
 
-def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GOOD) -> object:
+def fit(
+    joint: str,
+    unsure: float,
+    seconds: float,
+    verdict: Verdict = Verdict.GOOD,
+    masses_matter: bool = True,
+) -> object:
     return SimpleNamespace(
-        joint=joint, verdict=verdict, unsure=unsure, seconds_for=lambda width: seconds,
+        joint=joint, verdict=verdict, masses_matter=masses_matter,
+        unsure=unsure, seconds_for=lambda width: seconds,
         unsure_after=lambda longer: {LONGEST_S: 0.8 * unsure}[longer],
     )  # fmt: skip
 
@@ -40,6 +53,17 @@ def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GO
              "`--seconds 600` narrows that to +-7.5 %",),
         ),
         (
+            [fit("a", 0.24, 600.0), fit("b", 0.2, 5.0, masses_matter=False)],
+            False,
+            (f"friction is known of a to +-12 %, b to +-10 %, of a, {URDF}; where the URDF is as "
+             "good, `--seconds 600` narrows that to +-7.5 %",),
+        ),
+        (
+            [fit("a", 0.24, 131.0, masses_matter=False)],
+            False,
+            ("friction is known of a to +-12 %: `--seconds 140` narrows that to +-7.5 %",),
+        ),
+        (
             [fit("a", 0.5, math.inf), fit("b", 0.2, 131.0), fit("c", 0.25, 601.0)],
             True,
             ("friction is known of a to +-25 %, b to +-10 %, c to +-12 %: `--seconds 140` "
@@ -51,6 +75,16 @@ def fit(joint: str, unsure: float, seconds: float, verdict: Verdict = Verdict.GO
 )  # fmt: skip
 def test_what_would_make_it_narrower(fits, weighed, notes):
     assert wide_intervals(fits, masses_identified=weighed) == notes
+
+
+def test_what_a_rotor_that_is_not_taken_costs_is_said() -> None:
+    doubts = [("a", "steps"), ("b", ""), ("c", "steps"), ("d", "no log")]
+    fits = [SimpleNamespace(joint=joint, rotor_doubt=doubt, verdict=Verdict.GOOD)
+            for joint, doubt in doubts]  # fmt: skip
+    steps, log = rotor_doubts(fits, [0.123, 1.0, 0.05, 0.2])
+    assert steps.startswith("B of a, c is not taken: steps. ")
+    assert "levels bear 0.12, 0.05 Nm more" in steps
+    assert "B of d" in log
 
 
 @pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])

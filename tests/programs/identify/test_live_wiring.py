@@ -3,7 +3,8 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 import yaml
@@ -11,6 +12,9 @@ import yaml
 from bench.rigs.generated_arms import generate, in_yaml
 from bench.rigs.lockstep import SINGLE_JOINT
 from bench.rigs.served_daemon import served_daemon
+from common.errors import ContactdError, ControlError
+from programs.identify.live_arm import LiveArm
+from programs.identify.live_wiring import why_apart
 from programs.simulate.simulated_robot import true_arm
 from tests.programs.identify.commissioned_arm import CommissionedArm
 
@@ -48,6 +52,29 @@ def test_a_mistake_is_named_where_link_and_motor_come_too_far_apart(
     assert re.search("(motor and link apart|encoder frozen): shoulder", said)
     assert re.search(says, said)
     assert "nothing written" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        (
+            "hand moves a little did not finish: motor and link apart: elbow (by 0.06 rad)",
+            ["elbow"],
+        ),
+        ("motor and link apart: hand (by 1 rad), elbow (by 2 rad). `x` goes on", ["elbow", "hand"]),
+        ("encoder frozen: hand2. It goes on, hands off", ["hand2"]),
+        ("hand moves a little did not finish: drive silent: elbow", []),
+    ],
+)
+def test_the_joint_that_moved_is_not_blamed_for_one_that_came_apart(
+    text: str, named: list[str]
+) -> None:
+    def read(step: str) -> None:
+        raise ContactdError(f"nothing of {step}")
+
+    joints = SimpleNamespace(joint_names=("elbow", "hand", "hand2"))
+    arm = cast(LiveArm, SimpleNamespace(configuration=joints, read=read))
+    assert list(why_apart(arm, ControlError(text))) == named
 
 
 def test_a_gap_that_is_guessed_too_small_is_no_wrong_sign(tmp_path: Path) -> None:

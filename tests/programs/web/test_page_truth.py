@@ -93,7 +93,7 @@ def test_a_daemon_that_is_gone_is_said_and_comes_back(
 def test_what_arming_needs_and_what_joints_sense_is_of_the_past_where_nothing_is_live(
     screens: Screens, arm: FakeDaemon, page: Page
 ) -> None:
-    arm.changes = ARMED
+    arm.changes = ARMED | {"drives": ["running"] * 7}  # as RobStride motors have it
     screen = screens.open(f"{page.url}?scene=off")
     screen.live()
     screen.begins("#arming-note", "It is armed.")

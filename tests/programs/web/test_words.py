@@ -1,8 +1,11 @@
 """What the page says of an arm in words, also of daemons that tell more or less than this one."""
 
+import json
 import os
 import pwd
+import re
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -14,6 +17,12 @@ from daemon.faults.finding import Finding
 from daemon.faults.symptoms import advice_of
 from daemon.modes.table import Mode
 from daemon.protocol.state import Permit, State, Wrench
+from drivers.canopen.cia402 import DriveState
+from drivers.damiao.frames import Status
+from drivers.damiao.language import STATUSES
+from drivers.robstride.frames import RUN
+from drivers.robstride.language import status_of
+from programs.clients.shown import OPERATING
 from programs.web.words import Load, force, load, owner, words
 
 CUP = SimpleNamespace(mass=0.4, com=[0.0, 0.1, 0.0])
@@ -21,6 +30,19 @@ CUP = SimpleNamespace(mass=0.4, com=[0.0, 0.1, 0.0])
 
 def permit(**changes: Any) -> Permit:
     return replace(Permit(uid=os.getuid(), pid=7, detached=True, left_s=3.0), **changes)
+
+
+def test_a_drive_under_power_is_known_by_the_name_of_each_make() -> None:
+    names = {
+        DriveState.OPERATION_ENABLED.name.replace("_", " ").lower(),
+        STATUSES[Status.ENABLED].words,
+        status_of(RUN << 6).words,
+    }
+    assert names == set(OPERATING)
+    page = (Path(__file__).parents[3] / "page" / "src" / "joints.js").read_text()
+    known = re.search(r"OPERATING = new Set\((\[.*\])\)", page)
+    assert known is not None
+    assert set(json.loads(known[1])) == names
 
 
 def test_the_owner_has_a_name() -> None:
