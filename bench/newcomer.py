@@ -3,7 +3,7 @@ mistakes that are made on the way.
 
     python -m bench.newcomer [--owners N] [--arms N] [--no-mistakes] [--json]
     python -m bench.newcomer --owners 0 --no-mistakes     # the makers alone, some seconds
-    python -m bench.newcomer --owners 3 --damiao --no-mistakes
+    python -m bench.newcomer --owners 3 --make damiao --no-mistakes
 
 A scripted owner (`bench/rigs/owner.py`) takes each of N generated arms, which no test has seen, by
 documented commands alone as far as it goes. Every mistake of `bench/study/mistakes.py` that files
@@ -17,6 +17,7 @@ All of it takes about half an hour of CPU time.
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from bench.report import Target, print_report
 from bench.rigs.generated_arms import GeneratedArm, generate
 from bench.rigs.generated_makes import MAKES
 from bench.rigs.makers import RIGHT, makers, verdict, wrong
-from bench.rigs.motor_owner import MotorOwner, motor_arm
+from bench.rigs.motor_owner import MODELS, MotorOwner, motor_arm
 from bench.rigs.owner import Owner, Story
 from bench.study.mistakes import MISTAKES, checkable, told
 from bench.study.unrefused import met
@@ -124,12 +125,15 @@ def targets_of(stories: Sequence[Story]) -> list[Target]:
 @command(__doc__)
 @click.option("--owners", default=20, type=click.IntRange(0, 1000))
 @click.option("--first", default=0, help="Seed of the first owner's arm.")
-@click.option("--damiao", is_flag=True, help="Owners of arms of Damiao motors.")
+@click.option(
+    "--make",
+    type=click.Choice(["canopen", *MODELS]),
+    default="canopen",
+    help="Of the owners' arms.",
+)
 @click.option("--arms", default=20, type=click.IntRange(1, 1000))
 @click.option("--mistakes/--no-mistakes", default=True)
-def main(
-    owners: int, first: int, arms: int, *, damiao: bool, mistakes: bool, as_json: bool
-) -> None:
+def main(owners: int, first: int, arms: int, make: str, *, mistakes: bool, as_json: bool) -> None:
     data: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         targets, data["makers"] = of_makers(Path(name))
@@ -138,8 +142,11 @@ def main(
             targets, data = [*targets, *of_planted], data | planted_data
         if owners:
             seeds = range(first, first + owners)
-            owner, arm_of = (MotorOwner, motor_arm) if damiao else (Owner, generate)
-            stories = [owner(arm_of(seed), Path(name) / f"owner{seed}").go() for seed in seeds]
+            canopen = make == "canopen"
+            owner, arms_of = (
+                (Owner, generate) if canopen else (MotorOwner, partial(motor_arm, make=make))
+            )
+            stories = [owner(arms_of(seed), Path(name) / f"owner{seed}").go() for seed in seeds]
             targets = [*targets, *targets_of(stories)]
             data["owners"] = [asdict(story) for story in stories]
     print_report("newcomer", first, targets, data, as_json=as_json)

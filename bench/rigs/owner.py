@@ -89,7 +89,7 @@ class Owner:
             with self.running() as served:
                 self.zeros(served)
                 self._wiring(served)
-                self._gaps(served)
+                self.gaps(served)
                 self._identified(served, "friction")
                 self._identified(served, "thresholds")
                 self._arm_and_lead(served)
@@ -156,7 +156,7 @@ class Owner:
                 joint["wiring"]["motor_sign"] = -joint["wiring"].get("motor_sign", 1)
                 self.story.seen.append(f"{joint['name']}.motor_sign")
 
-    def _gaps(self, served: ServedDaemon) -> None:
+    def gaps(self, served: ServedDaemon) -> None:
         """Without a hand, and with one at the joints for which it is asked: harder where its step
         says so, else softer."""
         good, output = self.identify(served, "gap")
