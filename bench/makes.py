@@ -131,7 +131,7 @@ def _delay(rig: Rig, joint: int, random: np.random.Generator) -> float:
         if rig.mode is Mode.ADMITTANCE:
             delay = (k + within) * period_s
             break
-        if rig.mode is Mode.FAULTED:
+        if rig.tick.controller.faulted:
             delay = math.nan
             break
         rig.step()
