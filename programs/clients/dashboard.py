@@ -21,6 +21,7 @@ from programs.clients.shown import (
     SIDE_STYLES,
     clock,
     drive_text,
+    near_words,
     not_seen_to_stand,
     strain_style,
 )
@@ -118,6 +119,7 @@ class Dashboard:
             self._lagging(),
             not_seen_to_stand(state, " "),
             self._not_sensing(),
+            Text(f" near: {near_words(state.near)}") if state.near else Text(),
         ]
         doubt_lines = [
             line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)

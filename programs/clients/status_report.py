@@ -17,6 +17,7 @@ from programs.clients.shown import (
     SIDE_STYLES,
     clock,
     drive_text,
+    near_words,
     not_seen_to_stand,
     strain_style,
 )
@@ -64,6 +65,8 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("", Text(status.recognised, "yellow"))
     if status.wrench is not None:
         table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
+    if status.near is not None:
+        table.add_row("near", Text(near_words(status.near)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")

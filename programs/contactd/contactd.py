@@ -162,6 +162,25 @@ def check(config: Path | None, field: str | None) -> None:
 
 @main.command()
 @CONFIG
+@click.option(
+    "--from", "source", type=click.Choice(["collision", "visual", "inertial"]),
+    help="Geometry of the URDF; by default the first of these that it has.",
+)  # fmt: skip
+@click.option("--force", is_flag=True, help="Replace a file that is there.")
+def shapes(config: Path, source: Any, force: bool) -> None:
+    """Fit capsules to the links of CONFIG's URDF and write them to shapes.yaml beside it: with that
+    file, setpoints are bounded so that links keep apart from each other, and from the planes and
+    boxes of surroundings.yaml.
+
+    Pairs that always or never touch, by sampled poses, are left out and listed.
+    """
+    from programs.contactd.shapes import write_shapes
+
+    write_shapes(config, source, force=force)
+
+
+@main.command()
+@CONFIG
 @PORT
 def scan(config: Path, port: int | None) -> None:
     """List the nodes on the bus of CONFIG: node ID, vendor, product, serial number, modes, and the

