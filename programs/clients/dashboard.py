@@ -15,13 +15,13 @@ from rich.text import Text
 
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
+from programs.clients.near import near_words
 from programs.clients.sensed import not_sensing, sensing_for_s
 from programs.clients.shown import (
     MODE_STYLES,
     SIDE_STYLES,
     clock,
     drive_text,
-    near_words,
     not_seen_to_stand,
     strain_style,
 )

@@ -4,7 +4,7 @@ from rich.text import Text
 
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Status
-from daemon.protocol.state import Near, State
+from daemon.protocol.state import State
 
 MODE_STYLES = {
     Mode.OFF: "white on grey30",
@@ -29,14 +29,6 @@ def not_seen_to_stand(shown: State | Status, indent: str = "") -> Text:
     if shown.mode == Mode.FAULTED and shown.silenced:
         lines.append(f"{indent}silent until reset: the drives hear nothing of contactd")
     return Text("\n".join(lines), "bold red")
-
-
-def near_words(near: Near) -> str:
-    """`forearm - table, 31 mm, slowed`."""
-    where = f"{1000.0 * near.distance:.0f} mm"
-    if near.distance < 0.0:
-        where = "inside: only the way out"
-    return f"{' - '.join(near.pair)}, {where}{', slowed' if near.slows else ''}"
 
 
 def strain_style(residual: float, threshold: float) -> str:

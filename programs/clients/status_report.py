@@ -9,6 +9,7 @@ from rich.text import Text
 from daemon.protocol.lease import in_words
 from daemon.protocol.replies import Grant, Status, Trajectory
 from daemon.protocol.state import StreamState
+from programs.clients.near import near_words
 from programs.clients.payload import payload_in_words
 from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
 from programs.clients.sensitivity import sensitivity_lines
@@ -17,7 +18,6 @@ from programs.clients.shown import (
     SIDE_STYLES,
     clock,
     drive_text,
-    near_words,
     not_seen_to_stand,
     strain_style,
 )

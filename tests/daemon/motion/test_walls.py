@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from daemon.motion.path import Place
+from daemon.motion.pose_path import PosePath
 from daemon.motion.walls import Walls
+from daemon.tick.refusals import leads_through
 from estimator.clearance import Box, Capsule, Clearance, Plane
 from estimator.dynamics import Body
 
@@ -136,3 +139,20 @@ def test_a_position_that_is_not_known_stops_and_a_wrong_velocity_stays() -> None
     one, q = walls(TABLE), np.zeros(3)
     assert not bounded(one, np.array([0.0, np.nan, 0.0]), np.ones(3)).any()
     assert np.isnan(bounded(one, q, np.array([0.0, np.nan, 0.1]))).any()
+
+
+def test_a_path_that_leads_through_is_refused_with_where() -> None:
+    one, speed = walls(TABLE, BOX), np.full(3, 0.5)
+    here, beyond = np.array([0.9, 0.0, 0.0]), np.array([-0.4, 0.9, 0.0])
+
+    def way(start: np.ndarray, goal: np.ndarray) -> list[str]:
+        return leads_through(one, start, Place(PosePath("pose", start, goal, speed)))
+
+    (reason,) = way(here, beyond)
+    assert "link 1 through box" in reason
+    assert not leads_through(None, here, Place(PosePath("pose", here, beyond, speed)))
+    assert not way(here, here + 0.3)
+    assert not way(here, here)
+    inside = np.array([-0.4, 0.0, 0.0])
+    assert not way(inside, here)
+    assert way(inside, inside - 0.2)
