@@ -8,6 +8,7 @@ from typing import Literal
 import coal
 import numpy as np
 import pinocchio as pin
+from msgspec.structs import replace
 
 from common.arrays import Matrix
 from common.errors import ConfigurationError, ModelError
@@ -18,6 +19,7 @@ from daemon.config.shapes import (
     CapsuleEntry,
     LeftOut,
     Shapes,
+    Surroundings,
     Walls,
     clearance_of,
     digest_of,
@@ -51,21 +53,22 @@ def write_shapes(config: Path, source: Source | None, *, force: bool) -> None:
     path = robot.folder / SHAPES
     if path.exists() and not force:
         raise ConfigurationError(f"{path}: is there; --force replaces it, with what was added")
-    chosen, links = points_of(robot, source)
-    around = robot.walls.surroundings if robot.walls else None
-    bare = Shapes(
-        version=1, urdf=digest_of(robot.urdf), source=chosen, capsules=_capsules(robot, links)
-    )
-    walls = Walls(shapes=bare) if around is None else Walls(shapes=bare, surroundings=around)
-    left_out, report = _left_out(robot, walls)
-    shapes = Shapes(
-        version=1, urdf=bare.urdf, source=chosen, capsules=bare.capsules, left_out=left_out
-    )
+    around = robot.walls.surroundings if robot.walls else Surroundings(version=1)
+    shapes, report = fitted(robot, source, around)
     path.write_text(shapes_text(shapes))
-    say(f"{len(shapes.capsules)} capsules from the URDF's {chosen} geometry")
+    say(f"{len(shapes.capsules)} capsules from the URDF's {shapes.source} geometry")
     for line in report:
         say(line)
     say(f"wrote {path}; `contactctl reload` takes it up, while the arm is off")
+
+
+def fitted(robot: Robot, source: Source | None, around: Surroundings) -> tuple[Shapes, list[str]]:
+    """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
+    chosen, links = points_of(robot, source)
+    capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
+    shapes = Shapes(version=1, urdf=urdf, source=chosen, capsules=capsules)
+    left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
+    return replace(shapes, left_out=left_out), report
 
 
 def points_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoints]]:
