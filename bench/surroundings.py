@@ -33,9 +33,9 @@ from daemon.config import shapes
 from daemon.config.load import Robot, load_robot
 from daemon.config.vectors import limits_of, row, virtual_mass_of
 from daemon.motion.admittance import AdmittanceLaw
-from daemon.motion.walls import Walls
 from estimator.clearance import Box, Capsule, Plane
-from programs.contactd.shapes import fitted, points_of
+from estimator.walls import Walls
+from programs.contactd.fitting import fitted, points_of
 
 KINDS: Final = ("random", "thrown", "streamed", "led")
 TICKS: Final = 300  # of one motion

@@ -25,7 +25,6 @@ from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
 from daemon.motion.seen import SeenMotion
-from daemon.motion.walls import Walls
 from daemon.protocol.replies import Check
 from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller
@@ -36,6 +35,7 @@ from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, load_range, stiction_range
+from estimator.walls import Walls
 
 # Share of the permitted deviation of drives from their setpoints that a release uses.
 AHEAD_SHARE = 0.75

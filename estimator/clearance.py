@@ -103,7 +103,7 @@ class Clearance:
         self._centre = np.array([one.centre for one in boxes]).reshape(-1, 3)
         self._half = np.array([one.half for one in boxes]).reshape(-1, 3)
         known = {id(one): k for of in (capsules, planes, boxes) for k, one in enumerate(of)}
-        kinds = [_kind(other) for _, other in pairs]
+        kinds = [(Capsule, Plane, Box).index(type(other)) for _, other in pairs]
         self._kind = np.array(kinds, dtype=np.int64)
         self._first = np.array([known[id(one)] for one, _ in pairs], dtype=np.int64)
         self._second = np.array([known[id(other)] for _, other in pairs], dtype=np.int64)
@@ -297,7 +297,3 @@ class Clearance:
             change = normal[0] * v0 + normal[1] * v1 + normal[2] * v2
             self.gradient[row, self._row[i]] += sign * change
             i = self._parent[i]
-
-
-def _kind(other: Capsule | Plane | Box) -> int:
-    return _CAPSULE if isinstance(other, Capsule) else _PLANE if isinstance(other, Plane) else _BOX

@@ -11,10 +11,10 @@ from typing import Annotated, Final, Literal
 
 import msgspec
 import numpy as np
+import pinocchio as pin
 import yaml
 from msgspec import Meta
 
-from common.arrays import Matrix
 from common.errors import ConfigurationError
 from common.yaml_source import Source, read_yaml
 from daemon.config.convert import convert
@@ -178,7 +178,7 @@ def obstacles_of(walls: Walls) -> list[Plane | Box]:
         found.append(Plane(name, normal, float(normal @ np.array(plane.point))))
     for name, box in boxes.items():
         half = 0.5 * np.array(box.size)
-        found.append(Box(name, np.array(box.centre), _turned(*box.rpy), half))
+        found.append(Box(name, np.array(box.centre), pin.rpy.rpyToMatrix(*box.rpy), half))
     return found
 
 
@@ -192,15 +192,3 @@ def pairs_of(
     ]  # fmt: skip
     pairs += [(one, other) for one in capsules if one.body >= 0 for other in obstacles]
     return [pair for pair in pairs if frozenset((pair[0].name, pair[1].name)) not in left_out]
-
-
-def _turned(roll: float, pitch: float, yaw: float) -> Matrix:
-    """Rotation by angles about the fixed axes x, y, z."""
-    (a, b, c), (s, t, u) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    return np.array(
-        [
-            [c * b, c * t * s - u * a, c * t * a + u * s],
-            [u * b, u * t * s + c * a, u * t * a - c * s],
-            [-t, b * s, b * a],
-        ]
-    )

@@ -13,7 +13,7 @@ from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 from daemon.motion.target_stream import TargetStream
-from daemon.motion.walls import Walls
+from estimator.walls import Walls
 
 # Distance from the line's end at which a joint has arrived [rad].
 ARRIVED_RAD = 0.01

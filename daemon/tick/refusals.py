@@ -9,8 +9,8 @@ from common.arrays import Vector
 from daemon.faults.conditions import Response
 from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import ROUNDING, JointPath, Place, stands
-from daemon.motion.walls import Walls
 from daemon.tick.decision import ControlInput
+from estimator.walls import Walls
 
 # Largest distance from its first sample at which a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05

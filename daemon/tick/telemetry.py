@@ -12,7 +12,6 @@ from common.arrays import Vector
 from daemon.faults.finding import Finding
 from daemon.modes.table import Mode
 from daemon.motion.target_stream import TargetStream
-from daemon.motion.walls import Walls
 from daemon.protocol.state import (
     Contact,
     Near,
@@ -31,6 +30,7 @@ from estimator import contact as estimator_contact
 from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side
 from estimator.payload import Payload
+from estimator.walls import Walls
 from estimator.wrench import COVARIANCE, FORCE, MISFIT, STRENGTH, UNSEEN, WIDTH
 
 SIDE_NAMES: dict[int, SideName] = {

@@ -16,6 +16,7 @@ from programs.command_line.options import PATH, SOCKET, Range
 from programs.command_line.sentences import could_not_say, read_to_the_end, say
 from programs.contactd import recordings
 from programs.contactd.fleet import fleet
+from programs.contactd.shapes import shapes
 from programs.identify.command import identify
 
 ENDED_BY_CTRL_C = 130  # as shells report it
@@ -162,25 +163,6 @@ def check(config: Path | None, field: str | None) -> None:
 
 @main.command()
 @CONFIG
-@click.option(
-    "--from", "source", type=click.Choice(["collision", "visual", "inertial"]),
-    help="Geometry of the URDF; by default the first of these that it has.",
-)  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace a file that is there.")
-def shapes(config: Path, source: Any, force: bool) -> None:
-    """Fit capsules to the links of CONFIG's URDF and write them to shapes.yaml beside it: with that
-    file, setpoints are bounded so that links keep apart from each other, and from the planes and
-    boxes of surroundings.yaml.
-
-    Pairs that always or never touch, by sampled poses, are left out and listed.
-    """
-    from programs.contactd.shapes import write_shapes
-
-    write_shapes(config, source, force=force)
-
-
-@main.command()
-@CONFIG
 @PORT
 def scan(config: Path, port: int | None) -> None:
     """List the nodes on the bus of CONFIG: node ID, vendor, product, serial number, modes, and the
@@ -312,6 +294,7 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
 for command in recordings.COMMANDS:
     main.add_command(command)
 main.add_command(fleet)
+main.add_command(shapes)
 main.add_command(identify)
 
 

@@ -5,10 +5,10 @@ import pytest
 
 from daemon.motion.path import Place
 from daemon.motion.pose_path import PosePath
-from daemon.motion.walls import Walls
 from daemon.tick.refusals import leads_through
 from estimator.clearance import Box, Capsule, Clearance, Plane
 from estimator.dynamics import Body
+from estimator.walls import Walls
 
 DT, REACTION_S = 0.01, 0.025
 ACCELERATION = np.array([4.0, 3.0, 6.0])
