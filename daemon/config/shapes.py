@@ -21,7 +21,6 @@ from daemon.config.convert import convert
 from drivers.settings import Name, Settings
 from estimator.clearance import Box, Capsule, Clearance, Plane
 from estimator.dynamics import Body
-from estimator.payload import Coordinate
 
 SHAPES: Final = "shapes.yaml"
 SURROUNDINGS: Final = "surroundings.yaml"
@@ -33,7 +32,8 @@ HEAD: Final = (
     "# capsules for what the URDF lacks, as a tool. Taken up by `contactctl reload`, while off.\n"
 )
 
-Place = tuple[Coordinate, Coordinate, Coordinate]
+Number = Annotated[float, Meta(ge=-100, le=100)]
+Place = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
 
 
@@ -99,6 +99,16 @@ class Walls(Settings, frozen=True):
     def left_out(self) -> set[frozenset[str]]:
         """Pairs that are not guarded, by name."""
         return {frozenset(one.pair) for one in self.shapes.left_out}
+
+    @property
+    def in_words(self) -> str:
+        """Shapes, surroundings, and pairs that are not guarded."""
+        of, around = self.shapes, [*self.surroundings.planes, *self.surroundings.boxes]
+        out = ", ".join(f"{' - '.join(one.pair)} ({one.why})" for one in of.left_out)
+        return (
+            f"shapes: {len(of.capsules)} capsules of {of.source} geometry; surroundings: "
+            f"{', '.join(around) or 'none'}; not guarded: {out or 'none'}"
+        )
 
 
 def digest_of(urdf: str) -> str:

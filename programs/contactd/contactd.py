@@ -291,11 +291,8 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
     write_frames(socket, output, left_over=left_over)
 
 
-for command in recordings.COMMANDS:
+for command in (*recordings.COMMANDS, fleet, identify, shapes):
     main.add_command(command)
-main.add_command(fleet)
-main.add_command(shapes)
-main.add_command(identify)
 
 
 if __name__ == "__main__":
