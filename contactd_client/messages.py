@@ -138,6 +138,14 @@ class Wrench(TypedDict):
     misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
 
 
+class Near(TypedDict):
+    """Nearest two of the arm's shapes and its surroundings that are guarded."""
+
+    pair: list[str]  # their names
+    distance: float  # negative where they overlap [m]
+    slows: bool  # a joint is slowed for this or another pair
+
+
 class Status(TypedDict):
     """Status of the daemon, as `contactctl status` shows it."""
 
@@ -195,6 +203,8 @@ class Status(TypedDict):
     wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode that senses nothing
     wrench_at: NotRequired[str]  # its point, in words
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
+    # None without shapes, or in a mode in which the arm does not move
+    near: NotRequired[Near | None]
     changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
     not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
 
@@ -317,3 +327,5 @@ class State(TypedDict):
     stream: NotRequired[StreamState | None]  # while a stream is followed, or waits after a contact
     # at the tool; None in recordings from before it was published
     wrench: NotRequired[Wrench | None]
+    # Left out without shapes, and in a mode in which the arm does not move.
+    near: NotRequired[Near]

@@ -12,6 +12,7 @@ from daemon.config.evidence import objections, parameters_known, parameters_miss
 from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
+from daemon.config.shapes import clearance_of
 from daemon.config.vectors import limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
@@ -34,6 +35,7 @@ from estimator.estimator import Estimator
 from estimator.model import Model
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission, load_range, stiction_range
+from estimator.walls import Walls
 
 # Share of the permitted deviation of drives from their setpoints that a release uses.
 AHEAD_SHARE = 0.75
@@ -216,4 +218,15 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         gains=Gains(row(c, lambda j: j.admittance_gain)),
         follower=Follower(Place(path), c.trajectory.ramp_s),
         blind=not links_trusted,
+        walls=build_walls(robot),
     )
+
+
+def build_walls(robot: Robot) -> Walls | None:
+    """Bound by shapes and surroundings; None without."""
+    if robot.walls is None:
+        return None
+    limits, joints = limits_of(robot.configuration), robot.configuration.joint_names
+    clearance = clearance_of(robot.walls, robot.model.bodies(), joints)
+    margin = robot.walls.shapes.margin
+    return Walls(clearance, limits.acceleration, limits.reaction_s, margin)

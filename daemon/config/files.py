@@ -14,6 +14,7 @@ from typing import Final, Self
 
 from common.regular_file import LARGEST_TEXT_BYTES, open_regular
 from daemon.config.load import Robot
+from daemon.config.shapes import SHAPES, SURROUNDINGS
 
 Stamp = tuple[int, int, int]
 """inode, size, time of the last change [ns]"""
@@ -43,6 +44,7 @@ class Files:
         others = [name for profile in c.drives.values() for name in profile.files]
         if c.trajectory.file is not None:
             others.append(c.trajectory.file)
+        others += [SHAPES, SURROUNDINGS]
         folder = robot.folder
         files = cls(folder, read | {name: _content(folder / name) for name in others})
         for name, digest in files.read.items():  # nothing is read later, unless it is written

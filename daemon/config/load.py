@@ -18,6 +18,7 @@ from daemon.config.dynamics import model_of
 from daemon.config.identified import Identified, applied, identified_keys, identified_text
 from daemon.config.problem import Keys, Problem
 from daemon.config.schema import Configuration
+from daemon.config.shapes import Walls, read_walls
 from daemon.config.vectors import trajectory_of
 from daemon.motion.sampled_path import SampledPath
 from drivers.makes import USUAL
@@ -34,6 +35,7 @@ class Robot:
     urdf: str  # text of the URDF
     model: Model  # of its links with the bodies of `configuration`, shared by all that need it
     trajectory: SampledPath | None = None  # of trajectory.file
+    walls: Walls | None = None  # of shapes.yaml and surroundings.yaml
     identified: Identified | None = None  # its values are in `configuration` already
     identified_text: str = ""  # of identified.yaml
     by_hand: "Robot | None" = None  # without identified.yaml, where there is one
@@ -94,7 +96,8 @@ def load_robot(path: Path) -> Robot:
     except TrajectoryError as error:
         where = f"{path}:{source.line(['trajectory', 'file'])}: trajectory.file"
         raise ConfigurationError(f"{where}: {error}") from error
-    robot = Robot(path, configuration, source.text, urdf, model, trajectory)
+    walls = read_walls(path.parent, urdf, configuration.joint_names)
+    robot = Robot(path, configuration, source.text, urdf, model, trajectory, walls)
     return robot if alone else _with(robot, read_yaml(identified))
 
 

@@ -50,7 +50,7 @@ class Limits:
         """
         check_shapes(self.velocity.shape, q=q, desired=desired, before=before)
         bounded = np.empty_like(self.velocity)
-        self._bounding.bound_velocity(q, desired, before, dt, self._each(play), bounded)
+        self._bounding.bound_velocity(q, desired, before, dt, self.each(play), bounded)
         return bounded
 
     def funnel(self, distance: Vector) -> Vector:
@@ -77,10 +77,10 @@ class Limits:
         distance to it: a joint that a hand pushed past its limit is led back to it."""
         check_shapes(self.velocity.shape, q=q, desired=desired)
         bounded = np.empty_like(self.velocity)
-        self._bounding.soft_stop(q, desired, gain, self._each(play), bounded)
+        self._bounding.soft_stop(q, desired, gain, self.each(play), bounded)
         return bounded
 
-    def _each(self, play: Vector | float) -> Vector:
+    def each(self, play: Vector | float) -> Vector:
         """`play` downwards and upwards, (2, n) [rad]."""
         if isinstance(play, np.ndarray):
             check_shapes((2, len(self.velocity)), play=play)

@@ -13,6 +13,7 @@ from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 from daemon.motion.target_stream import TargetStream
+from estimator.walls import Walls
 
 # Distance from the line's end at which a joint has arrived [rad].
 ARRIVED_RAD = 0.01
@@ -41,14 +42,15 @@ class Motion:
         follower: Follower,
         *,
         blind: bool = False,
+        walls: Walls | None = None,
     ) -> None:
         """blind: the signs of the links are unchecked, so the motors hold the arm, and no loop is
-        closed over the links."""
+        closed over the links. walls: not with those, whose positions may be wrong."""
         self.velocity = np.zeros_like(limits.lower)
         """target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
-        self.blind = blind
+        self.blind, self.walls = blind, None if blind else walls
         self.limits, self.gains, self.follower = limits, gains, follower
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
@@ -165,6 +167,9 @@ class Motion:
         here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
             self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt, play)
+            if self.walls is not None:
+                wanted, self.velocity = self.velocity, np.empty_like(desired)
+                self.walls.bound(here, wanted, self.limits.each(play), self.velocity)
         else:
             self.velocity = desired
 

@@ -5,7 +5,7 @@ from typing import Literal
 import msgspec
 
 from daemon.modes.table import Mode
-from daemon.protocol.state import PerJoint, Permit, SideName, Snapshot, StreamState, Wrench
+from daemon.protocol.state import Near, PerJoint, Permit, SideName, Snapshot, StreamState, Wrench
 from estimator.payload import Payload
 
 
@@ -161,5 +161,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     wrench: Wrench | None = None  # force at the tool; None in a mode that senses nothing
     wrench_at: str = ""  # its point, in words
     wrench_axes: str = ""  # link of the URDF along whose axes it is
+    near: Near | None = None  # None without shapes, or in a mode in which the arm does not move
     changed: list[str] = []  # files that differ from those in use; checked while off
     not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field

@@ -68,6 +68,14 @@ class Wrench(msgspec.Struct, frozen=True, kw_only=True):
     misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
 
 
+class Near(msgspec.Struct, frozen=True, kw_only=True):
+    """Nearest two of the arm's shapes and its surroundings that are guarded."""
+
+    pair: list[str]  # their names
+    distance: float  # negative where they overlap [m]
+    slows: bool  # a joint is slowed for this or another pair
+
+
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Event of one tick: a contact, a fault, or (`mode`) a change of mode or permission, or other
     news, as `what: cause`; ` -> ` in it is a change of mode, or of a gain."""
@@ -137,6 +145,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     recognised: Payload | None = None  # unannounced payload; nothing is learned in this tick
     stream: StreamState | None = None  # while a stream is followed, or waits after a contact
     wrench: Wrench | None = None  # at the tool; None in recordings from before it was published
+    # Left out without shapes, and in a mode in which the arm does not move.
+    near: Near | msgspec.UnsetType = msgspec.UNSET
 
 
 STATE_FORMAT = 6

@@ -129,6 +129,7 @@ def status_of(
         wrench=wrench_of(estimate.wrench) if estimate and machine.mode in SENSING else None,
         wrench_at=c.estimator.force_at or tick.estimator.model.tool,
         wrench_axes=c.estimator.force_at or tick.estimator.model.hand,
+        near=(last.near or None) if last else None,
         changed=process.changed,
         not_taken_up=process.not_taken_up if process.changed else "",
     )

@@ -25,7 +25,7 @@ from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
 from daemon.tick.own_events import OwnEvents
-from daemon.tick.refusals import lacking, not_energisable, not_startable, touched
+from daemon.tick.refusals import lacking, leads_through, not_energisable, not_startable, touched
 from daemon.tick.telemetry import stream_state
 from drivers.api import PowerTarget
 
@@ -152,7 +152,8 @@ class Controller:
         if event is Event.START and observed is not None:
             armed, blind = self.machine.armed, self.motion.blind
             reasons = touched(observed, place.path, armed=armed, blind=blind)
-            return reasons or not_startable(joints, observed.q, limits, place)
+            reasons = reasons or not_startable(joints, observed.q, limits, place)
+            return reasons or leads_through(self.motion.walls, observed.q, place)
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []

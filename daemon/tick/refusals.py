@@ -8,8 +8,9 @@ import numpy as np
 from common.arrays import Vector
 from daemon.faults.conditions import Response
 from daemon.motion.limits import Limits, all_finite
-from daemon.motion.path import JointPath, Place, stands
+from daemon.motion.path import ROUNDING, JointPath, Place, stands
 from daemon.tick.decision import ControlInput
+from estimator.walls import Walls
 
 # Largest distance from its first sample at which a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
@@ -17,6 +18,9 @@ START_TOLERANCE = 0.05
 FAR = 1.0
 # Distance inside the range of a path at which the way to it ends, as it is not exact [rad].
 INSIDE = 0.02
+# Places of a path that are looked at for shapes in its way, a few ms in all; and of one without an
+# end, the time that is [s].
+PLACES, ENDLESS_S = 80, 60.0
 
 
 # Advice for moving a joint without power back inside its limits, by its `end`.
@@ -95,6 +99,28 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
     if reasons and all_finite(there):
         return [*reasons, way_to(joints, np.where(there == q, np.nan, there))]
     return reasons
+
+
+def leads_through(walls: Walls | None, q: Vector, place: Place) -> list[str]:
+    """Reason against `start` from q (n,) [rad]: where the rest of the path leads two shapes through
+    each other, at PLACES places of it, or of its first minute if it has no end. Shapes that overlap
+    may come apart."""
+    if walls is None:
+        return []
+    clearance, path, s = walls.clearance, place.led_to(q).path, place.s
+    end = min(path.duration, s + ENDLESS_S)
+    clearance.at(q)
+    least, origin = min(float(np.min(clearance.gap)), 0.0), q - path.offset(s)
+    for at_s in np.linspace(s, end, PLACES).tolist() if path.fastest(s).any() else []:
+        clearance.at(origin + path.offset(at_s))
+        row = int(np.argmin(clearance.gap))
+        if (gap := clearance.gap[row]) < least - ROUNDING:
+            first, second = clearance.pairs[clearance.pair[row]]
+            return [
+                f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gap:.0f} mm "
+                f"deep, at {at_s:.1f} s: go there another way"
+            ]
+    return []
 
 
 def way_to(joints: Sequence[str], there: Vector) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from common.arrays import Vector
@@ -13,6 +14,7 @@ from daemon.modes.table import Mode
 from daemon.motion.target_stream import TargetStream
 from daemon.protocol.state import (
     Contact,
+    Near,
     Notice,
     PerJoint,
     Permit,
@@ -28,6 +30,7 @@ from estimator import contact as estimator_contact
 from estimator.estimate import Estimate, Flag
 from estimator.motor_position import Side
 from estimator.payload import Payload
+from estimator.walls import Walls
 from estimator.wrench import COVARIANCE, FORCE, MISFIT, STRENGTH, UNSEEN, WIDTH
 
 SIDE_NAMES: dict[int, SideName] = {
@@ -98,6 +101,7 @@ class TickRecord:
     recognised: Payload | None = None  # unannounced payload; learning is suspended meanwhile
     silenced: bool = False  # last stage of a stop: nothing is sent to the drives
     stream: StreamState | None = None  # that the arm follows
+    near: Near | UnsetType = UNSET
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it
 
 
@@ -135,6 +139,7 @@ def state_of(record: TickRecord, permit: Permit | None = None) -> State:
         payload=record.payload,
         recognised=record.recognised,
         stream=record.stream,
+        near=record.near,
         timing=Timing(
             wall_s=wakeup.wall_s,
             monotonic_s=wakeup.monotonic_s,
@@ -169,6 +174,15 @@ def wrench_of(row: Vector) -> Wrench:
         strength=values[STRENGTH],
         misfit=values[MISFIT],
     )
+
+
+def near_of(walls: Walls | None) -> Near | UnsetType:
+    """Nearest pair, as the last bound found it."""
+    if walls is None or walls.nearest < 0:
+        return UNSET
+    clearance = walls.clearance
+    pair = [one.name for one in clearance.pairs[clearance.pair[walls.nearest]]]
+    return Near(pair=pair, distance=walls.distance, slows=walls.slows)
 
 
 def stream_state(stream: TargetStream, trajectory: str) -> StreamState:

@@ -5,6 +5,7 @@ SYNC in between. Times come from the caller.
 """
 
 import numpy as np
+from msgspec import UNSET
 
 from common.arrays import Vector
 from daemon.faults.conditions import Response
@@ -22,7 +23,7 @@ from daemon.tick.load_watch import LoadWatch
 from daemon.tick.news import News
 from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing
-from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup
+from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup, near_of
 from drivers.api import Drives, PowerTarget, Samples
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
@@ -134,6 +135,7 @@ class Tick:
             recognised=recognised,
             silenced=self.drives.silenced,
             stream=self.controller.stream_state(),
+            near=near_of(self.controller.motion.walls) if machine.mode in SENSING else UNSET,
             notices=self._news.step(time_s, self._sensing, findings, contacts, unproved, others),
         )
 

@@ -105,7 +105,8 @@ export class Header {
     const known = what ? `▲ ${what}` : unknown ? "" : "nothing beyond its level";
     at("felt").dataset.beyond = what !== "";
     const force = this.#words?.force ? `${this.#words.force.text} at the tool` : "";
-    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, force, unknown].filter(Boolean).join(" · ")}`);
+    const near = this.#words?.near ? `near: ${this.#words.near}` : "";
+    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, force, near, unknown].filter(Boolean).join(" · ")}`);
   }
 
   #drawLoad(load) {

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
+from programs.clients.near import near_words
 from programs.clients.sensed import not_sensing, sensing_for_s
 from programs.clients.shown import (
     MODE_STYLES,
@@ -118,6 +119,7 @@ class Dashboard:
             self._lagging(),
             not_seen_to_stand(state, " "),
             self._not_sensing(),
+            Text(f" near: {near_words(state.near)}") if state.near else Text(),
         ]
         doubt_lines = [
             line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)

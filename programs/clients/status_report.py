@@ -9,6 +9,7 @@ from rich.text import Text
 from daemon.protocol.lease import in_words
 from daemon.protocol.replies import Grant, Status, Trajectory
 from daemon.protocol.state import StreamState
+from programs.clients.near import near_words
 from programs.clients.payload import payload_in_words
 from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
 from programs.clients.sensitivity import sensitivity_lines
@@ -64,6 +65,8 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("", Text(status.recognised, "yellow"))
     if status.wrench is not None:
         table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
+    if status.near is not None:
+        table.add_row("near", Text(near_words(status.near)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")

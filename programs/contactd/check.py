@@ -66,6 +66,8 @@ def print_check(config: Path) -> None:
     console.print()
     for line in sensitivity_over_poses(c, robot.model):
         say(line)
+    if robot.walls is not None:
+        say(robot.walls.in_words)
     frames = frames_of(c)
     console.print(_frames(frames, c.joint_names))
     load = bus_load(frames, c.bus.bitrate)

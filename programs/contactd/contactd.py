@@ -16,6 +16,7 @@ from programs.command_line.options import PATH, SOCKET, Range
 from programs.command_line.sentences import could_not_say, read_to_the_end, say
 from programs.contactd import recordings
 from programs.contactd.fleet import fleet
+from programs.contactd.shapes import shapes
 from programs.identify.command import identify
 
 ENDED_BY_CTRL_C = 130  # as shells report it
@@ -290,10 +291,8 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
     write_frames(socket, output, left_over=left_over)
 
 
-for command in recordings.COMMANDS:
+for command in (*recordings.COMMANDS, fleet, identify, shapes):
     main.add_command(command)
-main.add_command(fleet)
-main.add_command(identify)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from daemon.faults.finding import advice_on
 from daemon.modes.table import SENSING, Mode
 from daemon.protocol.replies import Check, Learned, Status
 from daemon.protocol.state import Permit, Snapshot, State, Wrench
+from programs.clients.near import near_words
 from programs.clients.sensed import lost_samples
 from programs.clients.stream_words import phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
@@ -71,6 +72,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     load: Load | None
     force: Force | None  # None where nothing acts, or no single force at the tool
     stream: str  # phase of the arm on a stream of targets; empty without one
+    near: str  # nearest pair of its shapes and surroundings; empty without shapes
 
 
 class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
@@ -204,6 +206,7 @@ def words(arm: int, state: State) -> Words:
         load=load(state),
         force=force(state),
         stream=phase_in_words(state.stream) if state.stream else "",
+        near=near_words(state.near) if getattr(state, "near", None) else "",
     )
 
 

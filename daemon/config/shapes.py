@@ -1,0 +1,204 @@
+"""Shapes of the arm and of its surroundings: two files beside config.yaml, each of which may be
+missing. `contactd shapes` writes the first, a person the second.
+
+Distances in m, angles in rad; surroundings in the frame of the URDF's root.
+"""
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+import yaml
+from msgspec import Meta
+
+from common.errors import ConfigurationError
+from common.yaml_source import Source, read_yaml
+from daemon.config.convert import convert
+from drivers.settings import Name, Settings
+from estimator.clearance import Box, Capsule, Clearance, Plane
+from estimator.dynamics import Body
+
+SHAPES: Final = "shapes.yaml"
+SURROUNDINGS: Final = "surroundings.yaml"
+BASE: Final = ""
+"""Joint of what no joint moves."""
+HEAD: Final = (
+    "# Written by `contactd shapes`: capsules about the links, each in the frame of its joint (an\n"
+    "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
+    "# capsules for what the URDF lacks, as a tool. Taken up by `contactctl reload`, while off.\n"
+)
+
+Number = Annotated[float, Meta(ge=-100, le=100)]
+Place = tuple[Number, Number, Number]
+Radius = Annotated[float, Meta(gt=0, le=2)]
+
+
+class CapsuleEntry(Settings, frozen=True):
+    """Capsule: all that is within a radius of the segment from start to end."""
+
+    name: Name
+    joint: str
+    start: Place
+    end: Place
+    radius: Radius
+
+
+class LeftOut(Settings, frozen=True):
+    """Pair that is not guarded; the second may be a plane or a box of the surroundings."""
+
+    pair: tuple[Name, Name]
+    why: Name
+
+
+class Shapes(Settings, frozen=True):
+    """Shapes of an arm, for one URDF."""
+
+    version: Literal[1]
+    urdf: str  # digest of the URDF that they were fitted to
+    source: Literal["collision", "visual", "inertial"]  # what of it
+    capsules: Annotated[list[CapsuleEntry], Meta(min_length=1, max_length=64)]
+    margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # gap that is kept [m]
+    left_out: list[LeftOut] = msgspec.field(default_factory=list)
+
+
+class PlaneEntry(Settings, frozen=True):
+    """Plane through a point; the side to which the normal points is free."""
+
+    point: Place
+    normal: Place
+
+
+class BoxEntry(Settings, frozen=True):
+    """Box about its centre, turned by roll, pitch and yaw as in a URDF."""
+
+    centre: Place
+    size: tuple[Radius, Radius, Radius]
+    rpy: Place = (0.0, 0.0, 0.0)
+
+
+class Surroundings(Settings, frozen=True):
+    """Surroundings of the arm: tables and walls, obstacles, and room that is kept free for people,
+    each under a name of your own."""
+
+    version: Literal[1]
+    planes: dict[Name, PlaneEntry] = msgspec.field(default_factory=dict)
+    boxes: dict[Name, BoxEntry] = msgspec.field(default_factory=dict)
+
+
+class Walls(Settings, frozen=True):
+    """Content of both files."""
+
+    shapes: Shapes
+    surroundings: Surroundings = Surroundings(version=1)
+
+    @property
+    def left_out(self) -> set[frozenset[str]]:
+        """Pairs that are not guarded, by name."""
+        return {frozenset(one.pair) for one in self.shapes.left_out}
+
+    @property
+    def in_words(self) -> str:
+        """Shapes, surroundings, and pairs that are not guarded."""
+        of, around = self.shapes, [*self.surroundings.planes, *self.surroundings.boxes]
+        out = ", ".join(f"{' - '.join(one.pair)} ({one.why})" for one in of.left_out)
+        return (
+            f"shapes: {len(of.capsules)} capsules of {of.source} geometry; surroundings: "
+            f"{', '.join(around) or 'none'}; not guarded: {out or 'none'}"
+        )
+
+
+def digest_of(urdf: str) -> str:
+    """Digest of a URDF's text."""
+    return hashlib.sha256(urdf.encode()).hexdigest()[:16]
+
+
+def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
+    """Shapes and surroundings beside a configuration; None without shapes.
+
+    Raises ConfigurationError with file and line for content that the schema does not allow, a joint
+    that is not there, a name given twice, shapes of another URDF, and surroundings without shapes.
+    """
+    path, around = folder / SHAPES, folder / SURROUNDINGS
+    surroundings = _surroundings(read_yaml(around)) if around.exists() else None
+    if not path.exists():
+        if surroundings is not None:
+            raise ConfigurationError(
+                f"{around}: the arm has no shapes to keep away from it: `contactd shapes` first"
+            )
+        return None
+    source = read_yaml(path)
+    shapes = convert(source, Shapes)
+    if shapes.urdf != digest_of(urdf):
+        raise ConfigurationError(
+            f"{path}:{source.line(['urdf'])}: fitted to another URDF: run `contactd shapes` again"
+        )
+    names = [*surroundings.planes, *surroundings.boxes] if surroundings else []
+    for k, one in enumerate(shapes.capsules):
+        where = f"{path}:{source.line(['capsules', k])}: capsules[{k}]"
+        if one.joint not in [BASE, *joints]:
+            raise ConfigurationError(
+                f"{where}: no joint {one.joint!r}; there are: {', '.join(joints)}, or '' for the "
+                "root of the URDF"
+            )
+        if one.name in names:
+            raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
+        names.append(one.name)
+    return Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
+
+
+def _surroundings(source: Source) -> Surroundings:
+    found = convert(source, Surroundings)
+    for name, plane in found.planes.items():
+        if math.hypot(*plane.normal) < 1e-6:
+            line = source.line(["planes", name, "normal"])
+            raise ConfigurationError(f"{source.path}:{line}: planes.{name}.normal: has no length")
+    if shared := set(found.planes) & set(found.boxes):
+        name = min(shared)
+        line = source.line(["boxes", name])
+        raise ConfigurationError(f"{source.path}:{line}: boxes: the name {name!r} is given twice")
+    return found
+
+
+def shapes_text(shapes: Shapes) -> str:
+    """The text of shapes.yaml."""
+    plain = msgspec.to_builtins(shapes)
+    return HEAD + yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)
+
+
+def clearance_of(walls: Walls, bodies: list[Body], joints: list[str]) -> Clearance:
+    """Gaps of all pairs that are guarded."""
+    numbers = {joints[body.row]: k for k, body in enumerate(bodies)} | {BASE: -1}
+    capsules = [
+        Capsule(one.name, numbers[one.joint], np.array(one.start), np.array(one.end), one.radius)
+        for one in walls.shapes.capsules
+    ]
+    return Clearance(bodies, capsules, pairs_of(capsules, obstacles_of(walls), walls.left_out))
+
+
+def obstacles_of(walls: Walls) -> list[Plane | Box]:
+    """Planes and boxes of the surroundings."""
+    planes, boxes = walls.surroundings.planes, walls.surroundings.boxes
+    found: list[Plane | Box] = []
+    for name, plane in planes.items():
+        normal = np.array(plane.normal) / math.hypot(*plane.normal)
+        found.append(Plane(name, normal, float(normal @ np.array(plane.point))))
+    for name, box in boxes.items():
+        half = 0.5 * np.array(box.size)
+        found.append(Box(name, np.array(box.centre), pin.rpy.rpyToMatrix(*box.rpy), half))
+    return found
+
+
+def pairs_of(
+    capsules: list[Capsule], obstacles: list[Plane | Box], left_out: set[frozenset[str]]
+) -> list[tuple[Capsule, Capsule | Plane | Box]]:
+    """Pairs that move against each other, without those that are left out."""
+    pairs: list[tuple[Capsule, Capsule | Plane | Box]] = [
+        (one, other) for k, one in enumerate(capsules) for other in capsules[:k]
+        if one.body != other.body
+    ]  # fmt: skip
+    pairs += [(one, other) for one in capsules if one.body >= 0 for other in obstacles]
+    return [pair for pair in pairs if frozenset((pair[0].name, pair[1].name)) not in left_out]

@@ -1,0 +1,34 @@
+# Types of walls.py, for the compiler alone.
+
+cimport cython
+
+from estimator.clearance cimport Clearance
+
+cdef extern from "math.h":
+    cpdef double sqrt(double x) noexcept
+
+cdef Py_ssize_t _SWEEPS
+cdef double _SLOWS, _TINY
+
+cdef class Walls:
+    cdef readonly Clearance clearance
+    cdef readonly Py_ssize_t nearest
+    cdef readonly double distance
+    cdef readonly bint slows
+    cdef double[::1] _acceleration, _most
+    cdef long long[::1] _active
+    cdef double _reaction_s, _margin
+
+    @cython.locals(c=Clearance, known=double, moves=double, active=Py_ssize_t, over=bint)
+    cpdef void bound(
+        self, const double[:] q, const double[:] wanted, const double[:, :] play, double[::1] out
+    ) noexcept
+    @cython.locals(c=Clearance, active=Py_ssize_t, closing=double, used=double, gap=double,
+                   g=double, most=double)
+    cdef Py_ssize_t _too_fast(self, const double[:, :] play, double[::1] out) noexcept
+    @cython.locals(slack=double)
+    cdef double _funnel(self, double gap, double A) noexcept
+    @cython.locals(c=Clearance, slowed=bint, over=double, square=double, g=double, v=double)
+    cdef bint _slow(self, Py_ssize_t row, double most, double[::1] out) noexcept
+    @cython.locals(c=Clearance, share=double, row=Py_ssize_t, closing=double)
+    cdef void _fulfil(self, Py_ssize_t active, double[::1] out) noexcept

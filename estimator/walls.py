@@ -1,0 +1,134 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Walls: the bound on every setpoint that keeps links apart from each other and their surroundings.
+
+What approaches must still be able to stop in the gap d that is left. With the joints' velocities as
+they are mixed, the gap closes at s = sum |g_i v_i| over the joints that close it, g = d d / d q,
+and their own accelerations a_i slow it down by
+
+    A = s^2 / sum |g_i| v_i^2 / a_i,       s <= `Limits.funnel` of d and A,    s' = -g . v.
+
+Only the joints that close a gap are slowed, the more the more they close it, and none beyond 0: the
+others go on, so the arm slides along, and nothing moves that was not to move. Standing always
+fulfils it. Where the gap is used up, only what opens it is left.
+
+Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from estimator.clearance import Clearance
+
+_SWEEPS = 20
+_SLOWS = 1e-3  # [rad/s]
+_TINY = 1e-12
+
+
+class Walls:
+    """Bound by the gaps of `clearance`, in which a `margin` [m] is kept; acceleration (n,)
+    [rad/s2] and reaction_s as of `Limits`.
+
+    `bound` leaves `nearest`, the row with the smallest gap, its `distance` [m] without margin and
+    play, and whether a wall `slows` a joint.
+    """
+
+    def __init__(
+        self, clearance: Clearance, acceleration: Vector, reaction_s: float, margin: float
+    ) -> None:
+        rows = len(clearance.gap)
+        self.clearance = clearance
+        self._acceleration, self._reaction_s = acceleration.copy(), reaction_s
+        self._margin = margin
+        self._active = np.zeros(rows, dtype=np.int64)
+        self._most = np.zeros(rows)
+        self.nearest, self.distance, self.slows = -1, 1e300, False
+
+    def bound(self, q: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
+        """Velocity (n,) [rad/s] into out, at q (n,) [rad] with links that may fall by `play` (2, n)
+        [rad] in their gaps, as in `Limits.bound_velocity`. 0 at a position that is not a number; a
+        velocity that is none stays: the drives are commanded to stop."""
+        c, known, moves = self.clearance, 0.0, 0.0
+        for i in range(c.n):
+            out[i] = wanted[i]
+            known += q[i]
+            moves += wanted[i]
+        self.slows, self.nearest, self.distance = False, -1, 1e300
+        if moves - moves != 0.0:
+            return
+        if known - known != 0.0:
+            for i in range(c.n):
+                out[i] = 0.0
+            return
+        c.at(q)
+        active = self._too_fast(play, out)
+        for _ in range(_SWEEPS):
+            over = False
+            for k in range(active):
+                over = self._slow(self._active[k], self._most[k], out) or over
+            if not over:
+                break
+        self._fulfil(active, out)
+        for i in range(c.n):
+            self.slows = self.slows or abs(out[i] - wanted[i]) > _SLOWS
+
+    def _too_fast(self, play: Matrix, out: Vector) -> int:
+        """Number of rows that may close too fast, each with its most [m/s], whichever of the joints
+        that open it are slowed."""
+        c, active = self.clearance, 0
+        for row in range(c.gap.shape[0]):
+            if c.gap[row] < self.distance:
+                self.nearest, self.distance = row, c.gap[row]
+            closing = used = 0.0
+            gap = c.gap[row] - self._margin
+            for i in range(c.n):
+                g = c.gradient[row, i]
+                gap -= g * play[0, i] if g > 0.0 else -g * play[1, i]
+                if g * out[i] < 0.0:
+                    closing -= g * out[i]
+                    used += abs(g) * out[i] * out[i] / self._acceleration[i]
+            if closing > _TINY:
+                most = self._funnel(gap, closing * closing / used)
+                if closing > most:
+                    self._active[active], self._most[active] = row, most
+                    active += 1
+        return active
+
+    def _funnel(self, gap: float, A: float) -> float:
+        """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2]."""
+        slack = 4.0 * self._reaction_s * A
+        return float(sqrt(slack * slack + 2.0 * A * max(gap, 0.0)) - slack)
+
+    def _slow(self, row: int, most: float, out: Vector) -> bool:
+        """Slow the joints that close the gap of a row, until it closes at `most` [m/s]: the nearest
+        velocity, in which none passes 0. True if it closed faster."""
+        c, slowed = self.clearance, False
+        for _ in range(c.n):
+            over, square = -most, 0.0
+            for i in range(c.n):
+                g = c.gradient[row, i]
+                over -= g * out[i]
+                square += g * g if g * out[i] < 0.0 else 0.0
+            if over <= _TINY or square == 0.0:
+                break
+            slowed = True
+            for i in range(c.n):
+                g = c.gradient[row, i]
+                if g * out[i] < 0.0:
+                    v = out[i] + over / square * g
+                    out[i] = v if v * out[i] > 0.0 else 0.0
+        return slowed
+
+    def _fulfil(self, active: int, out: Vector) -> None:
+        """Slow all joints where so many sweeps did not do."""
+        c, share = self.clearance, 1.0
+        for k in range(active):
+            row, closing = self._active[k], 0.0
+            for i in range(c.n):
+                closing -= c.gradient[row, i] * out[i]
+            if closing * share > self._most[k] + 1e-9:
+                share = self._most[k] / closing
+        for i in range(c.n):
+            out[i] *= share

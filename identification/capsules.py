@@ -1,0 +1,136 @@
+"""Capsules about the links of an arm: fitted to points of each, and the pairs of them that are not
+worth guarding, found by sampling poses. Mathematics only."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from scipy.optimize import minimize
+
+from common.arrays import Matrix, Vector
+from estimator.clearance import Clearance
+
+SAMPLES: Final = 20_000
+#: Share of all poses in which a pair that is left out touches: shapes that do so this often, within
+#: the limits of a real arm, are too coarse there.
+ALWAYS, OFTEN = 0.95, 0.2
+#: Gap that a pair that is left out never goes below [m].
+NEVER: Final = 0.02
+#: Least radius of a capsule [m].
+THINNEST: Final = 0.005
+#: Poses from which a smaller gap is sought, steps of that, and the first step [rad].
+STARTS, STEPS, STEP_RAD = 5, 60, 0.1
+
+Why = Literal["always", "often", "never", "neighbours"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """Capsule: start and end of its segment, each (3,) [m], and radius [m]."""
+
+    start: Vector
+    end: Vector
+    radius: float
+
+    @property
+    def volume(self) -> float:
+        """Volume [m3]."""
+        length = float(np.linalg.norm(self.end - self.start))
+        return float(np.pi * self.radius**2 * (length + 4.0 / 3.0 * self.radius))
+
+
+def fit_capsule(points: Matrix) -> Fit:
+    """Capsule of small volume that contains points (m, 3) [m].
+
+    Along an axis u through c, r is the largest distance from the axis, and each point at a height h
+    and a distance d of it asks for a segment from h + sqrt(r^2 - d^2) or lower to h - sqrt(r^2 -
+    d^2) or higher. Axis and c are sought from each principal axis of the points (Nelder and Mead).
+    """
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    axes = np.linalg.svd(points - points.mean(axis=0))[2]
+    fits = []
+    for k in range(3):
+        frame = np.roll(axes, -k, axis=0)  # the axis, and two across
+
+        def made(x: Vector, frame: Matrix = frame) -> Fit:
+            axis = frame[0] + x[0] * frame[1] + x[1] * frame[2]
+            return _about(points, axis, centre + x[2] * frame[1] + x[3] * frame[2])
+
+        size = float(np.ptp(points, axis=0).max()) or THINNEST
+        begin = np.zeros((5, 4))
+        begin[1:] = np.diag([0.1, 0.1, 0.1 * size, 0.1 * size])
+        options = {"initial_simplex": begin, "maxiter": 600, "xatol": 1e-6, "fatol": 1e-10}
+        found = minimize(
+            lambda x, made=made: made(x).volume, np.zeros(4), method="Nelder-Mead", options=options
+        )
+        fits.append(made(found.x))
+    return min(fits, key=lambda fit: fit.volume)
+
+
+def _about(points: Matrix, axis: Vector, centre: Vector) -> Fit:
+    axis = axis / np.linalg.norm(axis)
+    height = (points - centre) @ axis
+    square = np.sum((points - centre - np.outer(height, axis)) ** 2, axis=1)
+    radius = max(float(np.sqrt(square.max())), THINNEST)
+    cap = np.sqrt(np.maximum(radius**2 - square, 0.0))
+    low, high = float((height + cap).min()), float((height - cap).max())
+    if low > high:
+        low = high = 0.5 * (low + high)
+    return Fit(centre + low * axis, centre + high * axis, radius)
+
+
+@dataclass(frozen=True, slots=True)
+class PairGaps:
+    """Gaps of one pair over all poses."""
+
+    least: float  # [m]
+    touching: float  # share of poses
+
+    def why(self, *, neighbours: bool) -> Why | None:
+        """Reason to leave the pair out; None: it is guarded. Two bodies that share
+        a joint overlap at it."""
+        if self.touching > OFTEN:
+            return "always" if self.touching > ALWAYS else "often"
+        if self.least > NEVER:
+            return "never"
+        return "neighbours" if neighbours and self.touching > 0.0 else None
+
+
+def gaps_over_poses(
+    clearance: Clearance, lower: Vector, upper: Vector, margin: float, seed: int = 1
+) -> Sequence[PairGaps]:
+    """Gaps of each pair in SAMPLES poses between the limits (n,) [rad], the smallest sought further
+    along its gradient."""
+    rng, pair = np.random.default_rng(seed), np.asarray(clearance.pair)
+    firsts = np.flatnonzero(np.diff(pair, prepend=-1))
+    poses = rng.uniform(lower, upper, (SAMPLES, len(lower)))
+    gaps = np.empty((SAMPLES, len(firsts)))
+    for k, q in enumerate(poses):
+        clearance.at(q)
+        gaps[k] = np.minimum.reduceat(np.asarray(clearance.gap), firsts)
+    found = []
+    for number in range(len(firsts)):
+        rows = np.flatnonzero(pair == number)
+        nearest = poses[np.argsort(gaps[:, number])[:STARTS]]
+        least = float(gaps[:, number].min())
+        if least > 0.0:
+            least = min(least, *(_descended(clearance, rows, q, lower, upper) for q in nearest))
+        found.append(PairGaps(least, float(np.mean(gaps[:, number] < margin))))
+    return found
+
+
+def _descended(
+    clearance: Clearance, rows: Vector, q: Vector, lower: Vector, upper: Vector
+) -> float:
+    """Smallest gap on the way down from a pose."""
+    least, step = np.inf, STEP_RAD
+    for _ in range(STEPS):
+        clearance.at(q)
+        gap = np.asarray(clearance.gap)[rows]
+        if (now := float(gap.min())) >= least:
+            step *= 0.7
+        least = min(least, now)
+        slope = np.asarray(clearance.gradient)[rows[int(gap.argmin())]]
+        q = np.clip(q - step * slope / max(float(np.linalg.norm(slope)), 1e-9), lower, upper)
+    return least

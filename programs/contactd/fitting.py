@@ -1,0 +1,182 @@
+"""Fit of capsules to the links of an arm, written beside its configuration: `contactd shapes`."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import coal
+import numpy as np
+import pinocchio as pin
+from msgspec.structs import replace
+
+from common.arrays import Matrix
+from common.errors import ConfigurationError, ModelError
+from daemon.config.load import Robot, load_robot
+from daemon.config.shapes import (
+    BASE,
+    SHAPES,
+    CapsuleEntry,
+    LeftOut,
+    Shapes,
+    Surroundings,
+    Walls,
+    clearance_of,
+    digest_of,
+    shapes_text,
+)
+from estimator.dynamics import Body
+from estimator.model_reading import read_urdf
+from identification.capsules import PairGaps, fit_capsule, gaps_over_poses
+from programs.command_line.sentences import say
+
+Source = Literal["collision", "visual", "inertial"]
+_TYPES = {"collision": pin.GeometryType.COLLISION, "visual": pin.GeometryType.VISUAL}
+_RIM = 24  # points of a circle, on the polygon about it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinkPoints:
+    """Points (m, 3) [m] that a body contains, in the frame of its joint; all that is within
+    `radius` [m] of them belongs to it."""
+
+    name: str
+    body: int
+    points: Matrix
+    radius: float = 0.0
+
+
+def write_shapes(config: Path, source: Source | None, *, force: bool) -> None:
+    """Fit capsules, sample which pairs are worth guarding, write shapes.yaml and list both. Raises
+    ConfigurationError."""
+    robot = load_robot(config)
+    path = robot.folder / SHAPES
+    if path.exists() and not force:
+        raise ConfigurationError(f"{path}: is there; --force replaces it, with what was added")
+    around = robot.walls.surroundings if robot.walls else Surroundings(version=1)
+    shapes, report = fitted(robot, source, around)
+    path.write_text(shapes_text(shapes))
+    say(f"{len(shapes.capsules)} capsules from the URDF's {shapes.source} geometry")
+    for line in report:
+        say(line)
+    say(f"wrote {path}; `contactctl reload` takes it up, while the arm is off")
+
+
+def fitted(robot: Robot, source: Source | None, around: Surroundings) -> tuple[Shapes, list[str]]:
+    """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
+    chosen, links = points_of(robot, source)
+    capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
+    shapes = Shapes(version=1, urdf=urdf, source=chosen, capsules=capsules)
+    left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
+    return replace(shapes, left_out=left_out), report
+
+
+def points_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoints]]:
+    """Points of all links, of the first geometry that the URDF has."""
+    for kind in ("collision", "visual"):
+        if source in (None, kind) and (links := list(_described(robot, kind))):
+            return kind, links  # type: ignore[return-value]
+    if source in ("collision", "visual"):
+        raise ConfigurationError(f"{robot.configuration.urdf}: has no {source} geometry")
+    return "inertial", list(_inertial(robot))
+
+
+def _described(robot: Robot, kind: str) -> Iterator[LinkPoints]:
+    """Links by their <collision> or <visual> geometry."""
+    if f"<{kind}" not in robot.urdf:
+        return
+    model, _ = read_urdf(robot.urdf)
+    folder = (robot.folder / robot.configuration.urdf).parent
+    try:
+        geometry = pin.buildGeomFromUrdfString(
+            model, robot.urdf, _TYPES[kind], package_dirs=[str(folder)]
+        )
+    except ValueError as error:
+        raise ModelError(f"{robot.configuration.urdf}: {kind} geometry: {error}") from error
+    for one in geometry.geometryObjects:
+        points, radius = _points(one.geometry, np.asarray(one.meshScale))
+        placed = points @ one.placement.rotation.T + one.placement.translation
+        yield LinkPoints(one.name.removesuffix("_0"), one.parentJoint - 1, placed, radius)
+
+
+def _points(shape: coal.CollisionGeometry, scale: Matrix) -> tuple[Matrix, float]:
+    """Points of a shape in its own frame, and the radius about them."""
+    up = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+    if isinstance(shape, coal.Sphere):
+        return np.zeros((1, 3)), shape.radius
+    if isinstance(shape, coal.Capsule):
+        return up * shape.halfLength, shape.radius
+    if isinstance(shape, coal.Box):
+        return _corners(shape.halfSide), 0.0
+    if isinstance(shape, coal.Cylinder):
+        angle = 2.0 * np.pi / _RIM * np.arange(_RIM)
+        rim = shape.radius / np.cos(np.pi / _RIM) * np.array([np.cos(angle), np.sin(angle)]).T
+        ends = [np.column_stack((rim, np.full(_RIM, z * shape.halfLength))) for z in (-1, 1)]
+        return np.vstack(ends), 0.0
+    return np.asarray(shape.vertices()) * scale, 0.0
+
+
+def _inertial(robot: Robot) -> Iterator[LinkPoints]:
+    """Links by the box of even density with their mass and inertia, and by the joints that they
+    reach from and to."""
+    bodies = robot.model.bodies()
+    for k, body in enumerate(bodies):
+        points = [np.zeros((1, 3)), *_box_of(body)]
+        points += [b.translation[np.newaxis] for b in bodies if b.parent == k]
+        yield LinkPoints(robot.configuration.joint_names[body.row], k, np.vstack(points))
+
+
+def _box_of(body: Body) -> Iterator[Matrix]:
+    if body.mass > 0.0:
+        centre = body.moment / body.mass
+        about = body.inertia - body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        moments, axes = np.linalg.eigh(about)
+        square = 1.5 * (moments.sum() - 2.0 * moments) / body.mass
+        yield centre + _corners(np.sqrt(np.maximum(square, 0.0))) @ axes.T
+
+
+def _corners(half: Matrix) -> Matrix:
+    return np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, 8).T * half
+
+
+def _capsules(robot: Robot, links: list[LinkPoints]) -> list[CapsuleEntry]:
+    joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
+    for link in links:
+        fit = fit_capsule(link.points)
+        start, end = (tuple(np.round(p, 4).tolist()) for p in (fit.start, fit.end))
+        joint = joints[bodies[link.body].row] if link.body >= 0 else BASE
+        fits_m = fit.radius if link.radius == 0.0 else max(fit.radius - 0.005, 0.0) + link.radius
+        radius = round(fits_m + 1e-4, 4)  # and what rounding may take
+        entries.append(
+            CapsuleEntry(name=link.name, joint=joint, start=start, end=end, radius=radius)
+        )
+    return entries
+
+
+def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
+    """Pairs that are not guarded, and all pairs in words."""
+    c, bodies = robot.configuration, robot.model.bodies()
+    clearance = clearance_of(walls, bodies, c.joint_names)
+    lower = np.array([joint.limits.lower for joint in c.joints])
+    upper = np.array([joint.limits.upper for joint in c.joints])
+    gaps = gaps_over_poses(clearance, lower, upper, walls.shapes.margin)
+    left_out, report = [], []
+    for (first, second), found in zip(clearance.pairs, gaps, strict=True):
+        one, other = first.body, getattr(second, "body", -2)
+        near = other in _carriers(bodies, one) or one in _carriers(bodies, other)
+        why = found.why(neighbours=near)
+        report.append(f"{'left out' if why else 'guarded':9} {first.name} - {second.name}: "
+                      f"{_in_words(found)}")  # fmt: skip
+        if why:
+            left_out.append(LeftOut(pair=(first.name, second.name), why=why))
+    return left_out, report
+
+
+def _carriers(bodies: list[Body], body: int) -> list[int]:
+    return [bodies[body].parent] if body >= 0 else []
+
+
+def _in_words(gaps: PairGaps) -> str:
+    if gaps.touching == 0.0 and gaps.least > 0.0:
+        return f"never nearer than {1000.0 * gaps.least:.0f} mm"
+    return f"touch in {gaps.touching:.1%} of all poses"

@@ -1,0 +1,112 @@
+"""Files of shapes and surroundings: what is read, what is refused, and what is bounded by them."""
+
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bench.rigs.lockstep import DESK_ARM
+from common.errors import ConfigurationError
+from daemon.assembly import build_walls
+from daemon.config.files import Files
+from daemon.config.load import load_robot
+from daemon.config.shapes import SHAPES, SURROUNDINGS, clearance_of, obstacles_of
+from programs.contactd.contactd import main
+
+TABLE = "version: 1\nplanes:\n  table: {point: [0, 0, -0.2], normal: [0, 0, 2]}\n"
+BOX = "boxes:\n  press: {centre: [1, 0, 0], size: [0.2, 0.4, 0.6], rpy: [0, 0, 1.57079632679]}\n"
+
+
+@pytest.fixture(scope="module")
+def shaped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shaped") / "arm"
+    copytree(DESK_ARM, folder)
+    (folder / SHAPES).unlink(missing_ok=True)
+    assert CliRunner().invoke(main, ["shapes", str(folder)]).exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def folder(shaped: Path, tmp_path: Path) -> Path:
+    return Path(copytree(shaped, tmp_path / "arm"))
+
+
+def test_without_shapes_nothing_is_bounded() -> None:
+    robot = load_robot(DESK_ARM)
+    assert robot.walls is None
+    assert build_walls(robot) is None
+
+
+def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
+    (folder / SURROUNDINGS).write_text(TABLE + BOX)
+    robot = load_robot(folder)
+    assert robot.walls is not None
+    clearance = clearance_of(robot.walls, robot.model.bodies(), robot.configuration.joint_names)
+    names = [(one.name, other.name) for one, other in clearance.pairs]
+    assert names == [(one, other) for one in ("column", "swing") for other in ("table", "press")]
+    plane, box = obstacles_of(robot.walls)
+    assert plane.offset == pytest.approx(-0.2)
+    assert np.allclose(box.axes @ [1, 0, 0], [0, 1, 0])
+    assert build_walls(robot) is not None
+
+
+def test_a_second_run_replaces_nothing_without_force(folder: Path) -> None:
+    runs = [CliRunner().invoke(main, ["shapes", str(folder), *more]) for more in ([], ["--force"])]
+    assert [run.exit_code for run in runs] == [78, 0]
+
+
+def edited(folder: Path, name: str, old: str, new: str) -> None:
+    text = (folder / name).read_text()
+    assert old in text
+    (folder / name).write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        (SHAPES, "joint: swing", "joint: elbow"), (SHAPES, "name: swing", "name: column"),
+        (SHAPES, "name: swing", "name: table"), (SHAPES, "radius: ", "radius: -"),
+        (SHAPES, "urdf: ", "urdf: f"), (SURROUNDINGS, "[0, 0, 2]", "[0, 0, 0]"),
+        (SURROUNDINGS, "press", "table"), (SURROUNDINGS, "planes", "walls"),
+    ],
+)  # fmt: skip
+def test_refused_with_file_and_line(folder: Path, name: str, old: str, new: str) -> None:
+    (folder / SURROUNDINGS).write_text(TABLE + BOX)
+    load_robot(folder)
+    edited(folder, name, old, new)
+    with pytest.raises(ConfigurationError, match=rf"{name}:\d+: "):
+        load_robot(folder)
+
+
+def test_surroundings_alone_are_refused(folder: Path) -> None:
+    (folder / SURROUNDINGS).write_text(TABLE)
+    (folder / SHAPES).unlink()
+    with pytest.raises(ConfigurationError, match=SURROUNDINGS):
+        load_robot(folder)
+
+
+def test_both_files_count_as_changed(folder: Path) -> None:
+    files = Files.of(load_robot(folder))
+    assert files.changed() == []
+    (folder / SURROUNDINGS).write_text(TABLE)
+    edited(folder, SHAPES, "margin: 0.005", "margin: 0.01")
+    assert sorted(files.changed()) == [SHAPES, SURROUNDINGS]
+
+
+def test_collision_geometry_comes_before_inertia(folder: Path) -> None:
+    (folder / SHAPES).unlink()
+    urdf = folder / "arm.urdf"
+    shape = '<collision><geometry><cylinder radius="0.05" length="0.4"/></geometry></collision>'
+    first = urdf.read_text().index("<inertial>")
+    urdf.write_text(urdf.read_text()[:first] + shape + urdf.read_text()[first:])
+    (folder / "identified.yaml").unlink(missing_ok=True)
+    run = CliRunner().invoke(main, ["shapes", str(folder)])
+    assert run.exit_code == 0, run.output
+    walls = load_robot(folder).walls
+    assert walls is not None
+    (capsule,) = walls.shapes.capsules
+    assert walls.shapes.source == "collision"
+    assert 0.05 < capsule.radius < 0.06
+    assert np.linalg.norm(np.subtract(capsule.end, capsule.start)) > 0.3

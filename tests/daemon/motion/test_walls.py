@@ -1,0 +1,158 @@
+"""Walls: what approaches stops in front of them, slides along, and may leave."""
+
+import numpy as np
+import pytest
+
+from daemon.motion.path import Place
+from daemon.motion.pose_path import PosePath
+from daemon.tick.refusals import leads_through
+from estimator.clearance import Box, Capsule, Clearance, Plane
+from estimator.dynamics import Body
+from estimator.walls import Walls
+
+DT, REACTION_S = 0.01, 0.025
+ACCELERATION = np.array([4.0, 3.0, 6.0])
+LENGTHS = (0.4, 0.3, 0.2)
+STILL = np.zeros((2, 3))
+
+
+def arm(*obstacles) -> Clearance:
+    """Three links in a vertical plane, from the height of 0.5 m, against all of `obstacles`, and
+    the last against the first."""
+    bodies = []
+    for k in range(3):
+        there = np.array([LENGTHS[k - 1], 0, 0]) if k else np.array([0, 0, 0.5])
+        bodies.append(
+            Body(
+                parent=k - 1, row=k, rotation=np.eye(3), translation=there,
+                turning=np.array([0, -1.0, 0]), sliding=np.zeros(3), mass=1.0, moment=np.zeros(3),
+                inertia=np.eye(3),
+            )
+        )  # fmt: skip
+    links = [
+        Capsule(f"link {k}", k, np.zeros(3), np.array([length, 0, 0]), 0.03)
+        for k, length in enumerate(LENGTHS)
+    ]
+    pairs = [(link, one) for link in links for one in obstacles]
+    return Clearance(bodies, links, [*pairs, (links[2], links[0])])
+
+
+TABLE = Plane("table", np.array([0, 0, 1.0]), 0.0)
+BOX = Box("box", np.array([0.6, 0, 0.1]), np.eye(3), np.array([0.1, 0.4, 0.3]))
+
+
+def walls(*obstacles, margin: float = 0.005) -> Walls:
+    return Walls(arm(*obstacles), ACCELERATION, REACTION_S, margin)
+
+
+def bounded(one: Walls, q: np.ndarray, wanted: np.ndarray, play: np.ndarray = STILL) -> np.ndarray:
+    out = np.empty(3)
+    one.bound(q, wanted, play, out)
+    return out
+
+
+def clear_pose(one: Walls, rng: np.random.Generator, least: float = 0.006) -> np.ndarray:
+    while True:
+        q = rng.uniform(-2.0, 2.0, 3)
+        one.clearance.at(q)
+        if np.min(one.clearance.gap) > least:
+            return q
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_never_adds_motion(seed: int) -> None:
+    rng, one, slowed = np.random.default_rng(seed), walls(TABLE, BOX), 0
+    for _ in range(2000):
+        q, wanted = rng.uniform(-2.5, 2.5, 3), rng.uniform(-3.0, 3.0, 3)
+        out = bounded(one, q, wanted)
+        assert np.all(out * wanted >= 0.0)
+        assert np.all(np.abs(out) <= np.abs(wanted))
+        slowed += one.slows
+    assert slowed > 500
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(seed: int) -> None:
+    """Setpoints jump, joints follow by their acceleration and a lag; the margin takes up
+    what a joint that opens a gap does while it is reversed."""
+    rng, one, least, nearest = np.random.default_rng(seed), walls(TABLE, BOX), 1.0, 1.0
+    for _ in range(25):
+        q, v, sent = clear_pose(one, rng), np.zeros(3), np.zeros(3)
+        for k in range(200):
+            if k % 25 == 0:
+                wanted = rng.choice([-2.0, 0.0, 2.0], 3)
+            ramped = np.clip(wanted, sent - ACCELERATION * DT, sent + ACCELERATION * DT)
+            late, sent = sent, bounded(one, q, ramped)
+            v = v + (late - v) * DT / (DT + 0.01)
+            q = q + v * DT
+            one.clearance.at(q)
+            least = min(least, float(np.min(one.clearance.gap)))
+        nearest = min(nearest, one.distance)
+    assert 0.002 < least < 0.02, least
+
+
+def test_slides_along_a_wall_and_does_not_stick() -> None:
+    """In front of the table, with one joint that closes the gap and one that opens it as fast, the
+    arm goes on; the joint that closes it alone stands."""
+    one = walls(TABLE)
+    q = np.array([-0.9, 0.5, 0.4])
+    one.clearance.at(q)
+    row = int(np.argmin(one.clearance.gap))
+    q[0] -= (one.clearance.gap[row] - 0.0052) / one.clearance.gradient[row][0]
+    one.clearance.at(q)
+    row, gradient = int(np.argmin(one.clearance.gap)), np.asarray(one.clearance.gradient)
+    assert one.clearance.gap[row] < 0.006
+    along = np.array([-0.3, 0.3 * gradient[row, 0] / gradient[row, 1], 0.0])
+    out = bounded(one, q, along)
+    assert out[0] < 0.8 * along[0]
+    assert out[1] == along[1]
+    out = bounded(one, q, np.array([-0.3, 0.0, 0.3 * np.sign(gradient[row, 2])]))
+    assert abs(out[2]) == pytest.approx(0.3)
+    assert abs(out[0]) < 0.3 * abs(gradient[row, 2] / gradient[row, 0]) + 0.01
+
+
+def test_inside_only_the_way_out_is_left() -> None:
+    one = walls(TABLE)
+    q = np.array([-1.5, 0.2, 0.1])
+    assert np.abs(bounded(one, q, np.array([-1.0, 0.0, 0.0]))).max() < 1e-12
+    assert one.distance < 0.0
+    assert one.slows
+    out = bounded(one, q, np.array([1.0, 0.0, 0.0]))
+    assert out[0] == 1.0
+
+
+def test_play_of_the_gears_counts_as_gap() -> None:
+    one = walls(TABLE)
+    q, wanted = np.array([-0.3, -0.2, -0.1]), np.array([-0.5, -0.5, -0.5])
+    one.clearance.at(q)
+    gap = float(np.min(one.clearance.gap))
+    free = bounded(one, q, wanted)
+    row = int(np.argmin(one.clearance.gap))
+    gradient = one.clearance.gradient[row][0]
+    play = np.zeros((2, 3))
+    play[0 if gradient > 0 else 1, 0] = (gap - 0.005) / abs(gradient)
+    assert free.any()
+    assert not bounded(one, q, wanted, play)[0]
+
+
+def test_a_position_that_is_not_known_stops_and_a_wrong_velocity_stays() -> None:
+    one, q = walls(TABLE), np.zeros(3)
+    assert not bounded(one, np.array([0.0, np.nan, 0.0]), np.ones(3)).any()
+    assert np.isnan(bounded(one, q, np.array([0.0, np.nan, 0.1]))).any()
+
+
+def test_a_path_that_leads_through_is_refused_with_where() -> None:
+    one, speed = walls(TABLE, BOX), np.full(3, 0.5)
+    here, beyond = np.array([0.9, 0.0, 0.0]), np.array([-0.4, 0.9, 0.0])
+
+    def way(start: np.ndarray, goal: np.ndarray) -> list[str]:
+        return leads_through(one, start, Place(PosePath("pose", start, goal, speed)))
+
+    (reason,) = way(here, beyond)
+    assert "link 1 through box" in reason
+    assert not leads_through(None, here, Place(PosePath("pose", here, beyond, speed)))
+    assert not way(here, here + 0.3)
+    assert not way(here, here)
+    inside = np.array([-0.4, 0.0, 0.0])
+    assert not way(inside, here)
+    assert way(inside, inside - 0.2)

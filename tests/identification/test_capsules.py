@@ -1,0 +1,58 @@
+"""Capsules that are fitted contain their points and are little larger; pairs by sampled poses."""
+
+import numpy as np
+import pytest
+
+from identification.capsules import THINNEST, PairGaps, fit_capsule, gaps_over_poses
+from tests.daemon.motion.test_walls import TABLE, arm
+
+
+def outside(fit, points: np.ndarray) -> float:
+    way = fit.end - fit.start
+    t = np.clip((points - fit.start) @ way / max(way @ way, 1e-12), 0.0, 1.0)
+    return float(np.linalg.norm(points - fit.start - np.outer(t, way), axis=1).max() - fit.radius)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_contains_all_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(200, 3)) * rng.uniform(0.01, 0.3, 3) + rng.normal(size=3)
+    assert outside(fit_capsule(points), points) < 1e-9
+
+
+def test_a_capsule_is_found_again() -> None:
+    rng = np.random.default_rng(2)
+    ways = rng.normal(size=(3000, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, np.newaxis]
+    start, end = np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.1, 0.7])
+    points = start + np.outer(rng.uniform(size=3000).round(), end - start) + 0.05 * ways
+    fit = fit_capsule(points)
+    assert fit.radius == pytest.approx(0.05, abs=0.002)
+    assert np.linalg.norm(fit.end - fit.start) == pytest.approx(
+        np.linalg.norm(end - start), rel=0.03
+    )
+
+
+def test_a_point_has_the_least_radius() -> None:
+    fit = fit_capsule(np.array([[0.1, 0.2, 0.3]]))
+    assert fit.radius == THINNEST
+    assert np.allclose(fit.start, [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("least", "touching", "neighbours", "why"),
+    [
+        (-0.1, 0.99, False, "always"), (-0.1, 0.3, False, "often"), (0.03, 0.0, False, "never"),
+        (-0.1, 0.1, True, "neighbours"), (-0.1, 0.1, False, None), (0.01, 0.0, True, None),
+    ],
+)  # fmt: skip
+def test_which_pairs_are_left_out(least: float, touching: float, neighbours: bool, why) -> None:
+    assert PairGaps(least, touching).why(neighbours=neighbours) == why
+
+
+def test_the_smallest_gap_is_sought_beyond_the_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last link gets below the table only where all joints hang: between few samples."""
+    monkeypatch.setattr("identification.capsules.SAMPLES", 60)
+    gaps = gaps_over_poses(arm(TABLE), np.full(3, -0.3), np.full(3, 0.3), 0.005)
+    exact = 0.5 - 0.4 * np.sin(0.3) - 0.3 * np.sin(0.6) - 0.2 * np.sin(0.9) - 0.03
+    assert gaps[2].least == pytest.approx(exact, abs=0.002)
