@@ -77,7 +77,17 @@ def read_csv(
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
-    return _on_a_raster(log, twice + held + notes)
+    return _on_a_raster(log, twice + held + notes + _assumed(path, joints))
+
+
+def _assumed(path: Path, joints: Sequence[str]) -> tuple[str, ...]:
+    """Note on motor positions that the file of names states, or none."""
+    named = read_names(path)
+    given = named.conversions if named else {}
+    stated = [f"{name} {given[name].offset:g} rad" for name in (f"{_SIDES[1]}.{j}" for j in joints)
+              if name in given and not given[name].column]  # fmt: skip
+    return (f"assumed in {beside(path).name}, not measured: {', '.join(stated)}; gap and contacts "
+            "are right only where the motor stood there",) if stated else ()  # fmt: skip
 
 
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
