@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, Final
 
+from common.errors import ConfigurationError
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, frames_of
 from drivers.api import BootableDrives
@@ -18,6 +19,7 @@ from drivers.canopen.boot.required_objects import DriveSetup
 from drivers.canopen.settings import CanopenProfile
 from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.settings import DamiaoProfile
+from drivers.log.settings import LogProfile
 from drivers.robstride.arm import RobStrideArm
 from drivers.robstride.settings import RobStrideProfile
 
@@ -49,6 +51,8 @@ def build_setups(robot: Robot) -> Setups:
     """Set-up of each drive, with which it may be operational: of makes that need no file for it,
     the drives. Raises ConfigurationError."""
     c = robot.configuration
+    if isinstance(c.joint_drives[0].profile, LogProfile):
+        raise ConfigurationError(f"{robot.path}: `make: log` has no drives: it is for logs alone")
     if not _canopen(c):
         return c.joint_drives
     sheets = {

@@ -17,6 +17,7 @@ from daemon.config.delays import LATEST_S, delays
 from daemon.config.problem import Keys, Problem, at, figure
 from daemon.config.schema import Configuration, Joint
 from daemon.config.worst_loads import Load, worst_loads
+from drivers.log.settings import LogProfile
 from estimator.model import Model
 from estimator.transmission import stiction_range
 
@@ -101,7 +102,8 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
     weight = GRAVITY * model.mass * reach
     yield from _sensing(c)
     for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, model), strict=True)):
-        yield from _motor(i, joint, weight)
+        made = not isinstance(c.drives[joint.wiring.profile], LogProfile)
+        yield from _motor(i, joint, weight) if made else ()  # a gear may be in it
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)

@@ -13,6 +13,7 @@ from drivers.canopen.boot.required_objects import DriveSetup, lacks
 from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
+from drivers.log.settings import LogProfile
 from drivers.robstride.settings import RobStrideProfile
 
 QUANTITY_UNITS = {
@@ -37,6 +38,8 @@ FOLDED = "mapping"  # the column that may wrap
 def drives_in_words(robot: Robot) -> list[Table | str]:
     """Tables and remarks about each drive profile."""
     c = robot.configuration
+    if isinstance(c.joint_drives[0].profile, LogProfile):
+        return []
     setups: dict[str, Any] = {
         joint.wiring.profile: setup
         for joint, setup in zip(c.joints, build_setups(robot), strict=True)
@@ -45,7 +48,7 @@ def drives_in_words(robot: Robot) -> list[Table | str]:
     for name, profile in c.drives.items():
         if isinstance(profile, CanopenProfile):
             found += _canopen(c, name, profile, setups[name])
-        else:
+        elif not isinstance(profile, LogProfile):
             found.append(_motors(c, name, profile))
     return found
 

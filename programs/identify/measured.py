@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from common.arrays import Matrix
 from common.errors import ContactdError, LogError, ShortLogError
+from daemon.config.evidence import unidentified
 from daemon.config.identified import residuals_alike, samples_alike
 from daemon.config.load import Robot, parse_configuration
 from daemon.config.schema import Configuration
@@ -89,12 +90,15 @@ def read_measured(
     if gap_of:
         states = moved(states)
     measured = from_states(states, c.joint_names, tuple(notes))
-    return dataclasses.replace(
-        measured,
-        outdated=outdated,
-        gain=recorded.control.position_gain,
-        reference=None if foreign else measured.reference,
-    )
+    measured = dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
+    if not foreign or estimated_by is None:
+        return measured
+    # What passed a level that was only a guess was no touch.
+    guessed = [
+        name in unidentified("thresholds", estimated_by.identified, c) for name in c.joint_names
+    ]
+    touched = None if measured.touched is None else measured.touched & ~np.array(guessed)
+    return dataclasses.replace(measured, reference=None, touched=touched)
 
 
 def moved(states: list[State]) -> list[State]:

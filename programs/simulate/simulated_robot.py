@@ -19,6 +19,7 @@ from daemon.config.schema import Joint
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
+from drivers.log.settings import LogProfile
 from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
@@ -174,6 +175,8 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     """Fields of a joint whose motor is its drive: the model, and registers as configured."""
     if isinstance(profile, CanopenProfile):
         return {}
+    if isinstance(profile, LogProfile):
+        raise ConfigurationError("`make: log`: there are no drives to simulate")
     ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     if isinstance(profile, DamiaoProfile):
         make, registers = "damiao", dict(zip(("PMAX", "VMAX", "TMAX"), ranges, strict=True))

@@ -52,7 +52,7 @@ def test_a_gap_needs_two_positions_and_a_torque(tmp_path: Path) -> None:
     assert "alpha 20.00 mrad" in result.output
     friction = CliRunner().invoke(main, ["identify", "friction", *given])
     assert friction.exit_code != 0
-    assert "no column motor_velocity.joint" in friction.output
+    assert "no motor_velocity of joint: taken from the change of position" in friction.output
 
 
 def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> None:
