@@ -102,8 +102,9 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
     weight = GRAVITY * model.mass * reach
     yield from _sensing(c)
     for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, model), strict=True)):
-        made = not isinstance(c.drives[joint.wiring.profile], LogProfile)
-        yield from _motor(i, joint, weight) if made else ()  # a gear may be in it
+        if isinstance(c.drives[joint.wiring.profile], LogProfile):
+            continue  # of its motor only the log is known
+        yield from _motor(i, joint, weight)
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
         yield from _links(c, joint, load)

@@ -12,8 +12,8 @@ from common.errors import ConfigurationError, LogError
 from common.regular_file import read_text
 from daemon.config.load import load_robot
 from daemon.protocol.text import printable
-from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
+from identification.skew import without_skew
 from programs.command_line.sentences import say
 from programs.contactd.drafts.configuration import guesses
 from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
@@ -79,25 +79,29 @@ def _write(
     text, changes = loosened(text, set.intersection(*there))
     ranges = [one for one in joint_ranges(text) if one.kind == "revolute"]
     names = [one.joint for one in ranges]
-    read = [read_csv(path, names, dict.fromkeys(names, 1.0))[0] for path in logs]
-    log, _ = joined(read)
-    names_file = read_names(logs[0])
-    found = scales(log, Model(text, names))
-    usual = float(np.median([abs(one.constant) for one in found if one.constant] or [1.0]))
-    shown = zip(names, found, strict=True)
-    constants = {name: _constant(name, scale, usual, names_file) for name, scale in shown}
-    factors = {name: (factor, why) for name, (factor, _, why) in constants.items()}
-    columns = {path: one.scaled(factors) for path, one in columns.items()}
-    write_names()
-    if columns:
-        log = replace(log, current=log.current * np.array([constants[n][0] for n in names]))
-    draft = log_draft(folder.resolve().name, urdf.name, log, ranges,
-                      [constants[name][1:] for name in names])  # fmt: skip
+    log, _ = joined([read_csv(path, names, dict.fromkeys(names, 1.0))[0] for path in logs])
     folder.mkdir(parents=True)
     written.append(folder)
     (folder / urdf.name).write_text(text, encoding="utf-8")
-    (folder / "config.yaml").write_text(draft, encoding="utf-8")
-    return draft, columns, changes
+
+    def drafted(constants: Sequence[tuple[float, str]]) -> str:
+        draft = log_draft(folder.resolve().name, urdf.name, log, ranges, constants)
+        (folder / "config.yaml").write_text(draft, encoding="utf-8")
+        return draft
+
+    drafted([(1.0, "")] * len(names))
+    robot = load_robot(folder)
+    aligned, _ = without_skew(log, robot.model, robot.configuration.estimator)
+    found = scales(aligned, robot.model)
+    usual = float(np.median([abs(one.constant) for one in found if one.constant] or [1.0]))
+    known = read_names(logs[0])
+    constants = [_constant(name, one, usual, known) for name, one in zip(names, found, strict=True)]
+    factors = {name: (one[0], one[2]) for name, one in zip(names, constants, strict=True)}
+    columns = {path: one.scaled(factors) for path, one in columns.items()}
+    write_names()
+    if columns:
+        log = replace(log, current=log.current * np.array([factors[name][0] for name in names]))
+    return drafted([one[1:] for one in constants]), columns, changes
 
 
 def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:

@@ -13,7 +13,9 @@ from common import compiled
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.protocol.state import Snapshot, State
+from estimator.model import Model
 from identification.motion_log import MotionLog
+from identification.skew import without_skew
 from programs.identify.csv_log import COLUMNS, read_csv
 from programs.identify.log_names import beside
 from programs.recordings.over_log import over_log
@@ -28,8 +30,15 @@ _LAYOUT: Final = 1  # of the recordings in the cache
 
 def foreign_states(path: Path, robot: Robot) -> tuple[Snapshot, list[State]]:
     """Snapshot and States of a log. Raises LogError."""
-    log, notes = read_csv(path, robot.configuration.joint_names, constants_of(robot.configuration))
+    log, notes = read_aligned(path, robot.configuration, robot.model)
     return over_log(log, robot, notes)
+
+
+def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog, tuple[str, ...]]:
+    """Log of all joints, without the skew of its columns, and notes. Raises LogError."""
+    log, notes = read_csv(path, c.joint_names, constants_of(c))
+    log, skew = without_skew(log, model, c.estimator)
+    return log, notes + skew.notes(log.joints)
 
 
 def recording_of(path: Path, config: Path) -> Path:

@@ -89,9 +89,8 @@ class Identification:
         """Measurements that `live` takes of the arm, or those of the logs, all of which serve each
         step; gap_of: the one joint that a log needs; residuals: they are needed, too."""
         if self.arm is None:
-            by = self.robot if residuals else None
-            c = self.robot.configuration
-            return read_measured(self._logs, c, gap_of=gap_of, estimated_by=by)
+            return read_measured(self._logs, self.robot.configuration, gap_of=gap_of,
+                                 robot=self.robot, residuals=residuals)  # fmt: skip
         return live(self.arm)
 
     def busy(self, text: str) -> AbstractContextManager[object]:

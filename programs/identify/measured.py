@@ -24,7 +24,7 @@ from estimator.estimate import Flag
 from identification.motion_log import MotionLog
 from programs.clients.log_reader import read_log
 from programs.identify.csv_log import COLUMNS, read_csv
-from programs.identify.foreign import constants_of, foreign_states, joined
+from programs.identify.foreign import constants_of, foreign_states, joined, read_aligned
 from programs.identify.log_names import is_foreign
 
 _DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
@@ -51,21 +51,25 @@ class Measured:
 
 
 def read_measured(
-    paths: Sequence[Path], c: Configuration, *, gap_of: str = "", estimated_by: Robot | None = None
-) -> Measured:
+    paths: Sequence[Path], c: Configuration, *, gap_of: str = "", robot: Robot | None = None,
+    residuals: bool = False,
+) -> Measured:  # fmt: skip
     """Measurements of recordings by `contactctl record`, one after another, or of logs of other
-    programs, which need no other joint than the one whose gap is asked for (`gap_of`), and get
-    residuals where there is a robot that they are `estimated_by`.
+    programs, which need no other joint than the one whose gap is asked for (`gap_of`), lose the
+    skew of their columns where the robot is known, and get its residuals where these are needed.
 
     Raises LogError, also if they were made with other drives or another wiring than `c` has.
     """
     foreign = [path for path in paths if is_foreign(path)]
-    if foreign and estimated_by is None:
+    if foreign and (robot is None or not residuals):
         if len(foreign) < len(paths):
             raise LogError(f"{len(paths)} files: give logs of other programs alone, or recordings "
                            "of contactd (.mcap)")  # fmt: skip
-        joints = [gap_of] if gap_of else c.joint_names
-        read = [read_csv(path, joints, constants_of(c), of_gap=bool(gap_of)) for path in paths]
+        if robot is None or gap_of:
+            joints = [gap_of] if gap_of else c.joint_names
+            read = [read_csv(path, joints, constants_of(c), of_gap=bool(gap_of)) for path in paths]
+        else:
+            read = [read_aligned(path, c, robot.model) for path in paths]
         log, about = joined([one for one, _ in read])
         return Measured(log, _hash(log), notes=(*_named(paths, [n for _, n in read]), *about))
     states: list[State] = []
@@ -73,8 +77,8 @@ def read_measured(
     outdated = ""
     for path in paths:
         later = states[-1].time_s + _APART_S if states else 0.0
-        if path in foreign and estimated_by is not None:
-            found, broken, recorded = foreign_states(path, estimated_by)[1], "", c
+        if path in foreign and robot is not None:
+            found, broken, recorded = foreign_states(path, robot)[1], "", c
             news = [one.text for one in found[0].notices if one.kind == "mode"]
             notes += [f"{path.name}: {text}" if len(paths) > 1 else text for text in news]
         else:
@@ -91,12 +95,10 @@ def read_measured(
         states = moved(states)
     measured = from_states(states, c.joint_names, tuple(notes))
     measured = dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
-    if not foreign or estimated_by is None:
+    if not foreign or robot is None:
         return measured
     # What passed a level that was only a guess was no touch.
-    guessed = [
-        name in unidentified("thresholds", estimated_by.identified, c) for name in c.joint_names
-    ]
+    guessed = [name in unidentified("thresholds", robot.identified, c) for name in c.joint_names]
     touched = None if measured.touched is None else measured.touched & ~np.array(guessed)
     return dataclasses.replace(measured, reference=None, touched=touched)
 

@@ -122,7 +122,7 @@ bus: {{interface: virtual, channel: none}}
 drives: {{logs: {{make: log}}}}
 joints:
 {joints}
-estimator: {{motor_position: {measured}}}
+estimator: {{motor_position: {measured}, current_delay_ms: 0}}
 """
 
 

@@ -150,3 +150,23 @@ def test_logs_and_drives_do_not_go_together(tmp_path: Path) -> None:
     for more in (["--log-only"], ["log.csv"], ["--log-only", "--drive", "damiao:DM4340", "a.csv"]):
         result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--urdf", "a", *more])
         assert result.exit_code == 2, more
+
+
+def test_friction_of_a_log_whose_columns_are_late(tmp_path: Path, arm: Stranger) -> None:
+    """As right as of one whose columns are not; else a wider gap, or masses, were named."""
+    found = []
+    for late in ({}, {"motor_velocity": 0.008, "current": -0.006}):
+        folder = tmp_path / str(len(found))
+        folder.mkdir()
+        assert drafted(folder, arm, Style(late_s=late)).exit_code == 0
+        given = ["--config", str(folder / "arm"), "--log", str(folder / "log.csv")]
+        result = CliRunner().invoke(main, ["identify", "friction", *given])
+        assert ("motor_velocity of elbow +8." in result.output) == bool(late)
+        identified = load_robot(folder / "arm").identified
+        assert identified is not None
+        friction = [identified.joints[name].friction for name in ("shoulder", "elbow", "forearm")]
+        assert None not in friction
+        found.append([one.friction.motor_coulomb + one.friction.link_coulomb
+                      for one in friction if one])  # fmt: skip
+    assert found[1] == pytest.approx(found[0], rel=0.05)
+    assert found[0] == pytest.approx(arm.friction[1:4].tolist(), rel=0.08)
