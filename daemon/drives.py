@@ -19,7 +19,6 @@ from drivers.canopen.boot.required_objects import DriveSetup
 from drivers.canopen.settings import CanopenProfile
 from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.settings import DamiaoProfile
-from drivers.log.settings import LogProfile
 from drivers.robstride.arm import RobStrideArm
 from drivers.robstride.settings import RobStrideProfile
 
@@ -51,7 +50,7 @@ def build_setups(robot: Robot) -> Setups:
     """Set-up of each drive, with which it may be operational: of makes that need no file for it,
     the drives. Raises ConfigurationError."""
     c = robot.configuration
-    if isinstance(c.joint_drives[0].profile, LogProfile):
+    if not frames_of(c):
         raise ConfigurationError(f"{robot.path}: `make: log` has no drives: it is for logs alone")
     if not _canopen(c):
         return c.joint_drives

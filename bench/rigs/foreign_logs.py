@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from bench.rigs.arm_batch import record_fleet
+from bench.rigs.arm_batch import Push, record_fleet
 from bench.rigs.generated_arms import URDF, GeneratedArm, generate
 from bench.study.masses import EXACT, along
 from common.arrays import Matrix, Vector
@@ -62,8 +62,9 @@ class Style:
     seed: int = 0
 
 
-def stranger(seed: int, seconds: float, folder: Path) -> Stranger:
-    """Arm of a seed, moved for some seconds without contact; its files go to a folder."""
+def stranger(seed: int, seconds: float, folder: Path, push: Push | None = None) -> Stranger:
+    """Arm of a seed, moved for some seconds, without contact unless pushed; its files go to a
+    folder."""
     arm = generate(seed)
     robot = load_robot(arm.write(folder))
     description = replace(describe(robot, read_simulation(robot)), period_s=FINE_S)
@@ -72,7 +73,7 @@ def stranger(seed: int, seconds: float, folder: Path) -> Stranger:
     motion = excitation(bounds_of(robot.configuration), robot.model, FINE_S, seed)
     path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
     ((log,),) = record_fleet(
-        description, [truth], along(path, FINE_S), len(path) * FINE_S, settings
+        description, [truth], along(path, FINE_S), len(path) * FINE_S, settings, push=push
     )
     return Stranger(arm, log, truth)
 

@@ -207,6 +207,7 @@ def _settings(
     import numpy as np
 
     from daemon.assembly import build_transmission
+    from daemon.config.schema import frames_of
     from daemon.config.vectors import row
     from daemon.tick.arming_checks import RAISED
     from identification.thresholds import LevelSettings
@@ -216,6 +217,7 @@ def _settings(
     unsure = c.estimator.unknown_side_share * (half_gap > 0.0)
     least = hidden / (_NEARLY * RAISED - 1.0 - unsure)
     strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
-    bounds = np.maximum(0.01 * strongest, least), 0.2 * strongest
+    share = 0.2 if frames_of(c) else 1.0  # of the largest in a log, where there are no drives
+    bounds = np.maximum(0.01 * strongest, least), share * strongest
     settings = LevelSettings(per_hour, per_hour / 100.0, *bounds, half_gap, it_was_me=it_was_me)
     return settings, hidden, least

@@ -111,7 +111,8 @@ def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
     assert drafted(tmp_path, arm, Style()).exit_code == 0
     with pytest.raises(ConfigurationError, match="`make: log` has no drives"):
         build_setups(load_robot(tmp_path / "arm"))
-    assert CliRunner().invoke(main, ["run", str(tmp_path / "arm")]).exit_code == 78
+    for words in (["run"], ["simulate", "--write-truth"]):
+        assert CliRunner().invoke(main, [*words, str(tmp_path / "arm")]).exit_code == 78
 
 
 @pytest.mark.parametrize(
