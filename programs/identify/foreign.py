@@ -12,10 +12,12 @@ import numpy as np
 from common import compiled
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
+from daemon.config.vectors import row
 from daemon.protocol.state import Snapshot, State
 from estimator.model import Model
 from identification.motion_log import MotionLog
 from identification.skew import without_skew
+from identification.vibration import without_vibration
 from programs.identify.csv_log import COLUMNS, read_csv
 from programs.identify.log_names import beside
 from programs.recordings.over_log import over_log
@@ -35,10 +37,11 @@ def foreign_states(path: Path, robot: Robot) -> tuple[Snapshot, list[State]]:
 
 
 def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog, tuple[str, ...]]:
-    """Log of all joints, without the skew of its columns, and notes. Raises LogError."""
+    """Log of all joints without skew and vibration, and notes. Raises LogError."""
     log, notes = read_csv(path, c.joint_names, constants_of(c))
     log, skew = without_skew(log, model, c.estimator)
-    return log, notes + skew.notes(log.joints)
+    log, shakes = without_vibration(log, model, c.estimator, row(c, lambda j: j.torque_constant))
+    return log, notes + skew.notes(log.joints) + shakes
 
 
 def recording_of(path: Path, config: Path) -> Path:
