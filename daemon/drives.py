@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import Any, Final
 
+from common.errors import ConfigurationError
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, frames_of
 from drivers.api import BootableDrives
@@ -49,6 +50,8 @@ def build_setups(robot: Robot) -> Setups:
     """Set-up of each drive, with which it may be operational: of makes that need no file for it,
     the drives. Raises ConfigurationError."""
     c = robot.configuration
+    if not frames_of(c):
+        raise ConfigurationError(f"{robot.path}: `make: log` has no drives: it is for logs alone")
     if not _canopen(c):
         return c.joint_drives
     sheets = {

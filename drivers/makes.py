@@ -13,13 +13,15 @@ from drivers.damiao import make as damiao
 from drivers.damiao.language import DamiaoLanguage
 from drivers.damiao.settings import DamiaoProfile
 from drivers.drive import Counts, Drive, Measure, ProfileProblem
+from drivers.log import make as log
+from drivers.log.settings import LogProfile
 from drivers.motors.guardian import Guardian
 from drivers.motors.language import Language
 from drivers.robstride import make as robstride
 from drivers.robstride.language import RobStrideLanguage
 from drivers.robstride.settings import RobStrideProfile
 
-DriveProfile = CanopenProfile | DamiaoProfile | RobStrideProfile
+DriveProfile = CanopenProfile | DamiaoProfile | RobStrideProfile | LogProfile
 USUAL: Final = "canopen"
 """Make of a profile that names none."""
 
@@ -85,6 +87,7 @@ class Make(Protocol):
 
 MAKES: Final[dict[type, Make]] = {
     CanopenProfile: canopen, DamiaoProfile: damiao, RobStrideProfile: robstride,
+    LogProfile: log,
 }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from daemon.config.delays import LATEST_S, delays
 from daemon.config.problem import Keys, Problem, at, figure
-from daemon.config.schema import Configuration, Joint
+from daemon.config.schema import Configuration, Joint, frames_of
 from daemon.config.worst_loads import Load, worst_loads
 from estimator.model import Model
 from estimator.transmission import stiction_range
@@ -101,6 +101,8 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
     weight = GRAVITY * model.mass * reach
     yield from _sensing(c)
     for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, model), strict=True)):
+        if not frames_of(c):
+            continue  # of a motor only logs are known
         yield from _motor(i, joint, weight)
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)

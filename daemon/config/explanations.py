@@ -91,7 +91,7 @@ EXPLANATIONS: dict[str, Explanation] = {
         "drives.master_timeout_ms": ("time without our heartbeat after which the drive stops by "
                                      "itself, or another motor, without setpoints, lets go [ms]",
                                      "at least three periods of the loop", "100"),
-        "drives.make": ("make of the drives", "docs/drives.md", "canopen, damiao, robstride"),
+        "drives.make": ("make of the drives", "docs/drives.md", "canopen, damiao, robstride, log"),
         "drives.model": ("model of such a motor, whose gear and constants are known",
                          "its label; of a Damiao, `contactd scan` guesses it", "DM4310, DM4340"),
         "drives.position_max": ("position that the frames of such a motor reach to either side "

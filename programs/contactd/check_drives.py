@@ -14,6 +14,7 @@ from daemon.drives import build_setups
 from drivers.canopen.boot.required_objects import DriveSetup, lacks
 from drivers.canopen.codec import receive_pdos, transmit_pdos
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, Quantity
+from drivers.log.settings import LogProfile
 
 QUANTITY_UNITS = {
     "current": "of rated",
@@ -38,6 +39,8 @@ _LABEL = 20  # characters, beside which the widest table fits into 80
 def drives_in_words(robot: Robot) -> list[Table | str]:
     """Tables and remarks about each drive profile."""
     c = robot.configuration
+    if isinstance(c.joint_drives[0].profile, LogProfile):
+        return []
     setups: dict[str, Any] = {
         joint.wiring.profile: setup
         for joint, setup in zip(c.joints, build_setups(robot), strict=True)
@@ -46,7 +49,8 @@ def drives_in_words(robot: Robot) -> list[Table | str]:
     for name, profile in c.drives.items():
         if isinstance(profile, CanopenProfile):
             found += _canopen(c, name, profile, setups[name])
-    return found or [_motors(c)]
+    is_log = any(isinstance(profile, LogProfile) for profile in c.drives.values())
+    return found or ([] if is_log else [_motors(c)])
 
 
 def _canopen(

@@ -16,11 +16,11 @@ from programs.command_line.options import PATH, SOCKET, Range
 from programs.command_line.sentences import could_not_say, read_to_the_end, say
 from programs.contactd import recordings
 from programs.contactd.fleet import fleet
+from programs.contactd.new_command import new
 from programs.contactd.shapes import shapes
 from programs.identify.command import identify
 
 ENDED_BY_CTRL_C = 130  # as shells report it
-Texts = tuple[str, ...]
 CONFIG = click.argument("config", type=PATH)
 PORT = click.option(
     "--port",
@@ -101,42 +101,6 @@ def guard(config: Path, port: int | None) -> None:
     from programs.contactd.guard import run_guard
 
     run_guard(config, port)
-
-
-@main.command()
-@click.argument("folder", type=PATH, metavar="DIR")
-@click.option("--urdf", type=PATH, required=True, metavar="FILE", help="Links and joints.")
-@click.option(
-    "--eds",
-    "sheets",
-    multiple=True,
-    metavar="[NAME=]FILE",
-    help="Electronic data sheet of CANopen drives; may be repeated, joint by joint.",
-)
-@click.option(
-    "--drive",
-    "models",
-    multiple=True,
-    metavar="[NAME=]MAKE:MODEL",
-    help="Model of motors without an EDS, as robstride:RS02; may be repeated, joint by joint.",
-)
-@click.option(
-    "--object",
-    "objects",
-    multiple=True,
-    metavar="[NAME.]QUANTITY=INDEX[:SUB]",
-    help="Object of a quantity, where the EDS alone does not say; may be repeated.",
-)
-def new(folder: Path, urdf: Path, sheets: Texts, models: Texts, objects: Texts) -> None:
-    """Write a configuration for a new arm into a new folder DIR, from its URDF and its drives:
-    either their EDS or their models. Of several each joint gets the next, all others the last.
-
-    Values that neither has are guessed, so that the arm can be checked and simulated at once, and
-    marked `# CHECK`. Nothing is overwritten.
-    """
-    from programs.contactd.new import new_arm
-
-    new_arm(folder, urdf, sheets, objects, models)
 
 
 @main.command()
@@ -291,7 +255,7 @@ def black_box(socket: Path | None, output: Path | None, left_over: bool) -> None
     write_frames(socket, output, left_over=left_over)
 
 
-for command in (*recordings.COMMANDS, fleet, identify, shapes):
+for command in (*recordings.COMMANDS, fleet, new, identify, shapes):
     main.add_command(command)
 
 

@@ -27,13 +27,28 @@ def _recordings(
     return tuple(_recording(context, param, file) for file in files)
 
 
+def _by_config(file: Path, config: Path | None) -> bool:
+    """True for a log of another program, which needs a configuration, and nothing else takes one.
+    Raises UsageError."""
+    from programs.identify.log_names import is_foreign
+
+    foreign = is_foreign(file)
+    if foreign and config is None:
+        raise click.UsageError("a log of another program needs --config: the robot's folder")
+    if config is not None and not foreign:
+        raise click.UsageError("--config is for a log of another program: a recording has its own")
+    return foreign
+
+
 FILE = click.argument("file", type=PATH, callback=_recording)
+CONFIG = click.option(
+    "--config", type=PATH, help="Robot's folder, for logs of other programs (docs/logs.md)."
+)
 
 
 @click.command()
 @FILE
-@click.option("--config", type=PATH,
-              help="Robot's folder, for a log of another program.")  # fmt: skip
+@CONFIG
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")
 def replay(file: Path, config: Path | None, as_json: bool) -> None:
     """Summarise a recording, and check that its estimates still come out the same.
@@ -46,17 +61,11 @@ def replay(file: Path, config: Path | None, as_json: bool) -> None:
     Of a log of another program, as `contactd identify --log` takes it, residuals and contacts by
     the estimator of --config.
     """
-    from programs.identify.log_names import is_foreign
-
-    if is_foreign(file):
-        if config is None:
-            raise click.UsageError("a log of another program needs --config: the robot's folder")
+    if _by_config(file, config) and config is not None:
         from programs.contactd.replay_log import print_log
 
         print_log(file, config, as_json=as_json)
         return
-    if config is not None:
-        raise click.UsageError("--config is for a log of another program: a recording has its own")
     from programs.contactd.replay import print_replay
 
     sys.exit(0 if print_replay(file, as_json=as_json) else 1)
@@ -80,6 +89,7 @@ def _around(_: click.Context, __: click.Parameter, value: str) -> str:
     help="Plot the newest log of the black box that has a fault, else the newest at all, "
     "around that fault unless --around is given.",
 )
+@CONFIG
 @click.option(
     "--joint",
     "joints",
@@ -114,6 +124,7 @@ def _around(_: click.Context, __: click.Parameter, value: str) -> str:
 def plot(
     file: Path | None,
     last_fault: bool,
+    config: Path | None,
     joints: tuple[str, ...],
     around: str,
     window_s: float,
@@ -128,10 +139,15 @@ def plot(
     """
     from programs.contactd.plot import newest_fault, plot_recording
 
-    if (file is None) != last_fault:
+    if (file is None) != last_fault or (last_fault and config):
         raise click.UsageError("name one recording, or --last-fault")
     if file is None:
         file, around = newest_fault(around)
+    elif _by_config(file, config) and config is not None:
+        from programs.identify.foreign import recording_of
+
+        output = output or Path(f"{file.stem}.html")
+        file = recording_of(file, config)
     sys.exit(0 if plot_recording(file, joints, around, window_s, output) else 1)
 
 
@@ -209,13 +225,14 @@ def plot(
     help="Use the workers of a dask cluster instead (extra `cluster`).",
 )
 @click.option("-o", "--output", type=PATH, metavar="FILE.html", help="Draw the curves, too.")
+@CONFIG
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON.")  # fmt: skip
 def whatif(proposal: Path | None, **asked: Any) -> None:
     """Report which contacts recordings would have had at other levels or with other settings.
 
-    Of a folder all .mcap below it are read. Levels need no estimator: a level is the configured
-    one, raises and what learning left of it count as recorded. Settings are replayed. What follows
-    the arm's first reaction is hypothetical: it would have moved otherwise.
+    Of a folder all .mcap below it are read, with --config all .csv. Levels need no estimator: a
+    level is the configured one, raises and what learning left of it count as recorded. Settings are
+    replayed. What follows the arm's first reaction is hypothetical: it would have moved otherwise.
 
     A recording that cannot be read is named, and the rest goes on; exit status 1 then. Answers are
     kept in the user's cache, so what was interrupted goes on from there.
@@ -223,7 +240,7 @@ def whatif(proposal: Path | None, **asked: Any) -> None:
     from programs.contactd.whatif import Request, print_whatif, write_template
 
     if proposal is not None:
-        sys.exit(0 if write_template(asked["places"], proposal) else 1)
+        sys.exit(0 if write_template(asked["places"], proposal, asked["config"]) else 1)
     sys.exit(0 if print_whatif(Request(**asked)) else 1)
 
 

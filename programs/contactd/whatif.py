@@ -42,6 +42,7 @@ class Request:
     workers: int
     scheduler: str
     output: Path | None
+    config: Path | None
     as_json: bool
 
 
@@ -57,10 +58,14 @@ def print_whatif(request: Request) -> bool:
         fresh=request.fresh,
         until_reaction=request.until_reaction,
     )
-    files = recordings_in(request.places)
+    read = _recordings_of(request.places, request.config)
+    files = list(read.values())
     labels = read_labels(request.labels) if request.labels else {}
     alone = len(files) == 1
-    asked = [Asked(str(f), tuple(labels_of(labels, f, alone=alone))) for f in files]
+    asked = [
+        Asked(str(recording), tuple(labels_of(labels, f, alone=alone)))
+        for recording, f in read.items()
+    ]
     if labels and not any(one.labels for one in asked):
         raise LogError(f"{request.labels}: its labels are of other files: {', '.join(labels)}")
     total = Total()
@@ -70,6 +75,7 @@ def print_whatif(request: Request) -> bool:
         reading(files[0], shown=shown and alone) as progress,
     ):
         for answer in answers(question, asked, request.workers, request.scheduler, progress):
+            answer.file = str(read[Path(answer.file)])
             total.add(answer)
             done()
     total.answers.sort(key=lambda answer: answer.file)
@@ -90,13 +96,25 @@ def _ends_early(answer: Answer) -> str:
     return f"{answer.file} {answer.broken}"
 
 
-def write_template(places: Sequence[Path], target: Path) -> bool:
+def _recordings_of(places: Sequence[Path], config: Path | None) -> dict[Path, Path]:
+    """Recordings, and the files that they are made of: themselves, or logs of other programs."""
+    if config is None:
+        files = recordings_in(places)
+        if foreign := next((file for file in files if file.suffix == ".csv"), None):
+            raise click.UsageError(f"{foreign}: --config is needed: the robot's folder")
+        return {file: file for file in files}
+    from programs.identify.foreign import recording_of  # noqa: PLC0415 - slow
+
+    return {recording_of(file, config): file for file in recordings_in(places, ".csv")}
+
+
+def write_template(places: Sequence[Path], target: Path, config: Path | None = None) -> bool:
     """Write the contacts of recordings as labels to correct; True if all could be read."""
     refuse_unless_new(target)
     rows, complete = [], True
-    for file in recordings_in(places):
+    for recording, file in _recordings_of(places, config).items():
         try:
-            contents, broken = read_contents(file)
+            contents, broken = read_contents(recording)
         except LogError as error:
             click.echo(f"contactd: {error}", err=True)
             complete = False

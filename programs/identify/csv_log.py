@@ -1,7 +1,7 @@
 """Logs of other programs, CSV or MCAP: the columns that a step needs, at even times."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -30,9 +30,10 @@ def read_csv(
     """Log of these joints from a CSV file, and what was done to its times.
 
     Its columns are `time` [s] and, for every joint, `current.JOINT` [A], or `torque.JOINT` [Nm at
-    the link] (divided by the torque constant), `link_position.JOINT` [rad], `motor_velocity.JOINT`
-    [rad/s at the link] and perhaps `motor_position.JOINT` [rad at the link] and `setpoint.JOINT`
-    [rad/s at the link]. A gap (`of_gap`) needs either of the motor's two. Other columns may hold
+    the link] (divided by the torque constant), `link_position.JOINT` [rad] and perhaps
+    `motor_velocity.JOINT` [rad/s at the link], else the change of a position,
+    `motor_position.JOINT` [rad at the link] and `setpoint.JOINT` [rad/s at the link]. A gap
+    (`of_gap`) needs either of the motor's two. Other columns may hold
     anything; a file of names and units beside the log (`log_names`) maps columns of other
     names.
 
@@ -49,8 +50,7 @@ def read_csv(
         torque = table.get(f"{_ALSO}.{joint}")
         if torque is not None and joint in constants:
             table.setdefault(f"current.{joint}", torque / constants[joint])
-        wanted = COLUMNS[:2] if of_gap else COLUMNS[:3]
-        missing += [f"{name}.{joint}" for name in wanted if f"{name}.{joint}" not in table]
+        missing += [f"{name}.{joint}" for name in COLUMNS[:2] if f"{name}.{joint}" not in table]
         sides = [f"{name}.{joint}" for name in _SIDES]
         if of_gap and not any(side in table for side in sides):
             missing.append(" or ".join(sides))
@@ -63,21 +63,33 @@ def read_csv(
         raise LogError(f"{path}: no column {', '.join(missing)}{''.join(instead)}; columns of "
                        f"other names: {beside(path).name} beside it (docs/logs.md)")  # fmt: skip
     time_s, notes = _even(table["time"])
+    derived = [joint for joint in joints if f"{_SIDES[0]}.{joint}" not in table]
+    grows = bool((np.diff(time_s) > 0.0).all())  # else it is refused next
+    for joint in derived:
+        of = table.get(f"{_SIDES[1]}.{joint}", table[f"{COLUMNS[1]}.{joint}"])
+        table[f"{_SIDES[0]}.{joint}"] = np.gradient(of, time_s) if grows else np.zeros_like(of)
+    if derived and not of_gap:
+        notes += (f"no {_SIDES[0]} of {', '.join(derived)}: taken from the change of position",)
     columns: dict[str, Matrix] = {}
     for name in COLUMNS:
         found = [table[f"{name}.{j}"] for j in joints if f"{name}.{j}" in table]
         if len(found) == len(joints):
             columns[name] = np.stack(found, axis=1)
-    if "motor_velocity" not in columns:
-        position = columns["motor_position"]
-        grows = bool((np.diff(time_s) > 0.0).all())  # else it is refused next
-        velocity = np.gradient(position, time_s, axis=0) if grows else np.zeros_like(position)
-        columns["motor_velocity"] = velocity
     try:  # before anything is interpolated
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
-    return _on_a_raster(log, twice + held + notes)
+    return _on_a_raster(log, twice + held + notes + _assumed(path, joints))
+
+
+def _assumed(path: Path, joints: Sequence[str]) -> tuple[str, ...]:
+    """Note on motor positions that the file of names states, or none."""
+    named = read_names(path)
+    given = named.conversions if named else {}
+    stated = [f"{name} {given[name].offset:g} rad" for name in (f"{_SIDES[1]}.{j}" for j in joints)
+              if name in given and not given[name].column]  # fmt: skip
+    return (f"assumed in {beside(path).name}, not measured: {', '.join(stated)}; gap and contacts "
+            "are right only where the motor stood there",) if stated else ()  # fmt: skip
 
 
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
@@ -89,10 +101,8 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     columns += [which.column] if which else []
     if twice := [name for name in columns if header.count(name) > 1]:
         raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
-    at = [header.index(name) for name in columns]
-    stamp = columns.index(conversions["time"].column) if "time" in conversions else -1
-    values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
-    table = np.array(values, dtype=np.float64).reshape(-1, len(at))
+    time = conversions["time"].column if "time" in conversions else ""
+    table = _values(path, header, rows, columns, time)
     if which is not None:
         table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
     return {
@@ -101,6 +111,30 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
         else np.full(len(table), one.offset)
         for name, one in conversions.items()
     }
+
+
+def header_of(path: Path) -> list[str]:
+    """Names of the columns of a CSV. Raises LogError."""
+    return _rows(path)[0]
+
+
+def numbers_of(path: Path, columns: Sequence[str], time: str) -> dict[str, Vector]:
+    """Columns of a CSV as they stand there; `time` names the one that may be times of day. Raises
+    LogError."""
+    return dict(zip(columns, _values(path, *_rows(path), columns, time).T, strict=True))
+
+
+def _values(
+    path: Path,
+    header: list[str],
+    rows: Iterable[tuple[int, Sequence[str | float]]],
+    columns: Sequence[str],
+    time: str,
+) -> Matrix:
+    at = [header.index(name) for name in columns]
+    stamp = columns.index(time) if time in columns else -1
+    values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
+    return np.array(values, dtype=np.float64).reshape(-1, len(at))
 
 
 def is_mcap(path: Path) -> bool:

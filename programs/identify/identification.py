@@ -83,11 +83,14 @@ class Identification:
         due = (*unidentified(step, found, c), *outdated(step, found, c, self.robot.urdf))
         return self.joints(named or (due if self.arm else ()))
 
-    def measured(self, live: Callable[[LiveArm], Measured], *, gap_of: str = "") -> Measured:
+    def measured(
+        self, live: Callable[[LiveArm], Measured], *, gap_of: str = "", residuals: bool = False
+    ) -> Measured:
         """Measurements that `live` takes of the arm, or those of the logs, all of which serve each
-        step; gap_of: the one joint that a log needs."""
+        step; gap_of: the one joint that a log needs; residuals: they are needed, too."""
         if self.arm is None:
-            return read_measured(self._logs, self.robot.configuration, gap_of=gap_of)
+            return read_measured(self._logs, self.robot.configuration, gap_of=gap_of,
+                                 robot=self.robot, residuals=residuals)  # fmt: skip
         return live(self.arm)
 
     def busy(self, text: str) -> AbstractContextManager[object]:

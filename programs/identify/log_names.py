@@ -27,7 +27,7 @@ from daemon.config.convert import convert
 from drivers.settings import Settings
 
 UNITS: Mapping[str, Mapping[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     "link_position": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180.0, "turn": 2.0 * math.pi},
     "motor_velocity": {
         "rad/s": 1.0,

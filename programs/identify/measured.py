@@ -2,10 +2,9 @@
 
 import dataclasses
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from msgspec.structs import replace
@@ -13,8 +12,9 @@ from numpy.typing import NDArray
 
 from common.arrays import Matrix
 from common.errors import ContactdError, LogError, ShortLogError
+from daemon.config.evidence import unidentified
 from daemon.config.identified import residuals_alike, samples_alike
-from daemon.config.load import parse_configuration
+from daemon.config.load import Robot, parse_configuration
 from daemon.config.schema import Configuration
 from daemon.modes.table import SENSING, Mode
 from daemon.protocol.state import Snapshot, State
@@ -24,6 +24,7 @@ from estimator.estimate import Flag
 from identification.motion_log import MotionLog
 from programs.clients.log_reader import read_log
 from programs.identify.csv_log import COLUMNS, read_csv
+from programs.identify.foreign import constants_of, foreign_states, joined, read_aligned
 from programs.identify.log_names import is_foreign
 
 _DOUBTS = {FLAG_NAMES[flag] for flag in Flag if flag not in HARMLESS}
@@ -49,25 +50,39 @@ class Measured:
     outdated: str = ""  # recording whose residuals use other values than today's, in words
 
 
-def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") -> Measured:
-    """Measurements of recordings by `contactctl record`, one after another, or of one CSV, which
-    needs no other joint than the one whose gap is asked for (`gap_of`).
+def read_measured(
+    paths: Sequence[Path], c: Configuration, *, gap_of: str = "", robot: Robot | None = None,
+    residuals: bool = False,
+) -> Measured:  # fmt: skip
+    """Measurements of recordings by `contactctl record`, one after another, or of logs of other
+    programs, which need no other joint than the one whose gap is asked for (`gap_of`), lose the
+    skew of their columns where the robot is known, and get its residuals where these are needed.
 
     Raises LogError, also if they were made with other drives or another wiring than `c` has.
     """
-    if any(is_foreign(path) for path in paths):
-        if len(paths) > 1:
-            raise LogError(f"{len(paths)} files: give one log of another program alone, or "
-                           "recordings of contactd (.mcap)")  # fmt: skip
-        constants = {joint.name: joint.torque_constant for joint in c.joints}
-        joints = [gap_of] if gap_of else c.joint_names
-        return from_csv(paths[0], joints, constants, of_gap=bool(gap_of))
+    foreign = [path for path in paths if is_foreign(path)]
+    if foreign and (robot is None or not residuals):
+        if len(foreign) < len(paths):
+            raise LogError(f"{len(paths)} files: give logs of other programs alone, or recordings "
+                           "of contactd (.mcap)")  # fmt: skip
+        if robot is None or gap_of:
+            joints = [gap_of] if gap_of else c.joint_names
+            read = [read_csv(path, joints, constants_of(c), of_gap=bool(gap_of)) for path in paths]
+        else:
+            read = [read_aligned(path, c, robot.model) for path in paths]
+        log, about = joined([one for one, _ in read])
+        return Measured(log, _hash(log), notes=(*_named(paths, [n for _, n in read]), *about))
     states: list[State] = []
     notes: list[str] = []
     outdated = ""
     for path in paths:
         later = states[-1].time_s + _APART_S if states else 0.0
-        found, broken, recorded = _states_of(path, c.joint_names)
+        if path in foreign and robot is not None:
+            found, broken, recorded = foreign_states(path, robot)[1], "", c
+            news = [one.text for one in found[0].notices if one.kind == "mode"]
+            notes += [f"{path.name}: {text}" if len(paths) > 1 else text for text in news]
+        else:
+            found, broken, recorded = _states_of(path, c.joint_names)
         if why := incompatibility(recorded, c):
             raise LogError(f"{path} {why}")
         if why := incompatibility(recorded, c, residuals=True):
@@ -79,7 +94,13 @@ def read_measured(paths: Sequence[Path], c: Configuration, *, gap_of: str = "") 
     if gap_of:
         states = moved(states)
     measured = from_states(states, c.joint_names, tuple(notes))
-    return dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
+    measured = dataclasses.replace(measured, outdated=outdated, gain=recorded.control.position_gain)
+    if not foreign or robot is None:
+        return measured
+    # What passed a level that was only a guess was no touch.
+    guessed = [name in unidentified("thresholds", robot.identified, c) for name in c.joint_names]
+    touched = None if measured.touched is None else measured.touched & ~np.array(guessed)
+    return dataclasses.replace(measured, reference=None, touched=touched)
 
 
 def moved(states: list[State]) -> list[State]:
@@ -200,16 +221,10 @@ def from_states(
     )
 
 
-def from_csv(
-    path: Path,
-    joints: Sequence[str],
-    constants: Mapping[str, float] = MappingProxyType({}),
-    *,
-    of_gap: bool = False,
-) -> Measured:
-    """Measurements of a CSV file as `read_csv` takes it. Raises LogError."""
-    log, notes = read_csv(path, joints, constants, of_gap=of_gap)
-    return Measured(log, _hash(log), notes=notes)
+def _named(paths: Sequence[Path], notes: Sequence[Sequence[str]]) -> list[str]:
+    """Notes on each log, by its name where there are several."""
+    pairs = zip(paths, notes, strict=True)
+    return [f"{p.name}: {one}" if len(paths) > 1 else one for p, each in pairs for one in each]
 
 
 def _hash(log: MotionLog) -> str:

@@ -35,15 +35,15 @@ class Asked(msgspec.Struct, frozen=True):
     labels: tuple[Label, ...] = ()
 
 
-def recordings_in(places: Sequence[Path]) -> list[Path]:
-    """Recordings that are named, and all .mcap below folders that are. Raises LogError where there
-    are none."""
+def recordings_in(places: Sequence[Path], suffix: str = ".mcap") -> list[Path]:
+    """Recordings that are named, and all of a `suffix` below folders that are. Raises LogError
+    where there are none."""
     found: list[Path] = []
     for place in places:
         if place.is_dir():
-            inside = sorted(path for path in place.rglob("*.mcap") if path.is_file())
+            inside = sorted(path for path in place.rglob(f"*{suffix}") if path.is_file())
             if not inside:
-                raise LogError(f"{place}: there is no recording (.mcap) in it")
+                raise LogError(f"{place}: there is no recording ({suffix}) in it")
             found += inside
         else:
             found.append(place)

@@ -8,7 +8,7 @@ holding. The faults are those that the daemon reported to the black box.
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -79,13 +79,20 @@ def as_recording(path: Path) -> Path:
     if not context.exists():
         raise LogError(f"{path}: {context.name} is not beside it, which describes its frames")
     of_what = f"{content_digest(path)[:12]}-{content_digest(context)[:12]}-{_LAYOUT}"
-    target = cache_directory() / "recomputed" / of_what / f"{path.stem}.mcap"
+    return kept_recording(path, of_what, lambda: recomputed(path, context))
+
+
+def kept_recording(
+    log: Path, of_what: str, make: Callable[[], tuple[Snapshot, list[State]]]
+) -> Path:
+    """Recording of a log in the user's cache, under `of_what` it is made. Raises LogError."""
+    target = cache_directory() / "recomputed" / of_what / f"{log.stem}.mcap"
     if not target.exists():
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise LogError(f"cannot write {target}: {error.strerror or error}") from error
-        found = recomputed(path, context)
+        found = make()
         with whole_file(target) as partial:
             _write(partial, *found)
     return target

@@ -16,9 +16,11 @@ from common.yaml_source import read_yaml
 from daemon.config.convert import convert
 from daemon.config.load import Robot
 from daemon.config.schema import Joint
+from daemon.drives import build_setups
 from drivers.canopen.codec import quantity
 from drivers.canopen.settings import CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
+from drivers.log.settings import LogProfile
 from drivers.makes import DriveProfile
 from simulator.description import ArmDescription, JointDescription
 from simulator.profile import TURN
@@ -28,14 +30,11 @@ from simulator.truth import SimulationFile, described
 FILE, URDF = "simulation.yaml", "simulation.urdf"
 HEAD = """\
 # The true arm that `contactd simulate` simulates: docs/rehearsing.md. It shares nothing with
-# config.yaml: what is corrected there does not change what is simulated. Settings draw the rest:
-# masses, friction, gaps and torque constants are some per cent off (`settings.mismatch`), one way
-# or the other by `settings.seed`.
+# config.yaml: what is corrected there does not change it. Settings draw the rest: masses, friction,
+# gaps and torque constants are off by some per cent (`settings.mismatch`, `settings.seed`).
 """
-NO_LINK_ENCODER = (
-    "# {}: nothing in its EDS is a link encoder, and this simulation has none: link_position is "
-    "read at the motor.\n"
-)
+NO_LINK_ENCODER = ("# {}: nothing in its EDS is a link encoder, and this simulation has none: "
+                   "link_position is read at the motor.\n")  # fmt: skip
 FIXED = {"target_velocity": 0x60FF, "quick_stop_deceleration": 0x6085}
 
 
@@ -106,6 +105,7 @@ def write_truth(robot: Robot, at_motor: Collection[str] = ()) -> Path:
     """Write the true arm into the robot's `simulation.yaml`, a copy of the URDF beside it, and
     return its path. at_motor: drives without a link encoder. The content of an older file is kept.
     Raises ConfigurationError where a truth is there, or the drives cannot be simulated."""
+    build_setups(robot)  # refuses what is no drive
     path, urdf = robot.folder / FILE, robot.folder / URDF
     simulation = read_simulation(robot)
     for there in (path if simulation.joints or simulation.drives else None, urdf):
@@ -172,7 +172,7 @@ def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFil
 
 def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     """Fields of a joint whose motor is its drive: the model, and registers as configured."""
-    if isinstance(profile, CanopenProfile):
+    if isinstance(profile, CanopenProfile | LogProfile):
         return {}
     ranges = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     if isinstance(profile, DamiaoProfile):

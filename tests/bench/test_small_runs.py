@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from bench import identification, makes, masses, oracle, reaction
+from bench import identification, logs, makes, masses, oracle, reaction
 from bench.rigs.faults import PLACES, SHOWN
 from bench.rigs.lockstep import DESK_ARM
 from bench.study.masses import MassesFound, MassesJob
@@ -85,3 +85,12 @@ def test_oracle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert status == 1
     assert words.startswith("differs at line 14")
     assert words.endswith(": mode")
+
+
+def test_logs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One log that is answered, and one that lacks what friction needs."""
+    monkeypatch.setattr(logs, "SECONDS", 45.0)
+    monkeypatch.setattr(logs, "STEPS", ("friction", "thresholds"))
+    report = reported(logs.main, "--logs", "5", "--jobs", "1")
+    assert [name for name in unmet(report) if not name.startswith("gap")] == []
+    assert [row["lacks"] for row in report["data"]["logs"]] == ["", "", "", "", "no torque"]

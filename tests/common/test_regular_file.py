@@ -17,7 +17,7 @@ from daemon.motion.trajectory_file import read_trajectory
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from estimator.model import Model
 from programs.clients.log_reader import read_log
-from programs.identify.measured import from_csv
+from programs.identify.csv_log import read_csv
 from simulator.hand_script import read_script
 from simulator.objects import entries
 
@@ -68,7 +68,7 @@ def test_a_text_without_end_is_refused(tmp_path: Path, monkeypatch: pytest.Monke
 
 READERS: dict[str, Callable[[Path], object]] = {
     "recording": lambda path: list(read_log(path)),
-    "measurements": lambda path: from_csv(path, ["joint"]),
+    "measurements": lambda path: read_csv(path, ["joint"], {}),
     "trajectory": lambda path: read_trajectory(path, ["joint"]),
     "configuration": load_robot,
     "data sheet": load_data_sheet,

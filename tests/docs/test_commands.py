@@ -41,6 +41,7 @@ SERVES = "serves until it is ended"
 # Pattern of page and command, and why it is not run here: the first that matches counts.
 NOT_RUN: Final = (
     (r"^docs/first_arm\.md ", "is run to its end, on an arm of its own, by the test of that page"),
+    (r"^docs/logs\.md ", "is run in its order, on logs of its own, by the test of that page"),
     (r" contactd (run|simulate) ", f"{SERVES}; the rig of this test is both"),
     (r" contactd check /etc/contactd", "is of an installed arm: tests/system"),
     (r" contactd demo", "takes real time: tests/programs/demo/test_demo_story.py"),

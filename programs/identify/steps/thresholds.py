@@ -44,7 +44,7 @@ def thresholds(
     identification: "Identification", seconds: float, per_hour: float, it_was_me: bool
 ) -> bool:
     """Move all joints, without contact: levels from the residuals."""
-    measured = identification.measured(lambda arm: _moved(arm, seconds))
+    measured = identification.measured(lambda arm: _moved(arm, seconds), residuals=True)
     with identification.busy("finding levels in it"):
         outcome = thresholds_outcome(
             identification.robot, measured, per_hour, now(), it_was_me=it_was_me
@@ -83,7 +83,9 @@ def thresholds_outcome(
     levels = identify_levels(log.joints, log.period_s, _motion(measured), settings)
     # Levels of a joint that swung would be those of an arm that swings.
     cycles = limit_cycles(log, measured.reference, row(c, lambda j: j.half_gap))
-    swings = spoilt(cycles, measured.gain or c.control.position_gain)
+    gain = measured.gain or c.control.position_gain
+    # Whether a link swings around what another program asked for is not known.
+    swings = {} if measured.reference is None else spoilt(cycles, gain)
     levels = [
         replace(one, verdict=LevelVerdict.SWINGS, reason=swings[one.joint])
         if one.joint in swings and one.verdict is not LevelVerdict.STILL
@@ -137,7 +139,7 @@ def _motion(measured: "Measured") -> "Motion":
         measured.residual, measured.raised, measured.touched, measured.unsure
     )  # fmt: skip
     if r is None or raised is None or touched is None or unsure is None:
-        raise LogError("thresholds need residuals: a recording of `contactctl record`, not a CSV")
+        raise LogError("thresholds need residuals")
     if measured.outdated:
         raise LogError(f"{measured.outdated}: `contactctl reload`, and record anew")
     log = measured.log
@@ -205,6 +207,7 @@ def _settings(
     import numpy as np
 
     from daemon.assembly import build_transmission
+    from daemon.config.schema import frames_of
     from daemon.config.vectors import row
     from daemon.tick.arming_checks import RAISED
     from identification.thresholds import LevelSettings
@@ -214,6 +217,7 @@ def _settings(
     unsure = c.estimator.unknown_side_share * (half_gap > 0.0)
     least = hidden / (_NEARLY * RAISED - 1.0 - unsure)
     strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
-    bounds = np.maximum(0.01 * strongest, least), 0.2 * strongest
+    share = 0.2 if frames_of(c) else 1.0  # of the largest in a log, where there are no drives
+    bounds = np.maximum(0.01 * strongest, least), share * strongest
     settings = LevelSettings(per_hour, per_hour / 100.0, *bounds, half_gap, it_was_me=it_was_me)
     return settings, hidden, least

@@ -52,7 +52,7 @@ def test_a_gap_needs_two_positions_and_a_torque(tmp_path: Path) -> None:
     assert "alpha 20.00 mrad" in result.output
     friction = CliRunner().invoke(main, ["identify", "friction", *given])
     assert friction.exit_code != 0
-    assert "no column motor_velocity.joint" in friction.output
+    assert "no motor_velocity of joint: taken from the change of position" in friction.output
 
 
 def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> None:
@@ -269,6 +269,20 @@ def test_names_and_units_of_others_are_told_beside_the_log(tmp_path: Path) -> No
     result = CliRunner().invoke(main, ["identify", "gap", "joint", *given])
     assert result.exit_code == 0, result.output
     assert "alpha 20.0" in result.output
+
+
+def test_a_motor_position_that_is_assumed_is_named_as_such(tmp_path: Path) -> None:
+    names = """joints:
+  joint:
+    link_position: {column: link_position.joint}
+    motor_position: {value: 2, unit: deg}
+    torque: {column: torque.joint}
+"""
+    path = save(tmp_path / "log.csv", pressed(0.02))
+    path.with_suffix(".yaml").write_text(names)
+    _, (note,) = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
+    assert "assumed in log.yaml" in note
+    assert "motor_position.joint 0.0349066 rad" in note
 
 
 def test_a_real_log_of_others_by_its_names(tmp_path: Path) -> None:

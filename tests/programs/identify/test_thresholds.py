@@ -1,11 +1,13 @@
 """Thresholds from recordings at other levels, and rounded times."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from bench.rigs.lockstep import SINGLE_JOINT
 from daemon.config.load import Robot, load_robot
@@ -13,8 +15,9 @@ from daemon.config.schema import Configuration
 from daemon.protocol.state import State
 from daemon.tick.arming_checks import RAISED
 from estimator.transmission import stiction_range
-from programs.identify.csv_log import COLUMNS
-from programs.identify.measured import from_csv, from_states, raised
+from programs.contactd.contactd import main
+from programs.identify.csv_log import COLUMNS, read_csv
+from programs.identify.measured import from_states, raised
 from programs.identify.step import Outcome
 from programs.identify.steps.thresholds import thresholds_outcome
 
@@ -170,7 +173,7 @@ def test_a_pause_is_no_part_of_rounded_times(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     names = [f"{column}.joint" for column in COLUMNS[:3]]
     path.write_text("\n".join([",".join(["time", *names]), *rows]) + "\n")
-    log = from_csv(path, ["joint"]).log
+    log, _ = read_csv(path, ["joint"], {})
     assert log.period_s == pytest.approx(0.004, abs=1e-4)
     np.testing.assert_allclose(log.time_s, times, atol=0.006)
     assert [s.stop - s.start for s in log.stretches(1.0)] == [300, 300]
@@ -197,3 +200,43 @@ def test_a_floor_that_does_not_fit_what_was_measured_is_refused(make_state) -> N
     assert (line.verdict, outcome.entries) == ("refused", {})
     assert line.reason.startswith("thresholds.least of config.yaml: 0.45 must be at most ")
     assert outcome.unfinished  # the recording waits for another floor
+
+
+def swung(seconds: float, seed: int) -> dict[str, np.ndarray]:
+    """Single joint that swings in two rhythms, with noise of 0.1 Nm; its model is exact but for
+    0.2 Nm that come and go with the position."""
+    t, c = T * np.arange(round(seconds / T)), load_robot(SINGLE_JOINT)
+    (joint,) = c.configuration.joints
+    q = 0.3 * np.sin(0.9 * t + seed) + 0.2 * np.sin(1.7 * t)
+    q_dot, q_ddot = np.gradient(q, T), np.gradient(np.gradient(q, T), T)
+    gravity = np.array([c.model.gravity(np.array([one]))[0] for one in q])
+    f, inertia = joint.friction, c.model.inertia(np.zeros(1))[0] + joint.rotor_inertia
+    rubs = (f.motor_coulomb + f.link_coulomb) * np.tanh(q_dot / 0.01)
+    rubs += (f.motor_viscous + f.link_viscous) * q_dot
+    noise = 0.1 * np.random.default_rng(seed).standard_normal(len(t)) + 0.2 * np.sin(9.0 * q)
+    return {
+        "time": t,
+        "torque.joint": gravity + rubs + inertia * q_ddot + noise,
+        "link_position.joint": q,
+        "motor_velocity.joint": q_dot,
+        "motor_position.joint": q,
+    }
+
+
+def test_levels_of_logs_of_another_program(tmp_path: Path) -> None:
+    """Two logs serve as one run of work; the level bears what the model lacks, and no more."""
+    folder = shutil.copytree(SINGLE_JOINT.parent, tmp_path / "arms") / SINGLE_JOINT.name
+    logs = []
+    for seed, seconds in enumerate((25.0, 30.0)):
+        columns = swung(seconds, seed)
+        logs.append(tmp_path / f"{seed}.csv")
+        rows = np.stack(list(columns.values()), axis=1)
+        np.savetxt(logs[-1], rows, delimiter=",", header=",".join(columns), comments="")
+    asked = ["identify", "thresholds", "--config", str(folder)]
+    alone = CliRunner().invoke(main, [*asked, "--log", str(logs[0])])
+    assert alone.exit_code == 1
+    assert "too little motion" in alone.output
+    both = CliRunner().invoke(main, [*asked, *(f"--log={log}" for log in logs)])
+    assert both.exit_code == 0, both.output
+    found = load_robot(folder).configuration.joints[0].thresholds
+    assert 0.3 < found.contact < 3.0

@@ -22,7 +22,7 @@ from daemon.protocol.state import Snapshot, Wrench
 from programs.clients.client import Client
 from programs.contactd.contactd import main
 from programs.foxglove.foxglove_door import serve
-from programs.identify.measured import from_csv
+from programs.identify.csv_log import read_csv
 from programs.recordings.skeleton import Quaternion, product, rotated, skeleton_of, towards
 from tests.fake_daemon import JOINTS, snapshot_at, state_at
 from tests.programs.clients.test_recorder import FORMATS
@@ -169,7 +169,7 @@ def test_the_messages_are_those_of_the_published_schemas(recording: Path, tmp_pa
 def test_the_csv_is_what_identify_reads(recording: Path, tmp_path: Path) -> None:
     target = tmp_path / "out.csv"
     assert export(recording, "--csv", "-o", target).exit_code == 0
-    log = from_csv(target, JOINTS).log
+    log = read_csv(target, JOINTS, {})[0]
     expected = np.array([state_at(k).current for k in range(90, 250)])
     np.testing.assert_array_equal(log.current, expected)
     with target.open() as stream:

@@ -1,6 +1,7 @@
-"""`contactd replay` of a CSV: what the estimator makes of anybody's samples."""
+"""Logs of other programs as recordings: what the estimator makes of anybody's samples."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -15,8 +16,11 @@ from daemon.modes.table import Event
 from daemon.protocol.state import State
 from estimator.model import Model
 from identification.motion_log import MotionLog
+from programs.clients.replay import replay
 from programs.contactd.contactd import main
 from programs.identify.csv_log import read_csv
+from programs.identify.foreign import recording_of
+from programs.recordings.contents import Contents
 from programs.recordings.over_log import over_log
 
 PUSH_S, LASTS_S, PUSH = 6.0, 0.6, 3.0
@@ -82,8 +86,11 @@ def test_a_collision_that_follows_belongs_to_its_contact(tmp_path, states):
     levels = msgspec.structs.replace(c.joints[0].thresholds, contact=0.8, collision=1.6)
     lower = msgspec.structs.replace(c.joints[0], thresholds=levels)
     log, _ = read_csv(saved(tmp_path / "log.csv", states), ["joint"], {})
-    made = over_log(log, msgspec.structs.replace(c, joints=[lower]), robot.model)
-    pushes = [one for one in made.contacts if abs(one.time_s - PUSH_S) < 0.5]
+    at = replace(robot, configuration=msgspec.structs.replace(c, joints=[lower]))
+    contents = Contents()
+    for part in over_log(log, at):
+        contents.take(part)
+    pushes = [one for one in contents.contacts if abs(one.time_s - PUSH_S) < 0.5]
     assert [one.level for one in pushes] == ["collision"]
 
 
@@ -94,6 +101,49 @@ def test_samples_at_another_period_are_said_to_be(tmp_path, states):
     assert result.exit_code == 0, result.output
     assert "samples every 20 ms: taken every 10 ms" in result.output
     assert "contacts  none" in result.output
+
+
+@pytest.fixture
+def cached(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.mark.usefixtures("cached")
+def test_it_is_a_recording_that_repeats_bit_by_bit(tmp_path, states):
+    made = recording_of(saved(tmp_path / "log.csv", states), SINGLE_JOINT)
+    assert replay(made).identical
+    assert recording_of(tmp_path / "log.csv", SINGLE_JOINT) == made
+    later = recording_of(saved(tmp_path / "log.csv", states[100:]), SINGLE_JOINT)
+    assert later != made  # the cache goes by content
+
+
+@pytest.mark.usefixtures("cached")
+def test_it_is_plotted_and_asked_like_a_recording(tmp_path, states):
+    path = saved(tmp_path / "log.csv", states)
+    page, curves = tmp_path / "a.html", tmp_path / "b.html"
+    by = ["--config", str(SINGLE_JOINT)]
+    plot = ["plot", str(path), *by, "--around", "contact:1", "-o", str(page)]
+    result = CliRunner().invoke(main, plot)
+    assert result.exit_code == 0, result.output
+    assert "beyond its threshold" in result.output
+    assert page.stat().st_size > 10_000
+    labels = tmp_path / "labels.txt"  # a folder is asked for all of its .csv
+    labels.write_text(f"file,start_s,end_s,joint\nlog.csv,{PUSH_S},{PUSH_S + 1.0},joint\n")
+    asked = ["whatif", str(tmp_path), *by, "--labels", str(labels), "--threshold", "joint=0.8,2,90",
+             "--set", "estimator.gain=20", "-o", str(curves), "--json"]  # fmt: skip
+    result = CliRunner().invoke(main, asked)
+    assert result.exit_code == 0, result.output
+    (told,) = json.loads(result.output)["recordings"]
+    assert told["file"] == str(path)
+    (curve, *_) = json.loads(result.output)["curves"]
+    assert [point["found"] for point in curve["points"]] == [1, 1, 0]
+    assert curves.exists()
+
+
+@pytest.mark.parametrize("command", ["plot", "whatif"])
+def test_pictures_and_answers_of_a_csv_need_a_configuration(tmp_path, states, command):
+    path = saved(tmp_path / "log.csv", states[:200])
+    assert CliRunner().invoke(main, [command, str(path)]).exit_code == 2
 
 
 @pytest.mark.parametrize(
@@ -125,7 +175,7 @@ def test_motor_positions_that_the_estimator_takes_are_asked_for():
     t, zero = 0.01 * np.arange(200), np.zeros((200, 1))
     log = MotionLog(("joint",), t, zero, zero, zero)
     with pytest.raises(LogError, match="no motor_position of every joint"):
-        over_log(log, msgspec.structs.replace(c, estimator=estimator), robot.model)
+        over_log(log, replace(robot, configuration=msgspec.structs.replace(c, estimator=estimator)))
 
 
 def test_milliseconds_are_no_seconds(tmp_path, states):
@@ -143,7 +193,7 @@ def test_a_pause_begins_anew_and_is_no_contact():
     # Meanwhile it was moved, and its motor with it.
     later = (np.arange(800) >= 400)[:, None] * 0.4
     log = MotionLog(("joint",), np.where(later[:, 0] > 0.0, t + 20.0, t), zero, later, zero, later)
-    made = over_log(log, robot.configuration, robot.model)
-    assert np.isfinite(made.largest).all()
+    _, made = over_log(log, robot)
+    largest = np.abs([state.residual for state in made]).max(axis=0)
     gravity = Model(robot.urdf, ["joint"]).gravity(np.array([0.4]))[0]
-    assert made.largest == pytest.approx([abs(gravity)], rel=0.1)  # which no current holds
+    assert largest == pytest.approx([abs(gravity)], rel=0.1)  # which no current holds

@@ -1,0 +1,180 @@
+"""Logs of strangers' arms, from a CSV to levels: what is answered, how right it is, and what not.
+
+    python -m bench.logs [--logs N] [--seed S] [--json]
+
+Each log is of a generated arm, written by another program: 25 to 500 Hz, columns up to 10 ms late
+or early, jitter, pauses, in degrees or rad, currents or torques, without velocities or motor
+positions, with eccentric encoders or vibration. `contactd new --log-only`, then `identify` gap,
+friction, masses and thresholds, as a person types them; torque constants are looked up, and right
+within 2 %. `inside`: truths within the stated interval of what is good; `off`: beyond two of them.
+Every fifth log lacks what friction needs, and has to be refused for that.
+"""
+
+import re
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from click.testing import CliRunner
+
+from bench.options import JOBS, SEED, command
+from bench.report import Target, print_report
+from bench.rigs.foreign_logs import Stranger, Style, stranger, urdf_of, write_csv
+from bench.study.monte_carlo import spread
+from daemon.config.load import load_robot
+from identification.regression import NORMAL_95
+from programs.contactd.contactd import main as contactd
+
+STEPS = ("gap", "masses", "friction", "thresholds")
+SECONDS = 60.0
+LACKS = {
+    "no torque": (Style(without=("cur",)), "a torque or current"),
+    "no position": (Style(without=("pos", "motor_pos")), "has a position"),
+    "one position": (Style(without=("motor_pos",)), "no column motor_position"),
+    "too short": (Style(), "of motion"),
+}
+"""What a log lacks, and words of the answer that name it."""
+
+
+@dataclass(slots=True)
+class Found:
+    """Answers of one log: (quantity, joint, error over its interval), good or not."""
+
+    log: int
+    style: str
+    errors: list[tuple[str, str, float]] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    asked: int = 0
+    shown: bool = True
+    commands: int = 0
+    seconds: float = 0.0
+    lacks: str = ""
+    cause_named: bool = False
+
+
+def style_of(rng: np.random.Generator, seed: int) -> Style:
+    """Another program's way to write a log."""
+    late = [float(rng.uniform(-0.01, 0.01)) * bool(rng.integers(2)) for _ in range(2)]
+    without = (("vel",), ("motor_pos",), (), (), ())[int(rng.integers(5))]
+    return Style(
+        rate_Hz=float(rng.choice([25.0, 50.0, 100.0, 200.0, 500.0])),
+        late_s={"motor_velocity": late[0], "current": late[1]},
+        jitter=float(rng.choice([0.0, 0.0, 0.1, 0.3])),
+        pauses=int(rng.choice([0, 0, 2])),
+        without=without,
+        torque=bool(rng.integers(2)),
+        degrees=bool(rng.integers(2)),
+        eccentric=float(rng.choice([0.0, 0.0, 0.0005, 0.0015])),
+        vibration=(float(rng.choice([0.0, 0.0, 0.5])), float(rng.uniform(8.0, 20.0))),
+        seed=seed,
+    )
+
+
+def typed(found: Found, *words: object) -> str:
+    """Output of a command of `contactd`."""
+    found.commands += 1
+    return CliRunner().invoke(contactd, [str(word) for word in words]).output
+
+
+def look_up(config: Path, of: Stranger, rng: np.random.Generator, *, torque: bool) -> None:
+    """Write torque constants as a data sheet has them into a drafted configuration."""
+    if torque:
+        return
+    sheet = iter(of.truth.torque_constant * rng.uniform(0.98, 1.02, of.log.n))
+    text = re.sub(r"torque_constant: \S+", lambda _: f"torque_constant: {next(sheet):.6g}",
+                  config.read_text())  # fmt: skip
+    config.write_text(text)
+
+
+def examine(job: tuple[int, int]) -> Found:
+    """Write one log, and ask everything about it."""
+    seed, k = job
+    rng = np.random.default_rng((seed, k))
+    lacks = list(LACKS)[k // 5 % len(LACKS)] if k % 5 == 4 else ""
+    style = LACKS[lacks][0] if lacks else style_of(rng, k)
+    found = Found(k, str(style), lacks=lacks)
+    with tempfile.TemporaryDirectory() as made:
+        folder = Path(made)
+        of = stranger(1000 * seed + k, 4.0 if lacks == "too short" else SECONDS, folder / "truth")
+        log, arm = write_csv(of, style, folder / "log.csv"), folder / "arm"
+        begun = time.monotonic()
+        said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
+        given = ("--config", arm, "--log", log)
+        if lacks:
+            step = "gap" if lacks == "one position" else "friction"
+            said += typed(found, "identify", step, *given) if arm.exists() else ""
+            found.cause_named = LACKS[lacks][1] in " ".join(said.split())
+            return found
+        look_up(arm / "config.yaml", of, rng, torque=style.torque)
+        for step in STEPS:
+            if step != "gap" or "motor_pos" not in style.without:
+                said = typed(found, "identify", step, *given)
+                found.refused += re.findall(r"^  (\w+: .*)$", said, re.MULTILINE)
+        typed(found, "plot", log, "--config", arm, "-o", folder / "page.html")
+        found.seconds = time.monotonic() - begun
+        found.shown = style.vibration[0] == 0.0
+        score(found, arm, of)
+    return found
+
+
+def score(found: Found, arm: Path, of: Stranger) -> None:
+    """Compare what is identified with the truth."""
+    identified = load_robot(arm).identified
+    found.asked = 2 * of.log.n  # friction and levels; whether a motion shows a gap is its own
+    for i, name in enumerate(of.log.joints):
+        joint = identified.joints.get(name) if identified else None
+        if joint is None:
+            continue
+        if joint.gap is not None and joint.gap.confidence:
+            error = (joint.gap.half_gap - of.truth.half_gap[i]) / joint.gap.confidence
+            found.errors.append(("gap", name, float(error)))
+        if joint.friction is not None:
+            f = joint.friction
+            total = f.friction.motor_coulomb + f.friction.link_coulomb - of.friction[i]
+            error = total / (NORMAL_95 * f.errors["K_theta_s"])
+            found.errors.append(("friction", name, float(error)))
+        if joint.thresholds is not None:
+            found.errors.append(("levels", name, 0.0))
+
+
+def shares(found: list[Found]) -> Iterator[Target]:
+    """Targets over all logs."""
+    for quantity in ("gap", "friction"):
+        sizes = np.abs([e for one in found for q, _, e in one.errors if q == quantity])
+        inside = 100.0 * float((sizes <= 1.0).mean()) if len(sizes) else float("nan")
+        yield Target(f"{quantity}: truths inside what is good", inside, 95.0, "%", "higher")
+        yield Target(f"{quantity}: good, and off by two intervals", float((sizes > 2.0).sum()), 0)
+    whole = [one for one in found if not one.lacks]
+    shown = [one for one in whole if one.shown]
+    answers = sum(q in {"friction", "levels"} for one in shown for q, _, _ in one.errors)
+    asked = sum(one.asked for one in shown)
+    yield Target("answered where it is shown", 100.0 * answers / max(asked, 1), 80.0, "%", "higher")
+    lacking = [one.cause_named for one in found if one.lacks]
+    named = 100.0 * float(np.mean(lacking)) if lacking else float("nan")
+    yield Target("refused with the right cause", named, 90.0, "%", "higher")
+    yield Target("commands from a CSV to a page", max((o.commands for o in whole), default=0), 10)
+    slowest = max((one.seconds for one in whole), default=0.0)
+    yield Target("the slowest of them", slowest / 60.0, 10.0, "min")
+
+
+@command(__doc__)
+@click.option("--logs", type=click.IntRange(min=5), default=60)
+@JOBS
+@SEED
+def main(logs: int, processes: int, seed: int, as_json: bool) -> None:
+    found = list(spread(examine, [(seed, k) for k in range(logs)], processes, f"{logs} logs"))
+    rows: list[dict[str, Any]] = [
+        {"log": one.log, "style": one.style, "lacks": one.lacks, "errors": one.errors,
+         "refused": one.refused, "seconds": one.seconds, "cause_named": one.cause_named}
+        for one in sorted(found, key=lambda one: one.log)
+    ]  # fmt: skip
+    print_report("logs", seed, list(shares(found)), {"logs": rows}, as_json=as_json)
+
+
+if __name__ == "__main__":
+    main()

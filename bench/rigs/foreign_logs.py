@@ -1,0 +1,121 @@
+"""Logs of strangers' arms: CSV files as other programs write them, and the truth behind them.
+
+An arm of `generated_arms` moves in the simulator, and what it measured is written with names,
+units, rates and faults of another program: skew, jitter, pauses, vibration, eccentric encoders.
+"""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from bench.rigs.arm_batch import Push, record_fleet
+from bench.rigs.generated_arms import URDF, GeneratedArm, generate
+from bench.study.masses import EXACT, along
+from common.arrays import Matrix, Vector
+from daemon.config.load import load_robot
+from identification.motion_log import MotionLog
+from programs.identify.motions import bounds_of, excitation
+from programs.simulate.simulated_robot import describe, read_simulation
+from simulator.description import SimulationSettings
+from simulator.mismatch import PlantParameters, true_parameters
+
+FINE_S: Final = 0.002  # of what is written at other rates
+_TURN: Final = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Stranger:
+    """An arm, its fine log, and the truth."""
+
+    arm: GeneratedArm
+    log: MotionLog
+    truth: PlantParameters
+
+    @property
+    def friction(self) -> Vector:
+        """Coulomb friction of motor and link together (n,) [Nm]."""
+        rows: Vector = self.truth.coulomb.reshape(2, -1).sum(axis=0)
+        return rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """How another program writes a log."""
+
+    rate_Hz: float = 100.0
+    late_s: dict[str, float] = field(default_factory=dict)
+    """of `current` or `motor_velocity` behind the positions"""
+    jitter: float = 0.0
+    """of the period, a standard deviation"""
+    pauses: int = 0
+    without: tuple[str, ...] = ()
+    """quantities that are not in it"""
+    torque: bool = False
+    """in the place of currents"""
+    degrees: bool = False
+    eccentric: float = 0.0
+    """amplitude of the link encoders' error, once a turn [rad]"""
+    vibration: tuple[float, float] = (0.0, 1.0)
+    """of the torque, in shares of each joint's friction, at a frequency [Hz]"""
+    seed: int = 0
+
+
+def stranger(seed: int, seconds: float, folder: Path, push: Push | None = None) -> Stranger:
+    """Arm of a seed, moved for some seconds, without contact unless pushed; its files go to a
+    folder."""
+    arm = generate(seed)
+    robot = load_robot(arm.write(folder))
+    description = replace(describe(robot, read_simulation(robot)), period_s=FINE_S)
+    settings = SimulationSettings(mismatch=EXACT, seed=seed)
+    truth = true_parameters(description, settings)
+    motion = excitation(bounds_of(robot.configuration), robot.model, FINE_S, seed)
+    path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
+    ((log,),) = record_fleet(
+        description, [truth], along(path, FINE_S), len(path) * FINE_S, settings, push=push
+    )
+    return Stranger(arm, log, truth)
+
+
+def write_csv(of: Stranger, style: Style, path: Path) -> Path:
+    """Write the log as a CSV with names such as `shoulder_pos_deg`; returns its path."""
+    fine, rng = of.log, np.random.default_rng((style.seed, 31))
+    step = 1.0 / style.rate_Hz
+    t = np.arange(fine.time_s[0] + 0.05, fine.time_s[-1] - 0.05, step)
+    t = np.sort(t + style.jitter * step * rng.standard_normal(len(t)))
+    for begin in rng.uniform(t[0], t[-1] - 3.0, style.pauses):
+        t = t[(t < begin) | (t > begin + 2.0)]
+
+    def at(values: Matrix, late_s: float = 0.0) -> Matrix:
+        return np.stack([np.interp(t - late_s, fine.time_s, each) for each in values.T], axis=1)
+
+    current = at(fine.current, style.late_s.get("current", 0.0))
+    share, hertz = style.vibration
+    shakes = np.sin(_TURN * hertz * t)[:, None] * share * of.friction / of.truth.torque_constant
+    q = at(fine.link_position)
+    angle, unit = (np.degrees, "deg") if style.degrees else (np.asarray, "rad")
+    assert fine.motor_position is not None
+    columns = {
+        "pos": angle(q + style.eccentric * np.cos(q + 1.0)),
+        "motor_pos": angle(at(fine.motor_position)),
+        "vel": angle(at(fine.motor_velocity, style.late_s.get("motor_velocity", 0.0))),
+        "tau" if style.torque else "cur":
+            (current + shakes) * (of.truth.torque_constant if style.torque else 1.0),
+    }  # fmt: skip
+    names, values = ["timestamp"], [t]
+    for i, joint in enumerate(of.log.joints):
+        for name, rows in columns.items():
+            if name not in style.without:
+                names.append(f"{joint}_{name}" + (f"_{unit}" if "pos" in name else ""))
+                values.append(rows[:, i])
+    np.savetxt(path, np.stack(values, axis=1), delimiter=",", header=",".join(names),
+               comments="", fmt="%.9g")  # fmt: skip
+    return path
+
+
+def urdf_of(of: Stranger, folder: Path) -> Path:
+    """URDF of the arm, as a file of a folder."""
+    path = folder / URDF
+    path.write_text(of.arm.urdf, encoding="utf-8")
+    return path

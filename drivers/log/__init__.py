@@ -1,0 +1,1 @@
+"""No drives: joints of an arm that is known from logs alone."""

@@ -1,0 +1,36 @@
+"""Logs as a make of drives: what `drivers.makes` asks of one, with nothing on a bus."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from common.errors import ConfigurationError
+from drivers.can.load import FrameLoad
+from drivers.drive import Counts, Measure, ProfileProblem
+from drivers.log.settings import LogDrive, LogProfile
+
+_FINE, _MOST = 1e-9, 1 << 50  # numbers of a log have no steps, and no end
+
+
+def problems(
+    profile: LogProfile, drives: Sequence[LogDrive], folder: Path, period_ms: int, master_node: int
+) -> list[ProfileProblem]:
+    """No problems."""
+    return []
+
+
+def counts(drive: LogDrive, measure: Measure) -> Counts:
+    """Numbers of a log."""
+    return Counts(("make",), "numbers", _FINE, 0.0, -_MOST, _MOST)
+
+
+def frames(
+    drives: Sequence[LogDrive], period_s: float, master_node: int = 0
+) -> tuple[FrameLoad, ...]:
+    """No frames."""
+    return ()
+
+
+def recorded(drives: Sequence[LogDrive], period_s: float) -> NoReturn:
+    """Raises ConfigurationError: such an arm has no frames."""
+    raise ConfigurationError("`make: log`: joints of logs alone have no frames")

@@ -1,0 +1,64 @@
+"""Vibration of a log's torques: what neither links, rotors nor friction explain, by its frequency.
+
+Currents are fitted as x = s tau + c sign(v) + d v + B a + b. Where what is left has a peak beyond
+the frequencies of motion, and it is more than the friction, currents are low-passed below it,
+forwards and backwards, so without a delay.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt, welch
+
+from common.arrays import Matrix, Vector
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from identification.log_intervals import intervals, low_pass
+from identification.motion_log import MotionLog
+
+_ROWS: Final = 10_000  # of a log, that are looked at
+_GAIN: Final = 30.0  # of the filter on both sides of the fit [1/s]
+_LOWEST_HZ: Final = 4.0  # below, motion and friction are
+_WINDOW_S: Final = 4.0
+_DROWNS: Final = 1.0  # of the friction
+_WIDE, _TONE = 0.3, 0.6  # octaves about its peak, and share of the power there
+_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
+
+
+def without_vibration(
+    log: MotionLog, model: Model, settings: EstimatorSettings, constants: Vector
+) -> tuple[MotionLog, tuple[str, ...]]:
+    """The log with quiet currents, and a sentence on what was in them, or none; constants (n,)
+    [Nm/A]."""
+    rows = intervals(log.select(slice(0, _ROWS)), model, settings)
+    rate_Hz = 1.0 / rows.period_s
+    if rate_Hz < 4.0 * _LOWEST_HZ:
+        return log, ()
+    width = min(round(_WINDOW_S * rate_Hz), len(rows.dt))
+    current, about = log.current.copy(), []
+    for i, joint in enumerate(log.joints):
+        v = rows.theta_dot[:, i]
+        slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
+        columns: Matrix = np.stack([rows.inertial[:, i], np.tanh(v / slow), v,
+                                    rows.theta_ddot[:, i], np.ones_like(v)], axis=1)  # fmt: skip
+        x = rows.current[:, i]
+        smooth = low_pass(columns, rows, _GAIN)
+        found, *_ = np.linalg.lstsq(smooth, low_pass(x[:, None], rows, _GAIN)[:, 0], rcond=None)
+        f, of_all = welch(x, rate_Hz, nperseg=width)
+        _, explained = welch(smooth @ found, rate_Hz, nperseg=width)
+        left = np.maximum(of_all - explained, 0.0) * (f >= _LOWEST_HZ)
+        peak = float(f[np.argmax(left)])
+        around = float(left[np.abs(np.log2(np.maximum(f, f[1]) / max(peak, f[1]))) < _WIDE].sum())
+        size, edge = float(np.sqrt(2.0 * around * f[1])), 0.7 * peak
+        tone = around > _TONE * float(left.sum())  # unlike a gap's crossings
+        if tone and size > _DROWNS * abs(found[1]) > 0.0 and edge > _LOWEST_HZ:
+            sos = butter(4, edge, fs=1.0 / log.period_s, output="sos")
+            for part in log.stretches():
+                if part.stop - part.start > 30:
+                    current[part, i] = sosfiltfilt(sos, log.current[part, i])
+            about.append(f"{joint} {size * constants[i]:.2g} Nm above {edge:.2g} Hz")
+    if not about:
+        return log, ()
+    note = f"vibration drowns friction, and was filtered out of currents: {', '.join(about)}"
+    return replace(log, current=current), (note,)

@@ -1,0 +1,151 @@
+"""Draft of a configuration for logs alone: no drive, no node; torques by the URDF's masses. Pure.
+
+Every current or torque is x = s tau + c sign(v) + d v + B a + b, with tau what moves and holds the
+links by the URDF: 1 / s is the torque constant, or what is wrong with a torque's scale or sign.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Final
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from common.yaml_source import quoted
+from daemon.config.problem import figure
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from estimator.urdf import JointRange
+from identification.log_intervals import intervals
+from identification.motion_log import MotionLog
+from programs.contactd.drafts.motor import MARK
+
+_ROWS: Final = 20_000  # of a log, for the scales
+TURNS: Final = 12.57  # limits of a joint without any, either way [rad]
+_GRAVITY: Final = 0.01  # least deviation of gravity: the rotor's inertia hides that of links [Nm]
+_SURE: Final = 0.1  # relative error of a constant that shows
+_SHOWN: Final = 0.05  # least of the links in the signal
+_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
+_HEADROOM: Final = 1.5  # over the largest in the log
+_FASTEST: Final = (0.05, 20.0)  # limits.velocity [rad/s]
+_PERIOD_MS: Final = (4, 100)
+
+
+def loosened(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
+    """URDF of which only these joints move, with limits, and what was changed."""
+    root, changes = ET.fromstring(urdf), []
+    for joint in root.findall("joint"):
+        name, kind = joint.get("name", ""), joint.get("type", "")
+        if name not in joints and kind != "fixed":
+            joint.set("type", "fixed")
+            for child in ("limit", "mimic", "axis"):
+                for found in joint.findall(child):
+                    joint.remove(found)
+            changes.append(f"{name}: not in the log, fixed at 0")
+        elif name in joints and kind == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ET.SubElement(joint, "limit") if limit is None else limit
+            given = {"effort": "1000", "velocity": "10"} | limit.attrib
+            limit.attrib |= given | {"lower": f"{-TURNS}", "upper": f"{TURNS}"}
+            changes.append(f"{name}: without limits, now two turns either way")
+    return (ET.tostring(root, encoding="unicode") + "\n" if changes else urdf), changes
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Torque per unit of a joint's column [Nm/A, or 1], 0 where nothing shows it."""
+
+    constant: float
+    error: float = 0.0
+    against: bool = False
+    """its friction is negative: the sign is wrong"""
+
+    def __str__(self) -> str:
+        if not self.constant:
+            return "the URDF's masses do not show it in the log"
+        return f"by the URDF's masses, which may be off, +- {self.error:.0%}"
+
+
+def scales(log: MotionLog, model: Model) -> list[Scale]:
+    """Torque per unit of each joint's column by the URDF's masses. Raises LogError."""
+    settings = EstimatorSettings(motor_position="integrated")
+    rows = intervals(log.select(slice(0, _ROWS)), model, settings)
+    return [
+        _scale(rows.current[:, i], rows.inertial[:, i], rows.theta_dot[:, i],
+               rows.theta_ddot[:, i], weighs=rows.gravity[:, i].std() > _GRAVITY)
+        for i in range(log.n)
+    ]  # fmt: skip
+
+
+def _scale(
+    signal: Vector, moves: Vector, velocity: Vector, acceleration: Vector, *, weighs: bool
+) -> Scale:
+    slow = _SLOW * float(np.percentile(np.abs(velocity), 90.0)) or 1.0
+    columns: Matrix = np.stack([moves, np.tanh(velocity / slow), velocity, acceleration], axis=1)
+    columns -= columns.mean(axis=0)
+    spread = columns.std(axis=0)
+    if not (spread > 0.0).all():
+        return Scale(0.0)
+    columns /= spread
+    found, *_ = np.linalg.lstsq(columns, signal - signal.mean(), rcond=None)
+    rest = signal - signal.mean() - columns @ found
+    # Neighbours are alike: some hundred of them count as one.
+    error = np.sqrt(np.abs(np.diag(np.linalg.pinv(columns.T @ columns)))) * rest.std() * 10.0
+    s = float(found[0])
+    if not weighs or abs(s) < _SHOWN * signal.std() or error[0] > _SURE * abs(s):
+        rubs = found[1] + found[2]
+        return Scale(0.0, against=bool(rubs < -2.0 * (error[1] + error[2])))
+    return Scale(float(spread[0]) / s, float(error[0]) / abs(s))
+
+
+def log_draft(
+    name: str, urdf_name: str, log: MotionLog, ranges: Sequence[JointRange],
+    constants: Sequence[tuple[float, str]],
+) -> str:  # fmt: skip
+    """Text of config.yaml; constants: of each joint [Nm/A], and where it is from."""
+    period_ms = int(np.clip(round(1e3 * log.period_s), *_PERIOD_MS))
+    joints = "\n".join(
+        _joint(i, one, log, *constant)
+        for i, (one, constant) in enumerate(zip(ranges, constants, strict=True))
+    )
+    measured = "integrated" if log.motor_position is None else "measured"
+    return f"""\
+# Draft by `contactd new --log-only`, for logs alone: no drive can be run with it. Lines with CHECK
+# hold guesses; `contactd identify STEP --log` finds most of them (docs/logs.md).
+version: 1
+name: {quoted(name)}
+urdf: {quoted(urdf_name)}
+period_ms: {period_ms}
+bus: {{interface: virtual, channel: none}}
+drives: {{logs: {{make: log}}}}
+joints:
+{joints}
+estimator: {{motor_position: {measured}, current_delay_ms: 0}}
+"""
+
+
+def _joint(i: int, one: JointRange, log: MotionLog, constant: float, why: str) -> str:
+    largest = _HEADROOM * max(float(np.abs(log.current[:, i]).max()), 1e-3)
+    torque = constant * largest
+    fastest = float(np.abs(log.motor_velocity[:, i]).max())
+    velocity = float(np.clip(_HEADROOM * fastest, *_FASTEST))
+    q = log.link_position[:, i]
+    lower, upper = max(one.lower, float(q.min()) - 0.5), min(one.upper, float(q.max()) + 0.5)
+    gap = 0.0 if log.motor_position is None else 0.002
+    f = figure
+    return f"""\
+  - name: {quoted(one.joint)}
+    wiring: {{node: {i + 1}, profile: logs, gear: 1, rated_current_A: {f(largest)}, \
+max_current_A: {f(largest)}}}   {MARK}: {_HEADROOM:g} x the largest in the log
+    torque_constant: {f(constant)}   {MARK}: {why}
+    rotor_inertia: 0
+    half_gap: {gap:g}   {MARK}: {"`contactd identify gap`" if gap else "no second position"}
+    friction: {{motor_coulomb: {f(0.03 * torque)}}}   {MARK}: `contactd identify friction`
+    thresholds: {{contact: {f(0.15 * torque)}, collision: {f(0.45 * torque)}}}   \
+{MARK}: `contactd identify thresholds`
+    limits: {{lower: {f(lower)}, upper: {f(upper)}, velocity: {f(velocity)}, acceleration: 2, \
+quick_stop: 6}}
+    admittance_gain: 0
+"""

@@ -1,0 +1,235 @@
+"""Columns of a stranger's log, guessed by name and content: names and units for `log_names`. Pure.
+
+A name is read word by word: what is measured, on which side, of which joint. Units, signs and
+gears come from the numbers: positions lie within the URDF's limits, velocities are their change,
+the motor's position follows the link's.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Vector
+from common.yaml_source import quoted
+from daemon.config.problem import figure
+from estimator.urdf import JointRange
+from programs.contactd.drafts.motor import MARK
+from programs.identify.log_names import UNITS
+
+
+def _any(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_WORDS: Final[Mapping[str, frozenset[str]]] = {
+    "velocity": _any("velocity velocities vel speed qd dq qdot omega"),
+    "current": _any("current currents cur curr amp amps i iq"),
+    "torque": _any("torque torques tau tq eff effort efforts moment"),
+    "position": _any("position positions pos q angle theta encoder enc"),
+}
+_ASKED: Final = _any("target desired des cmd command commanded ref reference goal setpoint")
+_NEVER: Final = _any("error err std acc accel acceleration qdd temp temperature voltage limit ext "
+                     "external gravity")  # fmt: skip
+_MOTOR: Final = _any("motor rotor")
+_TIMES: Final = _any("time t timestamp stamp sec secs seconds clock")
+_STEPS_S: Final = (3e-4, 0.3)  # between samples
+_OUTSIDE: Final = 0.05  # of the limits [rad]
+_SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
+_MOST_A: Final = 80.0  # of an arm's motor
+_WHOLE: Final = 0.015  # of a gear: nearer to a whole number it is one
+_FOLLOWS: Final = 0.7  # correlation of what is the same
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A quantity of a joint in a log; `doubt`: what the user has to look up."""
+
+    column: str
+    unit: str
+    scale: float = 1.0
+    doubt: str = ""
+    offset: float = 0.0
+
+    def line(self) -> str:
+        """Its entry in a file of names."""
+        scale = "" if self.scale == 1.0 else f", scale: {figure(self.scale)}"
+        scale += "" if self.offset == 0.0 else f", offset: {figure(self.offset)}"
+        about = f": {self.doubt}" if self.doubt else ""
+        return f"{{column: {quoted(self.column)}, unit: {self.unit}{scale}}}   {MARK}{about}"
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Columns of a log: its time, and of each joint by quantity."""
+
+    time: Column
+    joints: Mapping[str, Mapping[str, Column]]
+
+    def scaled(self, factors: Mapping[str, tuple[float, str]]) -> "Columns":
+        """The same with other scales of torques or currents, by joint, and reasons."""
+        joints = {joint: dict(each) for joint, each in self.joints.items()}
+        for joint, (factor, why) in factors.items():
+            (name,) = {"torque", "current"} & joints[joint].keys()
+            joints[joint][name] = replace(joints[joint][name], scale=factor, doubt=why)
+        return Columns(self.time, joints)
+
+    def text(self) -> str:
+        """File of names."""
+        lines = [f"# Columns guessed by `contactd new`. Lines with {MARK[2:]} are to be looked at.",
+                 f"time: {self.time.line()}", "joints:"]  # fmt: skip
+        for joint, quantities in self.joints.items():
+            lines.append(f"  {quoted(joint)}:")
+            lines += [f"    {name}: {one.line()}" for name, one in quantities.items()]
+        return "\n".join(lines) + "\n"
+
+
+def named_columns(header: Sequence[str], joints: Sequence[str]) -> dict[tuple[str, str], str]:
+    """Column by joint and quantity, and by ("", "time"), from names alone."""
+    found: dict[tuple[str, str], str] = {}
+    numbered: dict[str, list[tuple[int, str]]] = {}
+    for name in header:
+        joint, words = _joint_in(name, joints)
+        if not joint and set(words) <= _TIMES | {"s", "ms", "us", "ns"} and set(words) & _TIMES:
+            found.setdefault(("", "time"), name)
+        quantity = _quantity(words)
+        if not quantity:
+            continue
+        numbers = [int(word) for word in words if word.isdecimal()]
+        if joint or len(joints) == 1:
+            found.setdefault((joint or joints[0], quantity), name)
+        elif numbers:
+            numbered.setdefault(quantity, []).append((numbers[-1], name))
+    base = 0 if any(k == 0 for each in numbered.values() for k, _ in each) else 1
+    for quantity, each in numbered.items():
+        for k, name in each:
+            if 0 <= k - base < len(joints):
+                found.setdefault((joints[k - base], quantity), name)
+    return found
+
+
+def _words(name: str) -> list[str]:
+    apart = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name)
+    return re.findall(r"[a-z]+|\d+", apart.lower())
+
+
+def _joint_in(name: str, joints: Sequence[str]) -> tuple[str, list[str]]:
+    """Joint that a name has in it, the longest, and the words that are left."""
+    words = _words(name)
+    for joint in sorted(joints, key=lambda one: -len(_words(one))):
+        its = _words(joint)
+        its = its[:-1] if its[-1:] == ["joint"] and len(its) > 1 else its
+        for k in range(len(words) - len(its) + 1):
+            if words[k : k + len(its)] == its:
+                return joint, words[:k] + words[k + len(its) :]
+    return "", words
+
+
+def _quantity(words: Sequence[str]) -> str:
+    """Quantity of `log_names` by the words of a name; empty for none."""
+    there = set(words)
+    if there & _NEVER:
+        return ""
+    kind = next((kind for kind, known in _WORDS.items() if there & known), "")
+    if there & _ASKED:
+        return "setpoint" if kind == "velocity" else ""
+    if kind == "position":
+        return "motor_position" if there & _MOTOR else "link_position"
+    return "motor_velocity" if kind == "velocity" else kind
+
+
+def guessed(
+    named: Mapping[tuple[str, str], str], table: Mapping[str, Vector], ranges: Sequence[JointRange]
+) -> Columns:
+    """Units, signs and gears of named columns from their numbers (N,). Joints without a position,
+    or without torque or current, are left out."""
+    column = named["", "time"]
+    time = _time(column, table[column])
+    its: dict[str, dict[str, str]] = {}
+    for one in ranges:
+        each = {quantity: name for (joint, quantity), name in named.items() if joint == one.joint}
+        if "link_position" not in each and "motor_position" in each:
+            each["link_position"] = each.pop("motor_position")
+        if "link_position" in each and ("torque" in each or "current" in each):
+            its[one.joint] = each
+    there = [one for one in ranges if one.joint in its]
+    angle = _angle([(table[its[one.joint]["link_position"]], one) for one in there])
+    most = max((float(np.abs(table[each["current"]]).max())
+                for each in its.values() if "current" in each), default=0.0)  # fmt: skip
+    period = float(np.median(np.diff(table[column]))) * UNITS["time"][time.unit]
+    return Columns(time, {
+        one.joint: _of_joint(its[one.joint], table, one, angle, period)
+        | _effort(its[one.joint], milli=most > _MOST_A)
+        for one in there
+    })  # fmt: skip
+
+
+def _time(column: str, values: Vector) -> Column:
+    steps = np.diff(values)
+    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    for unit, factor in UNITS["time"].items():
+        if _STEPS_S[0] < step * factor < _STEPS_S[1]:
+            return Column(column, unit, doubt=f"a sample every {1e3 * step * factor:.3g} ms")
+    return Column(column, "s", doubt=f"a sample every {step:.3g} of its unit")
+
+
+def _angle(positions: Sequence[tuple[Vector, JointRange]]) -> str:
+    """Unit of positions: the first in which those of all joints lie within the limits, or empty."""
+    for unit, factor in UNITS["link_position"].items():
+        if unit != "mrad" and all(_within(factor * values, one) for values, one in positions):
+            return unit
+    return ""
+
+
+def _within(values: Vector, one: JointRange) -> bool:
+    low, high = np.percentile(values, [0.5, 99.5])
+    return bool(one.lower - _OUTSIDE <= low <= high <= one.upper + _OUTSIDE)
+
+
+def _of_joint(
+    its: Mapping[str, str], table: Mapping[str, Vector], one: JointRange, angle: str, period: float
+) -> dict[str, Column]:
+    """Positions and velocities of a joint."""
+    name, limits = its["link_position"], f"the URDF's {one.lower:.3g} to {one.upper:.3g} rad"
+    doubt = f"within {limits}" if angle else f"no unit is within {limits}: a scale, an offset?"
+    found = {"link_position": Column(name, angle or "rad", doubt=doubt)}
+    q = table[name] * UNITS["link_position"][angle or "rad"]
+    q_dot = np.gradient(q, period)
+    if "motor_position" in its:
+        values = table[its["motor_position"]]
+        follows = _following(its["motor_position"], values, q, UNITS["link_position"], angle)
+        scale = UNITS["link_position"][follows.unit] * follows.scale
+        offset = round(float(np.mean(q - scale * values)), 6)
+        found["motor_position"] = replace(follows, offset=offset)
+    for quantity in {"motor_velocity", "setpoint"} & its.keys():
+        units = UNITS["motor_velocity"]
+        found[quantity] = _following(its[quantity], table[its[quantity]], q_dot, units)
+    return found
+
+
+def _effort(its: Mapping[str, str], *, milli: bool) -> dict[str, Column]:
+    if "torque" in its:
+        return {"torque": Column(its["torque"], "Nm")}
+    return {"current": Column(its["current"], "mA" if milli else "A")}
+
+
+def _following(
+    name: str, values: Vector, about: Vector, units: Mapping[str, float], unit: str = ""
+) -> Column:
+    """Column of what is `about` in SI, in another unit, sign or behind a gear, then of a `unit`."""
+    first = Column(name, unit or next(iter(units)))
+    apart = values - values.mean()
+    power = float(apart @ apart)
+    scale = float(apart @ (about - about.mean())) / power if power else 0.0
+    if abs(scale) * float(values.std()) < _FOLLOWS * float(about.std()) or not scale:
+        return replace(first, doubt="it does not follow the link's position: CHECK what it is")
+    nearest = min(units, key=lambda one: abs(np.log(abs(scale) / units[one])))
+    if abs(abs(scale) / units[nearest] - 1.0) < _SAME:
+        way = "as" if scale > 0.0 else "against"
+        return Column(name, nearest, float(np.sign(scale)), f"changes {way} the link's")
+    gear = units[first.unit] / scale
+    whole = float(round(gear))
+    gear = whole if whole and abs(gear / whole - 1.0) < _WHOLE else gear
+    return replace(first, scale=1.0 / gear, doubt=f"a gear of {abs(gear):.4g}?")

@@ -1,0 +1,136 @@
+"""`contactd new --log-only`: a folder for an arm that is known from logs alone."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+from common.errors import ConfigurationError, LogError
+from common.regular_file import read_text
+from daemon.config.load import load_robot
+from daemon.protocol.text import printable
+from estimator.urdf import JointRange, joint_ranges
+from identification.skew import without_skew
+from programs.command_line.sentences import say
+from programs.contactd.drafts.configuration import guesses
+from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
+from programs.contactd.drafts.log_columns import Columns, guessed, named_columns
+from programs.identify.csv_log import header_of, numbers_of, read_csv
+from programs.identify.foreign import joined
+from programs.identify.log_names import NamedLog, beside, read_names
+
+_AS_IT_IS = (0.7, 1.4)  # scales of a torque that are rather errors of the URDF
+
+
+def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
+    """Write a configuration into a new folder, and names of the columns beside each log that has
+    none, and print both. Raises ContactdError; nothing is overwritten, or left half-written."""
+    if folder.exists():
+        raise ConfigurationError(f"{folder} exists: it is never overwritten")
+    written: list[Path] = []
+    try:
+        draft, columns, changes = _write(folder, urdf, logs, written)
+        load_robot(folder)
+    except BaseException as error:
+        for path in written:
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+        if isinstance(error, OSError | UnicodeDecodeError):
+            why = getattr(error, "strerror", None) or error
+            raise ConfigurationError(f"{urdf} or {folder}: {why}") from error
+        raise
+    for text, names in {found.text(): beside(log) for log, found in columns.items()}.items():
+        click.echo(f"wrote {names}:\n\n{text}")
+    click.echo(f"wrote {folder / 'config.yaml'}: {guesses(draft)} lines with CHECK hold guesses")
+    for change in changes:
+        say(f"{folder / urdf.name}: {change}")
+    all_of = " ".join(f"--log {log}" for log in logs)
+    click.echo(f"""next, once the columns are right:
+  contactd identify friction --config {folder} {all_of}
+  contactd identify thresholds --config {folder} {all_of}
+  contactd plot {logs[0]} --config {folder}""")
+
+
+def _write(
+    folder: Path, urdf: Path, logs: Sequence[Path], written: list[Path]
+) -> tuple[str, Mapping[Path, Columns], list[str]]:
+    text = read_text(urdf)
+    ranges = [
+        replace(one, lower=-TURNS, upper=TURNS) if one.kind == "continuous" else one
+        for one in joint_ranges(text)
+        if one.kind in ("continuous", "revolute")
+    ]
+    given = {log: known for log in logs if (known := read_names(log)) is not None}
+    columns = {log: _columns(log, urdf, ranges) for log in logs if log not in given}
+
+    def write_names() -> None:
+        for log, one in columns.items():
+            written.append(beside(log))
+            beside(log).write_text(one.text(), encoding="utf-8")
+
+    write_names()
+    there = [{*one.joints} for one in columns.values()]
+    there += [{name.partition(".")[2] for name in one.conversions} for one in given.values()]
+    text, changes = loosened(text, set.intersection(*there))
+    ranges = [one for one in joint_ranges(text) if one.kind == "revolute"]
+    names = [one.joint for one in ranges]
+    log, _ = joined([read_csv(path, names, dict.fromkeys(names, 1.0))[0] for path in logs])
+    folder.mkdir(parents=True)
+    written.append(folder)
+    (folder / urdf.name).write_text(text, encoding="utf-8")
+
+    def drafted(constants: Sequence[tuple[float, str]]) -> str:
+        draft = log_draft(folder.resolve().name, urdf.name, log, ranges, constants)
+        (folder / "config.yaml").write_text(draft, encoding="utf-8")
+        return draft
+
+    drafted([(1.0, "")] * len(names))
+    robot = load_robot(folder)
+    aligned, _ = without_skew(log, robot.model, robot.configuration.estimator)
+    found = scales(aligned, robot.model)
+    usual = float(np.median([abs(one.constant) for one in found if one.constant] or [1.0]))
+    known = read_names(logs[0])
+    constants = [_constant(name, one, usual, known) for name, one in zip(names, found, strict=True)]
+    factors = {name: (one[0], one[2]) for name, one in zip(names, constants, strict=True)}
+    columns = {path: one.scaled(factors) for path, one in columns.items()}
+    write_names()
+    if columns:
+        log = replace(log, current=log.current * np.array([factors[name][0] for name in names]))
+    return drafted([one[1:] for one in constants]), columns, changes
+
+
+def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
+    """Guess of the columns of a log. Raises LogError where no joint is found in it."""
+    header = header_of(log)
+    named = named_columns(header, [one.joint for one in ranges])
+    there = f"there are {printable(', '.join(header)[:200])}; name them in {beside(log).name}"
+    if ("", "time") not in named:
+        raise LogError(f"{log}: no column is a time by its name; {there}")
+    table = numbers_of(log, list(dict.fromkeys(named.values())), named["", "time"])
+    found = guessed(named, table, ranges)
+    if not found.joints:
+        raise LogError(f"{log}: no joint of {urdf.name} has a position, and a torque or current, "
+                       f"by the names of columns; {there}")  # fmt: skip
+    return found
+
+
+def _constant(
+    joint: str, scale: Scale, usual: float, named: NamedLog | None
+) -> tuple[float, float, str]:
+    """Factor of a joint's column, its torque constant [Nm/A], and the reason; usual: that of other
+    joints."""
+    k = scale.constant
+    if named is not None and f"torque.{joint}" in named.conversions:
+        if not k:
+            return (-1.0 if scale.against else 1.0), 1.0, str(scale)
+        fits = _AS_IT_IS[0] < k < _AS_IT_IS[1]
+        return (1.0 if fits else k), 1.0, f"{k:.3g} {scale}"
+    if not k:
+        sign = -1.0 if scale.against else 1.0
+        return sign, usual, f"as other joints: {scale}; it is the motor's, times the gear"
+    return (1.0 if k > 0.0 else -1.0), abs(k), str(scale)

@@ -1,0 +1,83 @@
+"""A log of another program as a recording: the estimator of a robot over its samples."""
+
+from dataclasses import replace
+from hashlib import blake2b
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from common import compiled
+from daemon.config.load import Robot, load_robot
+from daemon.config.schema import Configuration
+from daemon.config.vectors import row
+from daemon.protocol.state import Snapshot, State
+from estimator.model import Model
+from identification.motion_log import MotionLog
+from identification.skew import without_skew
+from identification.vibration import without_vibration
+from programs.identify.csv_log import COLUMNS, read_csv
+from programs.identify.log_names import beside
+from programs.recordings.over_log import over_log
+from programs.recordings.raster import on_raster
+from programs.recordings.recomputed import kept_recording
+from programs.recordings.row_cache import content_digest
+
+_APART_S: Final = 10.0  # between logs, so that they are stretches
+_ALIKE: Final = 0.02  # of the period
+_LAYOUT: Final = 1  # of the recordings in the cache
+
+
+def foreign_states(path: Path, robot: Robot) -> tuple[Snapshot, list[State]]:
+    """Snapshot and States of a log. Raises LogError."""
+    log, notes = read_aligned(path, robot.configuration, robot.model)
+    return over_log(log, robot, notes)
+
+
+def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog, tuple[str, ...]]:
+    """Log of all joints without skew and vibration, and notes. Raises LogError."""
+    log, notes = read_csv(path, c.joint_names, constants_of(c))
+    log, skew = without_skew(log, model, c.estimator)
+    log, shakes = without_vibration(log, model, c.estimator, row(c, lambda j: j.torque_constant))
+    return log, notes + skew.notes(log.joints) + shakes
+
+
+def recording_of(path: Path, config: Path) -> Path:
+    """Recording of a log by the robot of `config`, in the user's cache. Raises ContactdError."""
+    robot, names = load_robot(config), beside(path)
+    what = [
+        _LAYOUT, version("contactd"), compiled.sources(), content_digest(path),
+        content_digest(names) if names.exists() else "", robot.text, robot.identified_text,
+        robot.urdf,
+    ]  # fmt: skip
+    key = blake2b(msgspec.json.encode(what), digest_size=16).hexdigest()
+    return kept_recording(path, key, lambda: foreign_states(path, robot))
+
+
+def constants_of(c: Configuration) -> dict[str, float]:
+    """Torque constants [Nm/A] by joint."""
+    return {joint.name: joint.torque_constant for joint in c.joints}
+
+
+def joined(logs: list[MotionLog]) -> tuple[MotionLog, tuple[str, ...]]:
+    """Logs of the same joints, one after another, at the longest of their periods, and notes."""
+    first, *others = logs
+    if not others:
+        return first, ()
+    notes: tuple[str, ...] = ()
+    period = max(log.period_s for log in logs)
+    if min(log.period_s for log in logs) < (1.0 - _ALIKE) * period:
+        notes = (f"logs at several rates: all taken every {1e3 * period:.3g} ms",)
+        logs = [on_raster(log, log.stretches(2.5 * log.period_s), period) for log in logs]
+    times, begin = [], 0.0
+    for log in logs:
+        times.append(log.time_s - log.time_s[0] + begin)
+        begin = float(times[-1][-1]) + _APART_S
+
+    columns: dict[str, Any] = {}
+    for name in COLUMNS:
+        each = [getattr(log, name) for log in logs]
+        columns[name] = None if any(one is None for one in each) else np.concatenate(each)
+    return replace(first, time_s=np.concatenate(times), **columns), notes

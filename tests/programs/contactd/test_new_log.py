@@ -1,0 +1,173 @@
+"""Configurations for logs alone: columns guessed by name and content, and what cannot be run."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from bench.rigs.foreign_logs import Stranger, Style, stranger, urdf_of, write_csv
+from common.errors import ConfigurationError
+from daemon.config.load import load_robot
+from daemon.drives import build_setups
+from programs.contactd.contactd import main
+from programs.contactd.drafts.log_arm import loosened
+from programs.contactd.drafts.log_columns import named_columns
+from programs.identify.csv_log import read_csv
+from programs.identify.log_names import beside
+
+JOINTS = ["shoulder_pan_joint", "elbow_joint", "joint_3"]
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Stranger:
+    return stranger(1, 30.0, tmp_path_factory.mktemp("stranger"))
+
+
+def drafted(folder: Path, arm: Stranger, style: Style) -> Result:
+    write_csv(arm, style, folder / "log.csv")
+    given = ["--urdf", str(urdf_of(arm, folder)), str(folder / "log.csv")]
+    return CliRunner().invoke(main, ["new", str(folder / "arm"), "--log-only", *given])
+
+
+@pytest.mark.parametrize(
+    ("header", "found"),
+    [
+        ("time,position.elbow_joint", {("", "time"): 0, ("elbow_joint", "link_position"): 1}),
+        ("t,ElbowPos,ElbowMotorPos", {("elbow_joint", "link_position"): 1,
+                                      ("elbow_joint", "motor_position"): 2}),
+        ("stamp,q_0,q_1,q_2", {(name, "link_position"): k + 1 for k, name in enumerate(JOINTS)}),
+        ("t,actual_qd_2,target_qd_2", {("elbow_joint", "motor_velocity"): 1,
+                                       ("elbow_joint", "setpoint"): 2}),
+        ("t,shoulder_pan_effort,shoulder_pan_temp,shoulder_pan_pos_error",
+         {("shoulder_pan_joint", "torque"): 1}),
+        ("t,effort[2],joint_3_iq", {("joint_3", "current"): 2, ("elbow_joint", "torque"): 1}),
+    ],
+)  # fmt: skip
+def test_names_say_what_is_measured(header: str, found: dict[tuple[str, str], int]) -> None:
+    columns = header.split(",")
+    named = named_columns(columns, JOINTS)
+    expected = {key: columns[k] for key, k in found.items()}
+    assert {**named, ("", "time"): columns[0]} == {("", "time"): columns[0], **expected}
+
+
+@pytest.mark.parametrize("degrees", [False, True])
+def test_numbers_say_units_and_signs(tmp_path: Path, arm: Stranger, degrees: bool) -> None:
+    """Its motors count against its links, behind a gear of 50, in ms and mA."""
+    style = Style(degrees=degrees)
+    path = write_csv(arm, style, tmp_path / "log.csv")
+    header = path.read_text().splitlines()[0]
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    for i, name in enumerate(header.split(",")):
+        factor = {"motor": -50.0, "cur": -1000.0, "timestamp": 1000.0}
+        rows[:, i] *= next((f for of, f in factor.items() if of in name), 1.0)
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    given = ["--urdf", str(urdf_of(arm, tmp_path)), str(path)]
+    result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", *given])
+    assert result.exit_code == 0, result.output
+    assert beside(path).read_text() in result.output
+    names = list(arm.log.joints)
+    log, _ = read_csv(path, names, dict.fromkeys(names, 1.0))
+    rows_of = [np.argmin(np.abs(arm.log.time_s - t)) for t in log.time_s[::50]]
+    for name in ("link_position", "motor_velocity", "current"):
+        measured = getattr(arm.log, name)[rows_of]
+        error = np.abs(getattr(log, name)[::50] - measured).max(axis=0)
+        assert (error < 0.03 * np.ptp(measured, axis=0)).all(), name
+    assert log.motor_position is not None
+    assert np.abs(log.motor_position - log.link_position).max() < 0.03
+    robot = load_robot(tmp_path / "arm")
+    constants = np.array([joint.torque_constant for joint in robot.configuration.joints])
+    # The first joint turns about the vertical: nothing weighs there.
+    assert constants[1:] == pytest.approx(arm.truth.torque_constant[1:], rel=0.05)
+
+
+def test_torques_need_no_constant(tmp_path: Path, arm: Stranger) -> None:
+    result = drafted(tmp_path, arm, Style(torque=True, without=("vel", "motor_pos")))
+    assert result.exit_code == 0, result.output
+    c = load_robot(tmp_path / "arm").configuration
+    assert {joint.torque_constant for joint in c.joints} == {1.0}
+    assert {joint.half_gap for joint in c.joints} == {0.0}
+    assert c.estimator.motor_position == "integrated"
+    log = ["--log", str(tmp_path / "log.csv"), "--config", str(tmp_path / "arm")]
+    friction = CliRunner().invoke(main, ["identify", "friction", *log])
+    assert "no motor_velocity of base" in friction.output
+    assert "good" in friction.output
+
+
+def test_a_constant_that_gravity_confirms_is_no_mistake(tmp_path: Path, arm: Stranger) -> None:
+    """32 Nm/A, as of an industrial arm whose gear is in it."""
+    truth = replace(arm.truth, torque_constant=np.full(len(arm.log.joints), 32.0))
+    log = replace(arm.log, current=arm.log.current * arm.truth.torque_constant / 32.0)
+    result = drafted(tmp_path, replace(arm, truth=truth, log=log), Style())
+    assert result.exit_code == 0, result.output
+    constants = [j.torque_constant for j in load_robot(tmp_path / "arm").configuration.joints]
+    assert constants[1:] == pytest.approx([32.0] * (len(constants) - 1), rel=0.05)
+    assert CliRunner().invoke(main, ["check", str(tmp_path / "arm")]).exit_code == 0
+
+
+def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
+    assert drafted(tmp_path, arm, Style()).exit_code == 0
+    with pytest.raises(ConfigurationError, match="`make: log` has no drives"):
+        build_setups(load_robot(tmp_path / "arm"))
+    for words in (["run"], ["simulate", "--write-truth"]):
+        assert CliRunner().invoke(main, [*words, str(tmp_path / "arm")]).exit_code == 78
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [("a,b", "no column is a time"), ("time,base_pos,elbow_cur", "no joint of arm.urdf has")],
+)
+def test_what_cannot_be_guessed_leaves_nothing(
+    tmp_path: Path, arm: Stranger, columns: str, says: str
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(f"{columns}\n" + "\n".join(",".join("12345"[: columns.count(",") + 1])
+                                               for _ in range(30)))  # fmt: skip
+    urdf = urdf_of(arm, tmp_path)
+    result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", "--urdf",
+                                       str(urdf), str(path)])  # fmt: skip
+    assert result.exit_code == 65
+    assert says in result.output
+    assert {one.name for one in tmp_path.iterdir()} == {"log.csv", "arm.urdf"}
+
+
+def test_joints_that_are_not_in_the_log_are_fixed() -> None:
+    urdf = """<robot name="a"><link name="b"/><link name="c"/><link name="d"/>
+      <joint name="x" type="continuous"><parent link="b"/><child link="c"/></joint>
+      <joint name="y" type="prismatic"><parent link="c"/><child link="d"/>
+        <limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    text, changes = loosened(urdf, ["x"])
+    assert [change.split(":")[0] for change in changes] == ["x", "y"]
+    assert 'type="fixed"' in text
+    assert 'type="revolute"' in text
+    assert text.count("<limit") == 1
+    assert loosened(text, ["x"]) == (text, [])
+
+
+def test_logs_and_drives_do_not_go_together(tmp_path: Path) -> None:
+    shutil.rmtree(tmp_path / "arm", ignore_errors=True)
+    for more in (["--log-only"], ["log.csv"], ["--log-only", "--drive", "damiao:DM4340", "a.csv"]):
+        result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--urdf", "a", *more])
+        assert result.exit_code == 2, more
+
+
+def test_friction_of_a_log_whose_columns_are_late(tmp_path: Path, arm: Stranger) -> None:
+    """As right as of one whose columns are not; else a wider gap, or masses, were named."""
+    found = []
+    for late in ({}, {"motor_velocity": 0.008, "current": -0.006}):
+        folder = tmp_path / str(len(found))
+        folder.mkdir()
+        assert drafted(folder, arm, Style(late_s=late)).exit_code == 0
+        given = ["--config", str(folder / "arm"), "--log", str(folder / "log.csv")]
+        result = CliRunner().invoke(main, ["identify", "friction", *given])
+        assert ("motor_velocity of elbow +8." in result.output) == bool(late)
+        identified = load_robot(folder / "arm").identified
+        assert identified is not None
+        friction = [identified.joints[name].friction for name in ("shoulder", "elbow", "forearm")]
+        assert None not in friction
+        found.append([one.friction.motor_coulomb + one.friction.link_coulomb
+                      for one in friction if one])  # fmt: skip
+    assert found[1] == pytest.approx(found[0], rel=0.05)
+    assert found[0] == pytest.approx(arm.friction[1:4].tolist(), rel=0.08)
