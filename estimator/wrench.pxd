@@ -8,7 +8,8 @@ cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
 cdef Py_ssize_t _COVARIANCE, _STRENGTH, _MISFIT, _UNSEEN, _SWEEPS
-cdef double _SEEN_N, _SEEN_SHARE, _LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG, _LEAST_NM
+cdef double _SEEN_N, _SEEN_SHARE, _SEEN_MOST_N, _LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE
+cdef double _LAG, _LEAST_NM
 cdef double _OFF, _USUAL_N, _ANY_N, _LEAST, _MOST, _OF_PEAK, _GROWS, _FADES_S, _QUIET_S, _PEAK_S
 
 cdef class Wrench:

@@ -27,8 +27,9 @@ from estimator.dynamics import Dynamics, Place
 FORCE, COVARIANCE, STRENGTH, MISFIT, UNSEEN, WIDTH = 0, 3, 9, 10, 11, 20
 """Columns of `shown`: force (3) [N], its covariance (xx xy xz yy yz zz) [N2], how often it exceeds
 its level, misfit, and directions that are not seen (up to 3 by 3, then zeros)."""
-SEEN_N, SEEN_SHARE = 4.0, 0.25
-"""Largest standard deviation of a direction that is seen: [N], or of the force if that is more."""
+SEEN_N, SEEN_SHARE, SEEN_MOST_N = 4.0, 0.25, 8.0
+"""Largest standard deviation of a direction that is seen: [N], or of the force if that is more, up
+to the last: a contact elsewhere looks like hundreds of newtons along what the joints hardly see."""
 
 # Standard deviation of a residual: of its joint's contact level, friction near rest, raise,
 # unlearned friction, transmitted torque, and of what the residual still lags behind. Chosen on 13
@@ -48,7 +49,7 @@ _SWEEPS = 8
 
 # For the compiler.
 _COVARIANCE, _STRENGTH, _MISFIT, _UNSEEN = COVARIANCE, STRENGTH, MISFIT, UNSEEN
-_SEEN_N, _SEEN_SHARE = SEEN_N, SEEN_SHARE
+_SEEN_N, _SEEN_SHARE, _SEEN_MOST_N = SEEN_N, SEEN_SHARE, SEEN_MOST_N
 
 
 class Wrench:
@@ -283,7 +284,8 @@ class Wrench:
         for k in range(len(shown)):
             shown[k] = 0.0
         slot = _UNSEEN
-        most = max(_SEEN_N * _SEEN_N, _SEEN_SHARE * _SEEN_SHARE * square if acts else 0.0)
+        most = min(_SEEN_SHARE * _SEEN_SHARE * square, _SEEN_MOST_N * _SEEN_MOST_N)
+        most = max(_SEEN_N * _SEEN_N, most if acts else 0.0)
         for k in range(3):
             variance = 1.0 / S[k, k]
             seen = variance <= most

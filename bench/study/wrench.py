@@ -23,7 +23,7 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from estimator.estimate import EstimateRows
 from estimator.estimator import Estimator
-from estimator.wrench import COVARIANCE, MISFIT, SEEN_N, SEEN_SHARE, STRENGTH
+from estimator.wrench import COVARIANCE, MISFIT, SEEN_MOST_N, SEEN_N, SEEN_SHARE, STRENGTH
 
 Kind = Literal["motion", "slow", "rest", "stretched", "free"]
 FIRST_S: Final = 0.1  # of a press: the residual has yet to rise
@@ -157,7 +157,7 @@ def _force(
     covariance = np.zeros((3, 3))
     covariance[UPPER] = row[COVARIANCE : COVARIANCE + 6]
     covariance = covariance + np.triu(covariance, 1).T
-    most = max(SEEN_N, SEEN_SHARE * float(np.linalg.norm(row[:3])))
+    most = max(SEEN_N, min(SEEN_SHARE * float(np.linalg.norm(row[:3])), SEEN_MOST_N))
     variances, ways = np.linalg.eigh(covariance)
     truth = axes.T @ press.touches[0].force
     error = ways.T @ (row[:3] - truth)

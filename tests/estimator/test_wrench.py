@@ -131,6 +131,19 @@ def test_directions_that_joints_do_not_show_are_unseen_and_no_force_is_claimed_t
     assert not blind[:3].any()
 
 
+def test_a_torque_elsewhere_is_not_hundreds_of_newtons_along_what_the_joints_hardly_see() -> None:
+    """A straight arm: one joint turned from elsewhere is explained by a force along it alone."""
+    arm = Arm(q=np.array([0.4, 0.3, -0.8, -0.03, -1.2, 0.0, 0.03]))
+    ways, _, _ = np.linalg.svd(arm.J)
+    r = arm.J.T @ (200.0 * ways[:, 2])
+    row = arm.after(r, friction=0.1)
+    sigma = np.sqrt(ways[:, 2] @ covariance_of(row) @ ways[:, 2])
+    assert 8.0 < sigma < 0.25 * 200.0
+    assert row[STRENGTH] > 1.0
+    assert np.abs(row[:3]).max() < 10.0
+    assert np.count_nonzero(row[UNSEEN:].reshape(3, 3).any(axis=1)) == 1
+
+
 def test_the_level_is_learned_of_quiet_motion_alone() -> None:
     arm = Arm()
     first = arm.wrench.level()
