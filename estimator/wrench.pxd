@@ -18,7 +18,7 @@ cdef class Wrench:
     cdef double _gain, _level
     cdef double[::1] _place, _r, _x, _swap, _g, _h, _u
     cdef double[:, ::1] _axes, _J, _R, _swaps, _Y, _N, _S, _V
-    cdef readonly double[::1] before, shown, weight
+    cdef readonly double[::1] before, lag, shown, weight
     cdef public double peak, peak_seen, quiet_s
 
     @cython.locals(lag=double, parts=double)

@@ -11,7 +11,8 @@ does not press on it exactly: _OFF away, and the force has a moment m about the 
 
 A, B, C: blocks of the information of (f, m); l: that of m beforehand. s_i is made of what raises
 the level of a joint: friction near rest, gap, friction not yet learned, load; and of what r has yet
-to follow, r' / K. A direction is seen where its standard deviation is small; along the others
+to follow, the largest r' / K of late: as long as r has a memory, or an arm that swings under its
+push would be believed where r turns. A direction is seen where its standard deviation is small; along the others
 nothing is claimed. The force is zero up to a level of its own, in standard deviations, which the
 arm's quiet motion teaches as it teaches contact levels.
 
@@ -62,6 +63,7 @@ class Wrench:
         self._level = _LEVEL if learns else _UNTAUGHT
         self._place, self._axes = tool.point.copy(), tool.axes.copy()
         self.before = np.zeros(n)  # residual at the tick before [Nm]
+        self.lag = np.zeros(n)  # r' / K, the largest of late [Nm]
         self._J = np.zeros((6, n))  # of point and frame, along its axes
         self._r, self.weight = np.zeros((2, n))
         self._x, self._swap = np.zeros((2, 3))
@@ -80,7 +82,8 @@ class Wrench:
         """Take the residual of joint i [Nm], dt [s] after the one before: usual, its configured
         level by the share in force; friction, raised, unlearned: parts of the level in force;
         torque: transmitted. One that does not sense counts nothing."""
-        lag = (r - self.before[i]) / (self._gain * dt)
+        lag = abs(r - self.before[i]) / (self._gain * dt)
+        lag = self.lag[i] = max(lag, self.lag[i] / (1.0 + self._gain * dt))
         parts = (self._level * usual) * (self._level * usual) + _LEAST_NM * _LEAST_NM
         parts += (_FRICTION * friction) * (_FRICTION * friction)
         parts += (_RAISED * raised) * (_RAISED * raised)
