@@ -11,10 +11,10 @@ import click
 
 from common.errors import ControlError, UnreachableError
 from daemon.protocol.socket_path import default_hand_path
-from programs.clients.sensitivity import AXES
 from programs.command_line.options import PATH, InOrder, Range, Signed
 
 PATIENCE_S = 5.0
+AXES = ("x", "y", "z")
 
 
 class Measure(click.ParamType):  # type: ignore[type-arg]
@@ -129,7 +129,7 @@ def lean(door: Path, joint: str, torque: float) -> None:
 
 
 @hand.command(context_settings=_SIGNED)
-@click.argument("axis", type=click.Choice(tuple(AXES)))
+@click.argument("axis", type=click.Choice(AXES))
 @click.argument("force", type=Measure("N", -500.0, 500.0))
 @click.option("--seconds", type=Range(min=0.01, max=600), help="Without it until `release`.")
 @click.pass_obj
