@@ -25,8 +25,8 @@ SURE, SURE_S = 0.9, 0.09
 """Least probability of a link that is decided, and for how long it must have been the same: outer
 residuals rise later, behind their gaps [s]."""
 CANDIDATE: Final = 0.05
-MOST_DOUBT_M: Final = 0.08
-"""Beyond it a point cannot be told."""
+MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
+"""Beyond it, or for a link less likely, a point cannot be told."""
 NO_FIT: Final = 3.0
 """Misfit from which no force at one point explains the residuals."""
 _FORCE_N: Final = 30.0
@@ -58,7 +58,8 @@ class TouchPoint:
     @property
     def placed(self) -> bool:
         """True if the point is known."""
-        return self.doubt_m <= MOST_DOUBT_M and self.misfit < NO_FIT
+        told = self.doubt_m <= MOST_DOUBT_M and self.sure >= LEAST_SURE
+        return told and self.misfit < NO_FIT
 
 
 class TouchFinder:

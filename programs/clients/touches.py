@@ -4,7 +4,7 @@ Nothing is learned: WORDS is the table, the first that holds is said, with the e
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -69,10 +69,7 @@ class Contact:
         return {
             "word": self.word,
             "why": WORDS[self.word][1],
-            "begin_s": round(e.begin_s, 3),
-            "seconds": round(e.seconds, 3),
-            "moved_rad": round(e.moved_rad, 3),
-            "most_N": round(e.most_N, 1),
+            **{k: round(getattr(e, k), 3) for k in ("begin_s", "seconds", "moved_rad", "most_N")},
             "joints": list(at.joints) if at else [],
             "decided": bool(at and at.decided),
             "link": at.link if at else "",
@@ -89,25 +86,18 @@ class Contact:
         return f"{self.word} ({why}): {place}; {e.seconds:.2f} s{newtons}{moved}"
 
 
-@dataclass(slots=True)
 class Touches:
     """Contacts of one arm; `take` each State."""
 
-    snapshot: Snapshot
-    _finder: TouchFinder = field(init=False)
-    _now: Evidence | None = None
-    _last_s: float = 0.0
-    _begun_at: Vector = field(default_factory=lambda: np.zeros(0))
-    _held_at: Vector = field(default_factory=lambda: np.zeros(0))
-    _held_from_s: float = 0.0
-    _joint: int = 0  # whose residual is the largest
-    _peak: float = 0.0
-    _rested: float = 0.0  # that, before the arm went on; 0 until then
-    _sizes: list[tuple[float, float]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        s = self.snapshot
-        self._finder = TouchFinder(s.urdf, s.joints, s.thresholds)
+    def __init__(self, snapshot: Snapshot) -> None:
+        """Raises ModelError for a bad URDF."""
+        self._finder = TouchFinder(snapshot.urdf, snapshot.joints, snapshot.thresholds)
+        self._now: Evidence | None = None
+        self._last_s = self._held_from_s = 0.0
+        self._begun_at = self._held_at = np.zeros(0)
+        # Joint whose residual is the largest, that, and what it was before the arm went on.
+        self._joint, self._peak, self._rested = 0, 0.0, 0.0
+        self._sizes: list[tuple[float, float]] = []
 
     def take(self, state: State) -> Contact | None:
         """The contact that has ended with this State, if one has."""
@@ -121,8 +111,10 @@ class Touches:
         found = self._finder.take(q, r, level, share, state.interval_s)
         stays = self._now is not None and abs(r[self._joint]) > STAYS * self._peak
         if found is None and not stays:
-            over = self._now is not None and state.time_s - self._last_s > APART_S
-            return self._end() if over else None
+            if self._now is None or state.time_s - self._last_s <= APART_S:
+                return None
+            ended, self._now = Contact.of(self._now), None
+            return ended
         if self._now is None:
             self._now = Evidence(state.time_s)
             self._begun_at, self._held_at, self._held_from_s = q, q, state.time_s
@@ -130,14 +122,6 @@ class Touches:
         self._last_s = state.time_s
         self._see(self._now, state, found, q, r)
         return None
-
-    def now(self) -> Contact | None:
-        """The contact that goes on; None without one."""
-        return Contact.of(self._now) if self._now else None
-
-    def _end(self) -> Contact | None:
-        ended, self._now = self.now(), None
-        return ended
 
     def _see(
         self, e: Evidence, state: State, found: TouchPoint | None, q: Vector, r: Vector

@@ -87,7 +87,7 @@ def test_two_forces_are_not_one() -> None:
     both = pushed(1, (0.05, 0.0, 0.0), (0.0, 0.0, 30.0)) + pushed(
         6, (0.06, 0.0, 0.0), (9.0, 20.0, 9.0)
     )
-    both[2] += 6.0
+    both[2] += 15.0
     found = after(finder(), both, 30)
     assert found is not None
     assert not found.placed
