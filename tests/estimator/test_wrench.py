@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 import pytest
+from msgspec.structs import replace
 
 from bench.rigs.lockstep import ROMEO
 from common.arrays import Matrix, Vector
 from common.errors import ModelError
+from daemon.assembly import build_estimator
 from daemon.config.load import load_robot
 from estimator.dynamics import Dynamics
 from estimator.model import Model
@@ -165,3 +167,20 @@ def test_the_level_is_learned_of_quiet_motion_alone() -> None:
 def test_a_link_that_does_not_move_is_refused() -> None:
     with pytest.raises(ModelError, match="moves no link 'torso'"):
         ROBOT.model.place("torso")
+
+
+@pytest.mark.parametrize(("q", "counts"), [(0.0, True), (0.975, False), (-0.975, False)])
+def test_a_link_that_may_lean_on_its_stop_does_not_count(q: float, counts: bool) -> None:
+    c = ROBOT.configuration
+    made = build_estimator(replace(c, estimator=replace(c.estimator, beside=())), ROBOT.model)
+    assert (
+        ROBOT.model.upper[6]
+        == pytest.approx(-ROBOT.model.lower[6])
+        == pytest.approx(0.98, abs=1e-2)
+    )
+    pose = np.append(POSE[:6], q * ROBOT.model.upper[6] / 0.975)
+    for _ in range(20):
+        made.step(np.zeros(7), pose, np.zeros(7), pose)
+    weight = np.array(made._kernel.wrench.weight)
+    assert (weight[:6] > 0.0).all()
+    assert (weight[6] > 0.0) == counts
