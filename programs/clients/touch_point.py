@@ -26,7 +26,7 @@ SURE, SURE_S = 0.9, 0.09
 residuals rise later, behind their gaps [s]."""
 CANDIDATE: Final = 0.05
 MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
-"""Beyond it, or for a link less likely, a point cannot be told."""
+"""Beyond it, or for a link less likely, a point is not given."""
 NO_FIT: Final = 3.0
 """Misfit from which no force at one point explains the residuals."""
 _FORCE_N: Final = 30.0
@@ -58,8 +58,8 @@ class TouchPoint:
     @property
     def placed(self) -> bool:
         """True if the point is known."""
-        told = self.doubt_m <= MOST_DOUBT_M and self.sure >= LEAST_SURE
-        return told and self.misfit < NO_FIT
+        near = self.doubt_m <= MOST_DOUBT_M and self.sure >= LEAST_SURE
+        return near and self.misfit < NO_FIT
 
 
 class TouchFinder:
@@ -185,13 +185,13 @@ class TouchFinder:
 
 
 def touch_words(found: TouchPoint) -> str:
-    """`l_wrist at (0.01 0.00 0.06) m +- 3 cm`, or what cannot be told."""
+    """`l_wrist at (0.01 0.00 0.06) m +- 3 cm`, or what is not known."""
     if found.misfit >= NO_FIT:
         return "two places, or none that is one force"
     meant = " or ".join(found.joints[1:])
     others = f", or the link of {meant}" if meant and not found.decided else ""
     if not found.placed:
-        return f"{found.link}{others}; where on it cannot be told"
+        return f"{found.link}{others}; where on it is not known"
     place = " ".join(f"{x:.2f}" for x in np.round(found.point, 2) + 0.0)
     return f"{found.link} at ({place}) m +- {100.0 * found.doubt_m:.0f} cm{others}"
 

@@ -79,7 +79,7 @@ class Contact:
 
     def __str__(self) -> str:
         e = self.evidence
-        place = touch_words(e.where) if e.where else "where cannot be told"
+        place = touch_words(e.where) if e.where else "where is not known"
         moved = f", moved {e.moved_rad:.2f} rad" if e.moved_rad >= PUSHED_RAD else ""
         newtons = f", up to {e.most_N:.0f} N" if e.most_N else ""
         why = WORDS[self.word][1]

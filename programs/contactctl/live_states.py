@@ -51,8 +51,8 @@ def watch(options: Options) -> None:
 @click.command(cls=Command)
 @click.pass_obj
 def touches(options: Options) -> None:
-    """Print each contact when it is over, until Ctrl-C: what it was (touched, pushed, hit, clamped,
-    leaning or load) and why, where on the arm, and with how much."""
+    """Print each contact when it is over, until Ctrl-C: touched, pushed, hit, clamped, leaning or
+    load, why, where on the arm, and with how much."""
     from programs.clients.touches import Touches
 
     with options.connect() as client, suppress(KeyboardInterrupt):

@@ -80,7 +80,7 @@ def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() ->
     assert found is not None
     assert not found.placed
     assert NAMES[6] not in found.joints
-    assert "where on it cannot be told" in touch_words(found)
+    assert "where on it is not known" in touch_words(found)
 
 
 def test_two_forces_are_not_one() -> None:
