@@ -23,7 +23,7 @@ _HARD_S: Final = 0.15
 
 @dataclass(slots=True)
 class Evidence:
-    """What was seen of one contact."""
+    """Evidence of one contact."""
 
     begin_s: float
     seconds: float = 0.0
