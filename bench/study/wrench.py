@@ -24,7 +24,7 @@ from daemon.config.schema import Configuration
 from estimator.estimate import EstimateRows
 from estimator.estimator import Estimator
 from estimator.wrench import COVARIANCE, MISFIT, SEEN_MOST_N, SEEN_N, SEEN_SHARE, STRENGTH
-from programs.clients.touch_point import TouchFinder
+from programs.recordings.touch_point import TouchFinder
 
 Kind = Literal["motion", "slow", "rest", "stretched", "free"]
 FIRST_S: Final = 0.1  # of a press: the residual has yet to rise

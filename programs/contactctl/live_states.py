@@ -53,7 +53,7 @@ def watch(options: Options) -> None:
 def touches(options: Options) -> None:
     """Print each contact when it is over, until Ctrl-C: touched, pushed, hit, clamped, leaning or
     load, why, where on the arm, and with how much."""
-    from programs.clients.touches import Touches
+    from programs.recordings.touches import Touches
 
     with options.connect() as client, suppress(KeyboardInterrupt):
         snapshot, states = client.subscribe()

@@ -13,8 +13,8 @@ from bench.study.hands import Hands
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
 from daemon.protocol.state import Payload, Snapshot, State
-from programs.clients.touch_point import TouchFinder, TouchPoint, touch_words
-from programs.clients.touches import Contact, Evidence, Touches
+from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
+from programs.recordings.touches import Contact, Evidence, Touches
 from simulator.hand_script import AnyAct, Clamp, Lean, Press, Push, Release
 
 ROBOT = load_robot(ROMEO)

@@ -12,7 +12,7 @@ import numpy as np
 from common.arrays import Vector
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
-from programs.clients.touch_point import TouchFinder, TouchPoint, touch_words
+from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
 
 APART_S, STAYS = 0.3, 0.5
 """Quiet time that ends a contact, as an arm swings through its gaps [s]; quiet is below its level
