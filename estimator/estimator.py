@@ -65,6 +65,7 @@ class Estimator:
         self._kernel = k = Kernel(
             dynamics, transmission, settings, thresholds, period_s, model.place(settings.force_at)
         )
+        np.asarray(k.lower)[:], np.asarray(k.upper)[:] = model.lower, model.upper
         self.delay_s: float = k.alignment.delay_s
         """Age of the estimate when its samples arrive [s]; the residual adds ln 2 / K."""
         self.detector = k.detector

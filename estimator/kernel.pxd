@@ -17,7 +17,7 @@ from estimator.wrench cimport Wrench
 
 cdef long long _INVALID, _LATE, _RESTARTED, _STARTING, _BRIDGED, _RAISED, _SIDE_GAP, _SIDE_UNKNOWN
 cdef long long _GRAZED, _FRICTION
-cdef double _SETS_OUT, _REST_VELOCITY
+cdef double _SETS_OUT, _STOP, _REST_VELOCITY
 cdef double _LATE_PERIODS, _RAISED_PERIODS, _SENSED_PERIODS, _BRIDGED_PERIODS
 cdef Py_ssize_t _SAMPLES, _MOMENTUM, _ROTOR, _THETA, _THETA_DOT, _BETA, _TAU_M, _MOTOR_FRICTION
 cdef Py_ssize_t _ENGAGED_LINK_FRICTION, _LINK_FRICTION, _GAP_FRICTION, _STICTION
@@ -50,7 +50,7 @@ cdef class Kernel:
     cdef long long[::1] _crossing
     cdef readonly long long[::1] given_up
     cdef public double elapsed_s
-    cdef readonly double[::1] payload
+    cdef readonly double[::1] payload, lower, upper
     cdef public long long frozen
     cdef readonly double[:, ::1] shown
 
@@ -76,7 +76,7 @@ cdef class Kernel:
     cdef void _still(self, Py_ssize_t i, double q) noexcept
     @cython.locals(flags="long long", bridged=bint, everything=double)
     cdef long long _advance(self, double dt) noexcept
-    @cython.locals(moves=bint, share=double, unlearned=double)
+    @cython.locals(moves=bint, free=bint, share=double, unlearned=double)
     cdef void _weigh(self, double dt) noexcept
     @cython.locals(side="long long", in_gap=bint, came_from=bint, everything=double)
     cdef double _joint(self, Py_ssize_t i, double gap) noexcept

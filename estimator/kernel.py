@@ -29,6 +29,7 @@ from estimator.wrench import Wrench
 
 # For the compiler.
 _SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY
+_STOP = 0.01  # [rad]: nearer to the end of its range, a link may lean on its stop
 _SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
 _SIDE_GAP, _SIDE_UNKNOWN = int(Side.GAP), int(Side.UNKNOWN)
 _SENSED_PERIODS = SENSED_PERIODS
@@ -73,6 +74,8 @@ class Kernel:
         self.doubt = Doubt(n)
         self.learns = s.learning
         self.wrench = Wrench(dynamics, tool, s.gain, s.learning)
+        # Ends of the links' ranges: what a stop carries, a residual does not show.
+        self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
         self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
         self._always_acts = s.residual.kind != "backlash"
         self.frozen = 0  # 1: nothing is learned, whatever the residuals say
@@ -326,10 +329,11 @@ class Kernel:
         for i in range(self.n):
             share = levels.share[i]
             unlearned = share * self.learning.unknown[i] if self.learns else 0.0
+            free = self.lower[i] + _STOP < self.q[i] < self.upper[i] - _STOP
             self.wrench.weigh(
                 i, self.residual.corrected[0, i], dt, share * levels.usual(i, 0.0),
                 levels.friction[i], levels.raised[i], unlearned, self.transmitted[i],
-                self.sensing[i] != 0,
+                self.sensing[i] != 0 and free,
             )  # fmt: skip
             moves = moves or abs(self.alignment.aligned[3, i]) > _REST_VELOCITY
         self.wrench.step(dt, self._pressed > 0, moves and not self.frozen)

@@ -39,7 +39,7 @@ _STATE: dict[str, tuple[str, ...]] = {
     ),
 }
 # Only in recordings from since there is a force at the tool.
-_WRENCH = ("peak", "peak_seen", "quiet_s", "shown")
+_WRENCH = ("peak", "peak_seen", "quiet_s", "lag", "shown")
 # Only where something is carried, or learning stands still; else the memory is as it ever was.
 _CARRIED = ("payload", "frozen")
 

@@ -164,6 +164,13 @@ class Model:
         there = ", ".join(frame.name for frame in moved)
         raise ModelError(f"the URDF moves no link {link!r}; it moves {there}")
 
+    def axes(self, q: Vector, link: str = "") -> Matrix:
+        """Axes of the frame of `place` along those of the URDF's root, in columns (3, 3)."""
+        place = self.place(link)
+        pin.forwardKinematics(self._model, self._data, self._inward(q, self._q))
+        turned: Matrix = self._data.oMi[place.body + 1].rotation @ place.axes
+        return turned
+
     @property
     def hand_joint(self) -> int:
         """Row of the last joint, which moves the hand."""

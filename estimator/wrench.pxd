@@ -8,7 +8,8 @@ cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
 cdef Py_ssize_t _COVARIANCE, _STRENGTH, _MISFIT, _UNSEEN, _SWEEPS
-cdef double _SEEN_N, _SEEN_SHARE, _LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG, _LEAST_NM
+cdef double _SEEN_N, _SEEN_SHARE, _SEEN_MOST_N, _LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE
+cdef double _LAG, _LEAST_NM, _HIDDEN
 cdef double _OFF, _USUAL_N, _ANY_N, _LEAST, _MOST, _OF_PEAK, _GROWS, _FADES_S, _QUIET_S, _PEAK_S
 
 cdef class Wrench:
@@ -17,7 +18,7 @@ cdef class Wrench:
     cdef double _gain, _level
     cdef double[::1] _place, _r, _x, _swap, _g, _h, _u
     cdef double[:, ::1] _axes, _J, _R, _swaps, _Y, _N, _S, _V
-    cdef readonly double[::1] before, shown, weight
+    cdef readonly double[::1] before, lag, shown, weight
     cdef public double peak, peak_seen, quiet_s
 
     @cython.locals(lag=double, parts=double)
@@ -39,12 +40,12 @@ cdef class Wrench:
     cdef double _inform(self) noexcept
     @cython.locals(beforehand=double, explained=double, through=double)
     cdef double _solve(self, double square, double any_N) noexcept
-    @cython.locals(square=double, along=double)
+    @cython.locals(square=double, hidden=double, along=double)
     cdef double _size(self) noexcept
     cdef void _invert(self) noexcept
     @cython.locals(off=double)
     cdef void _directions(self) noexcept
     @cython.locals(o=Py_ssize_t, theta=double, t=double, c=double, s=double)
     cdef void _rotate(self, Py_ssize_t p, Py_ssize_t q) noexcept
-    @cython.locals(most=double, variance=double, seen=bint, column=Py_ssize_t, slot=Py_ssize_t)
-    cdef void _show(self, bint acts, double square) noexcept
+    @cython.locals(square=double, most=double, variance=double, seen=bint, column=Py_ssize_t, slot=Py_ssize_t)
+    cdef void _show(self, bint acts) noexcept

@@ -11,9 +11,9 @@ does not press on it exactly: _OFF away, and the force has a moment m about the 
 
 A, B, C: blocks of the information of (f, m); l: that of m beforehand. s_i is made of what raises
 the level of a joint: friction near rest, gap, friction not yet learned, load; and of what r has yet
-to follow, r' / K. A direction is seen where its standard deviation is small; along the others
-nothing is claimed. The force is zero up to a level of its own, in standard deviations, which the
-arm's quiet motion teaches as it teaches contact levels.
+to follow, the largest r' / K of late, as an arm swings under its push. A direction is seen where
+its standard deviation is small; along the others nothing is claimed. The force is zero up to a
+level of its own, in standard deviations, which quiet motion teaches as it teaches contact levels.
 
 Nothing acts on it. Ordinary Python, which runs as it is; `wrench.pxd` names types for the compiler.
 """
@@ -27,28 +27,26 @@ from estimator.dynamics import Dynamics, Place
 FORCE, COVARIANCE, STRENGTH, MISFIT, UNSEEN, WIDTH = 0, 3, 9, 10, 11, 20
 """Columns of `shown`: force (3) [N], its covariance (xx xy xz yy yz zz) [N2], how often it exceeds
 its level, misfit, and directions that are not seen (up to 3 by 3, then zeros)."""
-SEEN_N, SEEN_SHARE = 4.0, 0.25
-"""Largest standard deviation of a direction that is seen: [N], or of the force if that is more."""
+SEEN_N, SEEN_SHARE, SEEN_MOST_N = 4.0, 0.25, 8.0
+"""Largest standard deviation of a direction that is seen: [N], or of the force if that is more, up
+to the last: a contact elsewhere looks like hundreds of newtons along what the joints hardly see."""
 
 # Standard deviation of a residual: of its joint's contact level, friction near rest, raise,
 # unlearned friction, transmitted torque, and of what the residual still lags behind. Chosen on 13
 # arms of `bench.wrench`, seeds 1 and 2.
-_LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG = 0.038, 0.2, 0.15, 1.3, 0.04, 0.76
-_UNTAUGHT = 0.3  # of the level, where nothing is learned
-_LEAST_NM = 1e-3
-_OFF = 0.012  # [m], along each axis
+_LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG = 0.038, 0.2, 0.15, 1.3, 0.04, 0.85
+_UNTAUGHT, _LEAST_NM = 0.3, 1e-3  # of the level, where nothing is learned; in any case
+_OFF, _HIDDEN = 0.012, 2.0  # [m], along each axis; times what is seen
 # Of a force beforehand [N]: of one whose size is sought, and of the one that is shown.
 _USUAL_N, _ANY_N = 30.0, 1000.0
 # The level; it is so many times the largest strength in quiet motion, which counts after _QUIET_S
-# without a contact, and fades in _PEAK_S.
-# What is left of a contact counts for _FADES_S to it, and a peak raises the level by _GROWS.
+# without a contact and _FADES_S for what is left of it, raises it by _GROWS, and fades in _PEAK_S.
 _LEAST, _FIRST, _MOST, _OF_PEAK, _GROWS = 4.0, 5.5, 8.0, 1.4, 1.05
-_QUIET_S, _FADES_S, _PEAK_S = 0.3, 1.0, 300.0
-_SWEEPS = 8
+_QUIET_S, _FADES_S, _PEAK_S, _SWEEPS = 0.3, 1.0, 300.0, 8
 
 # For the compiler.
 _COVARIANCE, _STRENGTH, _MISFIT, _UNSEEN = COVARIANCE, STRENGTH, MISFIT, UNSEEN
-_SEEN_N, _SEEN_SHARE = SEEN_N, SEEN_SHARE
+_SEEN_N, _SEEN_SHARE, _SEEN_MOST_N = SEEN_N, SEEN_SHARE, SEEN_MOST_N
 
 
 class Wrench:
@@ -60,14 +58,13 @@ class Wrench:
         self._dynamics, self._body, self._gain = dynamics, tool.body, gain
         self._level = _LEVEL if learns else _UNTAUGHT
         self._place, self._axes = tool.point.copy(), tool.axes.copy()
-        self.before = np.zeros(n)  # residual at the tick before [Nm]
+        # Residual at the tick before, and the largest r' / K of late [Nm].
+        self.before, self.lag = np.zeros((2, n))
         self._J = np.zeros((6, n))  # of point and frame, along its axes
         self._r, self.weight = np.zeros((2, n))
-        self._x, self._swap = np.zeros((2, 3))
-        self._R, self._swaps = np.zeros((2, 3, 3))
+        self._x, self._swap, self._h, self._u = np.zeros((4, 3))
+        self._R, self._swaps, self._N, self._S, self._V = np.zeros((5, 3, 3))
         self._Y, self._g = np.zeros((6, 6)), np.zeros(6)
-        self._N, self._S, self._V = np.zeros((3, 3, 3))
-        self._h, self._u = np.zeros((2, 3))
         self.shown = np.zeros(WIDTH)
         # Largest strength in quiet motion; that which counts if it stays quiet; since when.
         self.peak, self.peak_seen, self.quiet_s = _FIRST / _OF_PEAK, 0.0, 0.0
@@ -79,7 +76,8 @@ class Wrench:
         """Take the residual of joint i [Nm], dt [s] after the one before: usual, its configured
         level by the share in force; friction, raised, unlearned: parts of the level in force;
         torque: transmitted. One that does not sense counts nothing."""
-        lag = (r - self.before[i]) / (self._gain * dt)
+        lag = abs(r - self.before[i]) / (self._gain * dt)
+        lag = self.lag[i] = max(lag, self.lag[i] / (1.0 + self._gain * dt))
         parts = (self._level * usual) * (self._level * usual) + _LEAST_NM * _LEAST_NM
         parts += (_FRICTION * friction) * (_FRICTION * friction)
         parts += (_RAISED * raised) * (_RAISED * raised)
@@ -96,18 +94,17 @@ class Wrench:
         self._solve(0.0, _USUAL_N)
         square = self._size()
         self._solve(square, _USUAL_N)
-        square = self._size()
-        misfit = rr - self._solve(square, _ANY_N)
+        misfit = rr - self._solve(self._size(), _ANY_N)
         self._directions()
         strength = 0.0
         for k in range(3):
             along = V[0, k] * h[0] + V[1, k] * h[1] + V[2, k] * h[2]
-            misfit -= along * along / S[k, k]
             strength += along * along / S[k, k]
             self._u[k] = along / S[k, k]
+        misfit -= strength
         strength = sqrt(max(strength, 0.0))
         level = self.level()
-        self._show(strength > level, square)
+        self._show(strength > level)
         shown[_STRENGTH] = strength / level
         shown[_MISFIT] = sqrt(max(misfit, 0.0) / max(self._counted() - 3.0, 1.0))
         if teaches:
@@ -124,8 +121,7 @@ class Wrench:
             shown[k] = 0.0
         for k in range(3):
             shown[_UNSEEN + 4 * k] = 1.0
-        square = _ANY_N * _ANY_N
-        shown[_COVARIANCE] = shown[_COVARIANCE + 3] = shown[_COVARIANCE + 5] = square
+        shown[_COVARIANCE] = shown[_COVARIANCE + 3] = shown[_COVARIANCE + 5] = _ANY_N * _ANY_N
         self.quiet_s = self.peak_seen = 0.0
 
     def _learn(self, strength: float, touched: bool, dt: float) -> None:
@@ -219,8 +215,9 @@ class Wrench:
         return explained
 
     def _size(self) -> float:
-        """Square of S^-1 h [N2]."""
-        N, S, h, square = self._N, self._S, self._h, 0.0
+        """Square of the force S^-1 h, and of what may press along directions that are not seen: up
+        to _HIDDEN times that [N2]."""
+        N, S, h, square, hidden = self._N, self._S, self._h, 0.0, 0.0
         for a in range(3):
             for b in range(3):
                 N[a, b] = S[a, b]
@@ -228,7 +225,8 @@ class Wrench:
         for a in range(3):
             along = N[a, 0] * h[0] + N[a, 1] * h[1] + N[a, 2] * h[2]
             square += along * along
-        return square
+            hidden += N[a, a]
+        return square + min(hidden, _HIDDEN * square)
 
     def _invert(self) -> None:
         """N becomes its inverse; it is symmetric and positive."""
@@ -277,13 +275,17 @@ class Wrench:
             vp, vq = V[a, p], V[a, q]
             V[a, p], V[a, q] = c * vp - s * vq, s * vp + c * vq
 
-    def _show(self, acts: bool, square: float) -> None:
+    def _show(self, acts: bool) -> None:
         """Force along the directions that are seen, if it acts, covariance, and the others."""
-        shown, S, V = self.shown, self._S, self._V
+        shown, S, V, square = self.shown, self._S, self._V, 0.0
         for k in range(len(shown)):
             shown[k] = 0.0
         slot = _UNSEEN
-        most = max(_SEEN_N * _SEEN_N, _SEEN_SHARE * _SEEN_SHARE * square if acts else 0.0)
+        for k in range(3):
+            if S[k, k] * _SEEN_MOST_N * _SEEN_MOST_N >= 1.0:
+                square += self._u[k] * self._u[k]
+        most = min(_SEEN_SHARE * _SEEN_SHARE * square, _SEEN_MOST_N * _SEEN_MOST_N)
+        most = max(_SEEN_N * _SEEN_N, most if acts else 0.0)
         for k in range(3):
             variance = 1.0 / S[k, k]
             seen = variance <= most

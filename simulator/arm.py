@@ -83,6 +83,7 @@ class SimulatedArm:
             0.3 * parameters.lightest_link / settings.step_s,
             lambda given: self.plant.carry(given.mass, given.com),
             self.plant.weight,
+            self.plant.pressed,
             parameters.torque_constant
             * np.array([joint.max_current_A for joint in description.joints]),
             parameters.coulomb[:n] + parameters.coulomb[n:],

@@ -14,6 +14,7 @@ from simulator.hand_script import (
     Give,
     Guide,
     Lean,
+    Press,
     Push,
     Release,
     described,
@@ -45,11 +46,13 @@ class Hand:
         damping_limit: Vector,
         give: Callable[[Give], None] = lambda _: None,
         weight: Callable[[Vector], Vector] = np.zeros_like,
+        at_tool: Callable[[Vector, Vector], Vector] = lambda q, _: np.zeros_like(q),
         strongest: Vector | float = 100.0,
         friction: Vector | float = np.inf,
         stops: tuple[Vector | float, Vector | float] = (-np.inf, np.inf),
     ) -> None:
         """give: puts a load into the arm's hand. weight: torque that holds the links, at q (n,).
+        at_tool: torque on the joints of a force on the tool (3,) [N], at q (n,).
         strongest: largest torque of the motors, friction: that of the joints (n,) [Nm].
         stops: end stops of the joints, (n,) each [rad].
         Raises ConfigurationError when the script names an unknown joint."""
@@ -62,7 +65,7 @@ class Hand:
         self._lower, self._upper = (np.broadcast_to(stop, n) for stop in stops)
         self._next = 0
         self._began_at: float | None = None
-        self._pushes: list[tuple[Push | Lean, float]] = []
+        self._pushes: list[tuple[Push | Lean | Press, float]] = []
         # Pressed with so much, since when, around which position.
         self._gap: tuple[Gap, float, float, float] | None = None
         self._soft = SOFT * np.broadcast_to(strongest, n)
@@ -76,7 +79,7 @@ class Hand:
         self._stiffness, self._damping, self._strongest = np.zeros((3, n))
         self._pushing, self._scratch = np.zeros((2, n))
         self._holding = self._guiding = False
-        self._give, self._weight, self._now = give, weight, 0.0
+        self._give, self._weight, self._at_tool, self._now = give, weight, at_tool, 0.0
 
     def _refuse_unknown(self, act: AnyAct, place: str = "") -> None:
         for joint in joints_of(act):
@@ -143,7 +146,7 @@ class Hand:
             self._start(act, t, q)
             words.append(f"begin {described(act)}")
         if self._pushes:
-            self._push(t, words)
+            self._push(t, q, words)
         if self._guiding:
             self._lead(period_s, words)
         if self._gap is not None and t - self._gap[2] > TAKING_S + VISIT_S * self._gap[0].times:
@@ -181,7 +184,7 @@ class Hand:
         return min(max(spring, -most), most)
 
     def _start(self, act: AnyAct, t: float, q: Vector) -> None:
-        if isinstance(act, Push | Lean):
+        if isinstance(act, Push | Lean | Press):
             self._pushes.append((act, t))
             return
         if isinstance(act, Gap):
@@ -212,20 +215,21 @@ class Hand:
         self._holding = bool(self._stiffness.any())
         self._guiding = self._guiding or isinstance(act, Guide)
 
-    def _push(self, t: float, words: list[str]) -> None:
+    def _push(self, t: float, q: Vector, words: list[str]) -> None:
         self._pushing[:] = 0.0
         for act, since in tuple(self._pushes):
-            if isinstance(act, Lean):
-                rise = min((t - since) / act.rise_s, 1.0)
-                self._pushing[self._index[act.joint]] += act.torque * rise
-                continue
-            share = (t - since) / act.duration_s
-            if share >= 1.0:
+            lasts = None if isinstance(act, Lean) else act.duration_s
+            if lasts is not None and t - since >= lasts:
                 self._pushes.remove((act, since))
                 words.append(f"end {described(act)}")
-                continue
-            form = {"step": 1.0, "ramp": share, "pulse": np.sin(np.pi * share)}[act.shape]
-            self._pushing[self._index[act.joint]] += act.torque * form
+            elif isinstance(act, Push):
+                share = (t - since) / act.duration_s
+                form = {"step": 1.0, "ramp": share, "pulse": np.sin(np.pi * share)}[act.shape]
+                self._pushing[self._index[act.joint]] += act.torque * form
+            elif isinstance(act, Lean):
+                self._pushing[self._index[act.joint]] += act.torque * _risen(act, t - since)
+            else:
+                self._pushing += self._at_tool(q, np.array(act.force) * _risen(act, t - since))
 
     def _lead(self, period_s: float, words: list[str]) -> None:
         way = self._goal - self._anchor
@@ -236,3 +240,7 @@ class Hand:
         if not self._rate.any():
             self._guiding = False
             words.append("end lead, holding still")
+
+
+def _risen(act: Lean | Press, after_s: float) -> float:
+    return min(after_s / act.rise_s, 1.0)

@@ -18,6 +18,7 @@ Torque = Annotated[float, Meta(ge=-500.0, le=500.0)]  # [Nm]
 Strength = Annotated[float, Meta(gt=0.0, le=500.0)]  # [Nm]
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]  # of a link [rad]
 Coordinate = Annotated[float, Meta(ge=-2.0, le=2.0)]  # [m]
+Newtons = Annotated[float, Meta(ge=-500.0, le=500.0)]
 
 
 class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="act"):
@@ -73,6 +74,15 @@ class Lean(Act, frozen=True, kw_only=True, tag="lean"):
     rise_s: Positive = 0.5
 
 
+class Press(Act, frozen=True, kw_only=True, tag="press"):
+    """A force on the tool (`Plant.held_at`), x y z along the axes of the URDF's last link [N],
+    rising over so many seconds; for a time, or until `release`."""
+
+    force: tuple[Newtons, Newtons, Newtons]
+    rise_s: Positive = 0.1
+    duration_s: Positive | None = None
+
+
 class Clamp(Act, frozen=True, kw_only=True, tag="clamp"):
     """Something hard that joints are caught in where they are, until `release`."""
 
@@ -101,7 +111,7 @@ class Give(Act, frozen=True, kw_only=True, tag="give"):
     com: tuple[Coordinate, Coordinate, Coordinate] | None = None
 
 
-AnyAct = Push | Lean | Hold | Clamp | Guide | Gap | Release | Give
+AnyAct = Push | Lean | Press | Hold | Clamp | Guide | Gap | Release | Give
 Script = tuple[AnyAct, ...]
 _NAMES = tuple(str(act.__struct_config__.tag) for act in get_args(AnyAct))
 _OF_ACT = re.compile(r"\[(\d+)\]\.?(.*)")
@@ -146,6 +156,8 @@ def described(act: AnyAct) -> str:
         case Gap():
             most = "softly" if act.torque is None else f"with {act.torque:g} Nm"
             words = f"move {act.joint} in its gap {most}, {act.times} times"
+        case Press():
+            words = f"press the tool with {' '.join(f'{part:g}' for part in act.force)} N"
         case Clamp():
             words = "clamp " + ", ".join(act.joints)
         case Hold():

@@ -168,6 +168,14 @@ class Plant:
         """Torque that holds the links at q (n,) against gravity (n,) [Nm]; a copy."""
         return np.array(pin.computeGeneralizedGravity(self._model, self._data, np.asarray(q)))
 
+    def pressed(self, q: Vector, force: Vector) -> Vector:
+        """Torque on the joints (n,) [Nm] of a force at `held_at` (3,) [N], along the axes of the
+        URDF's last link, at q (n,)."""
+        J = pin.computeJointJacobian(self._model, self._data, np.asarray(q), self.n)
+        along = last_link(self._model).placement.rotation @ force
+        moment = np.cross(self.held_at, along)
+        return np.asarray(J.reshape(6, self.n).T @ np.concatenate((along, moment)))
+
     def energy(self) -> float:
         """Kinetic, potential and elastic energy [J]: constant without friction and damping."""
         p = self.parameters

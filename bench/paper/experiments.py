@@ -161,7 +161,9 @@ def collaboration(conditions: Conditions) -> tuple[Recording, Story]:
         ahead_s = rig.time_s - rig.arm.now - begin_s
     lines = [{"monotonic_s": h.at_s + ahead_s, "kind": h.kind, "text": h.text} for h in happenings]
     recording = with_kalman(recorder.recording())
-    return recording, Story(recording.configuration, context_of(rig.robot), states, touch_of(lines))
+    return recording, Story(
+        recording.configuration, context_of(rig.robot), states, touch_of(lines, hand)
+    )
 
 
 def _clocked(state: State, begin_s: float) -> State:

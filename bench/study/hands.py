@@ -62,6 +62,12 @@ class Hands:
         R: Matrix = self._data.oMi[self._order[row] + 1].rotation.copy()
         return R
 
+    def place(self, q: Vector, row: int, point: Vector) -> Vector:
+        """A point of a joint's frame in that of the root (3,) [m]."""
+        self.jacobian(q, row, point)
+        at: Vector = self._data.oMi[self._order[row] + 1].act(point)
+        return at
+
     def end(self, row: int) -> Vector:
         """The far end of a link: where the next joint is, or as far beyond its centre of mass."""
         joint = self._order[row] + 1

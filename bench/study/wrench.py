@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from msgspec.structs import replace
 
-from bench.rigs.arm_without_bus import Motion, Recording, Scenario, record, recordings
+from bench.rigs.arm_without_bus import Motion, Scenario, record, recordings
 from bench.rigs.generated_arms import generate, in_yaml
 from bench.rigs.lockstep import OPENARM, ROMEO
 from bench.study import courses, population, world
@@ -23,7 +23,8 @@ from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from estimator.estimate import EstimateRows
 from estimator.estimator import Estimator
-from estimator.wrench import COVARIANCE, MISFIT, SEEN_N, SEEN_SHARE, STRENGTH
+from estimator.wrench import COVARIANCE, MISFIT, SEEN_MOST_N, SEEN_N, SEEN_SHARE, STRENGTH
+from programs.recordings.touch_point import TouchFinder
 
 Kind = Literal["motion", "slow", "rest", "stretched", "free"]
 FIRST_S: Final = 0.1  # of a press: the residual has yet to rise
@@ -91,7 +92,8 @@ def run(job: Job) -> dict[str, Any]:
         recording = record(subject, Scenario(seconds=job.seconds, motion=path, act=hands))
         rows = rows_of(estimator, recording.samples)
     contact = np.array([joint.thresholds.contact for joint in c.joints])
-    return said(job, hands, rows, recording, estimator, contact)
+    finder = TouchFinder(robot.urdf, robot.model.names, contact)
+    return said(job, hands, rows, recording.time_s, estimator, finder, contact)
 
 
 def motion(job: Job, c: Configuration) -> tuple[Motion, list[float]]:
@@ -112,12 +114,11 @@ def motion(job: Job, c: Configuration) -> tuple[Motion, list[float]]:
 
 
 def said(
-    job: Job, hands: Hands, rows: EstimateRows, recording: Recording, estimator: Estimator,
-    contact: Vector,
+    job: Job, hands: Hands, rows: EstimateRows, t: Vector, estimator: Estimator,
+    finder: TouchFinder, contact: Vector,
 ) -> dict[str, Any]:  # fmt: skip
-    """What was said: of every press the named links, tick by tick; of presses at the tool the force
-    and its bounds; between presses whether a force was shown at all."""
-    t = recording.time_s
+    """What was said: of every press the named links, tick by tick, and the point of contact; of
+    presses at the tool the force and its bounds; between presses whether a force was shown."""
     free = t > FIRST_S + 1.0
     forces: list[dict[str, Any]] = []
     links: list[dict[str, Any]] = []
@@ -130,7 +131,7 @@ def said(
             links.append(
                 {"row": last.row, "named": rows.touched_link[during], "n": len(contact),
                  "tool": press.place != "link", "size": float(np.linalg.norm(last.force)),
-                 "kind": job.kind}
+                 "kind": job.kind, "touches": _touches(hands, press, rows, t, finder)}
             )  # fmt: skip
         for k in during[t[during] > press.onset_s + FIRST_S][::EVERY].tolist():
             forces.append(_force(hands, press, rows, k, estimator, contact))
@@ -146,6 +147,27 @@ def said(
     }
 
 
+def _touches(
+    hands: Hands, press: Press, rows: EstimateRows, t: Vector, finder: TouchFinder
+) -> list[dict[str, Any]]:
+    """Touched link and point that are said in the ticks of a press that name any."""
+    touch, names, said = press.touches[-1], hands.model.names, []
+    for k in np.flatnonzero((t > press.onset_s - FIRST_S) & (t <= press.onset_s + PRESSES_S)):
+        q, r, level = rows.q[k], rows.residual[k], rows.threshold[k]
+        found = finder.take(q, r, level, rows.level_share[k], t[k] - t[k - 1])
+        if found is None or t[k] <= press.onset_s:
+            continue
+        rotation, origin = finder.frames[found.link]
+        away = rotation @ found.point + origin - hands.place(q, touch.row, touch.point)
+        rows_of_links = [names.index(joint) - touch.row for joint in found.joints]
+        said.append(
+            {"after_s": float(t[k] - press.onset_s), "decided": found.decided,
+             "first": rows_of_links[0], "least": min(rows_of_links), "placed": found.placed,
+             "error": float(np.linalg.norm(away)), "doubt": found.doubt_m}
+        )  # fmt: skip
+    return said
+
+
 def _force(
     hands: Hands, press: Press, rows: EstimateRows, k: int, estimator: Estimator, contact: Vector
 ) -> dict[str, Any]:
@@ -157,7 +179,7 @@ def _force(
     covariance = np.zeros((3, 3))
     covariance[UPPER] = row[COVARIANCE : COVARIANCE + 6]
     covariance = covariance + np.triu(covariance, 1).T
-    most = max(SEEN_N, SEEN_SHARE * float(np.linalg.norm(row[:3])))
+    most = max(SEEN_N, min(SEEN_SHARE * float(np.linalg.norm(row[:3])), SEEN_MOST_N))
     variances, ways = np.linalg.eigh(covariance)
     truth = axes.T @ press.touches[0].force
     error = ways.T @ (row[:3] - truth)

@@ -1,5 +1,6 @@
 """Force at the tool in words: how much, how sure, which way, and what is not seen."""
 
+from collections.abc import Sequence
 from math import hypot, sqrt
 
 from daemon.protocol.state import Wrench
@@ -21,11 +22,15 @@ def wrench_words(wrench: Wrench, frame: str) -> str:
         words = f"{'nothing' if wrench.strength < 1.0 else 'a force'} beyond its level"
         words = _ELSEWHERE if wrench.misfit > NO_FIT else words
         return f"{words}; {unseen}" if unseen else words
-    way = _unit(wrench.force)
-    words = f"{size:.0f} N +- {bound_N(wrench, way):.0f}, towards {_towards(way)} of {frame}"
+    words = force_words(wrench.force, frame, f" +- {bound_N(wrench, _unit(wrench.force)):.0f}")
     if wrench.misfit > NO_FIT:
         words += f"; {_ELSEWHERE}"
     return f"{words}; {unseen}" if unseen else words
+
+
+def force_words(force: Sequence[float], frame: str, bound: str = "") -> str:
+    """`18 N, towards -z of FRAME`, of a force (3,) [N] that is not zero."""
+    return f"{hypot(*force):.0f} N{bound}, towards {_towards(_unit(force))} of {frame}"
 
 
 def bound_N(wrench: Wrench, way: list[float]) -> float:
@@ -52,7 +57,7 @@ def most_aside_N(wrench: Wrench, way: list[float]) -> float:
     return max(bound_N(wrench, one) for one in across)
 
 
-def _unit(way: list[float]) -> list[float]:
+def _unit(way: Sequence[float]) -> list[float]:
     size = hypot(*way)
     return [part / size for part in way]
 

@@ -16,7 +16,7 @@ from programs.contactctl.follow import follow
 from programs.contactctl.gain import gain
 from programs.contactctl.go import go, home
 from programs.contactctl.hand import hand
-from programs.contactctl.live_states import record, watch
+from programs.contactctl.live_states import record, touches, watch
 from programs.contactctl.payload import payload
 from programs.contactctl.replies import (
     answer,
@@ -253,6 +253,7 @@ def health(options: Options, directory: Path | None, plot: Path | None) -> None:
 
 
 main.add_command(watch)
+main.add_command(touches)
 main.add_command(record)
 main.add_command(hand)
 

@@ -14,6 +14,7 @@ from daemon.protocol.socket_path import default_hand_path
 from programs.command_line.options import PATH, InOrder, Range, Signed
 
 PATIENCE_S = 5.0
+AXES = ("x", "y", "z")
 
 
 class Measure(click.ParamType):  # type: ignore[type-arg]
@@ -125,6 +126,16 @@ def push(door: Path, joint: str, torque: float, seconds: float) -> None:
 def lean(door: Path, joint: str, torque: float) -> None:
     """Lean on JOINT with TORQUE, until `release`."""
     _do(door, act="lean", joint=joint, torque=torque)
+
+
+@hand.command(context_settings=_SIGNED)
+@click.argument("axis", type=click.Choice(AXES))
+@click.argument("force", type=Measure("N", -500.0, 500.0))
+@click.option("--seconds", type=Range(min=0.01, max=600), help="Without it until `release`.")
+@click.pass_obj
+def press(door: Path, axis: str, force: float, seconds: float | None) -> None:
+    """Press the tool with FORCE along AXIS (x, y or z) of the URDF's last link."""
+    _do(door, act="press", force=[force * (one == axis) for one in AXES], duration_s=seconds)
 
 
 @hand.command(context_settings=_SIGNED)

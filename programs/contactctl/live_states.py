@@ -1,6 +1,7 @@
 """`contactctl watch` and `record`: live States, shown, streamed as JSON, recorded."""
 # ruff: noqa: PLC0415 - rich and mcap are imported by the command that needs them
 
+import json
 import os
 import signal
 import sys
@@ -45,6 +46,23 @@ def watch(options: Options) -> None:
             show_live(options)
     except KeyboardInterrupt:
         return
+
+
+@click.command(cls=Command)
+@click.pass_obj
+def touches(options: Options) -> None:
+    """Print each contact when it is over, until Ctrl-C: touched, pushed, hit, clamped, leaning or
+    load, why, where on the arm, and with how much."""
+    from programs.recordings.touches import Touches
+
+    with options.connect() as client, suppress(KeyboardInterrupt):
+        snapshot, states = client.subscribe()
+        seen = Touches(snapshot)
+        for state in states:
+            if (contact := seen.take(state)) is None:
+                continue
+            line = json.dumps(contact.report()) if options.json else str(contact)
+            click.echo(line if options.json else f"{contact.evidence.begin_s:8.2f} s  {line}")
 
 
 @click.command(cls=Command)

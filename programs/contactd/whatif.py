@@ -183,6 +183,8 @@ def data(total: Total, found: Sequence[Detection]) -> dict[str, Any]:
                 "first_reaction_s": a.reaction_s,
                 "recorded": a.recorded,
                 "contacts": a.contacts,
+                "recorded_N": a.recorded_N,
+                "force_N": a.force_N,
             }
             for a in total.answers
         ],

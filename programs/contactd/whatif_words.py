@@ -66,6 +66,10 @@ def _recording(question: Question, answer: Answer) -> list[str]:
     report += _contacts("as recorded", answer.recorded)
     if _changed(question):
         report += _contacts("asked", answer.contacts)
+    if answer.recorded_N or answer.force_N:
+        asked = f"; asked {answer.force_N:.0f} N" if _changed(question) else ""
+        recorded = f"up to {answer.recorded_N:.0f} N at the tool as recorded"
+        report.append(f"  {'force':12} {recorded}{asked}")
     return report
 
 

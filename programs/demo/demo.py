@@ -27,6 +27,7 @@ from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
 from programs.clients.dashboard import Dashboard, History
 from programs.demo.demo_story import Story, touch_of
+from simulator.hand_script import read_script
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 HAND = "third_experiment.yaml"
@@ -92,12 +93,13 @@ def run_demo(
             said, _ = sim.communicate(timeout=END_PATIENCE_S)
         events = [json.loads(line) for line in said.splitlines()]
     assert run.snapshot is not None
-    story = Story(robot.configuration, run.snapshot, run.states, touch_of(events))
+    touch = touch_of(events, read_script(where / HAND))
+    story = Story(robot.configuration, run.snapshot, run.states, touch)
     report = story.report(ended_well=daemon_ended and sim.returncode == 0)
     if as_json:
         click.echo(json.dumps(report))
     else:
-        _print_report(console, story, report["pass"], ended=daemon_ended)
+        _print_report(console, story, robot.model.hand, report["pass"], ended=daemon_ended)
         if file is not None:
             console.print(f"recorded: {file} (`contactd plot {file}`)", soft_wrap=True)
     return bool(report["pass"])
@@ -254,7 +256,7 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _print_report(console: Console, story: Story, passed: bool, *, ended: bool) -> None:
+def _print_report(console: Console, story: Story, frame: str, passed: bool, *, ended: bool) -> None:
     table = Table(title="The third experiment", title_justify="left", box=None, pad_edge=False)
     for column in ("", "what had to happen", "measured"):
         table.add_column(column)
@@ -270,6 +272,8 @@ def _print_report(console: Console, story: Story, passed: bool, *, ended: bool) 
         f"{late['max'] / 1000:.2f} ms (max); tick {work['p50'] / 1000:.2f} ms (median), "
         f"{work['max'] / 1000:.2f} ms (max)"
     )
+    if words := story.force(frame):
+        console.print(words, soft_wrap=True)
     console.print(verdict(passed, report["missed"]))
 
 

@@ -1,17 +1,21 @@
 """Story of the demonstration: checks and figures from its States and from the hand's acts. Pure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
-from daemon.protocol.state import Snapshot, State
+from daemon.protocol.state import Snapshot, State, Wrench
+from programs.clients.wrench import force_words, wrench_words
+from simulator.hand_script import Press, Script
 
 # After the hand is gone the residual still fades, and the arm swings back through its gaps [s].
 AFTERGLOW_S = 0.3
+BEFORE_S = 0.05
 # Longest time from the begin of a push to its contact [s].
 PROMPT_S = 0.5
 # Least distance over which the hand must have led the arm [rad].
@@ -22,10 +26,13 @@ QUIET_SLACK_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """Time during which the hand was on the arm [s, CLOCK_MONOTONIC]."""
+    """Time during which the hand was on the arm [s, CLOCK_MONOTONIC]; force with which it pressed
+    the tool at first, and until when."""
 
     begin_s: float
     end_s: float
+    force_N: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pressed_until_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +44,17 @@ class Check:
     figure: str
 
 
-def touch_of(events: Sequence[dict[str, Any]]) -> Touch | None:
+def touch_of(events: Sequence[dict[str, Any]], script: Script = ()) -> Touch | None:
     """Touch from the simulator's event lines: the first act of the hand to its release."""
     times = [(e["monotonic_s"], e["text"]) for e in events if e["kind"] == "hand"]
     begins = [t for t, text in times if text.startswith("begin")]
     ends = [t for t, text in times if text == "begin release"]
-    return Touch(begins[0], ends[0]) if begins and ends else None
+    if not begins or not ends:
+        return None
+    touch = Touch(begins[0], ends[0])
+    if script and isinstance(first := script[0], Press) and first.duration_s:
+        return replace(touch, force_N=first.force, pressed_until_s=begins[0] + first.duration_s)
+    return touch
 
 
 def percentiles(values: Sequence[float]) -> dict[str, float]:
@@ -168,6 +180,20 @@ class Story:
         way = np.array(guided[-1].link_position) - np.array(guided[0].link_position)
         return float(np.abs(way).max())
 
+    @property
+    def said(self) -> Wrench | None:
+        """Force at the tool shortly before the press ends; None without one."""
+        until = self._touch.pressed_until_s if self._touch else 0.0
+        last = [s for s in self._states if s.timing.monotonic_s < until - BEFORE_S]
+        return last[-1].wrench if last else None
+
+    def force(self, frame: str) -> str:
+        """The force of the push and what was said of it, in words; empty without a press."""
+        if self._touch is None or (said := self.said) is None:
+            return ""
+        true = force_words(self._touch.force_N, frame)
+        return f"the hand pushed with {true}; contactd said {wrench_words(said, frame)}"
+
     def checks(self) -> list[Check]:
         """Checks of everything that had to happen, in order."""
         names = [mode for _, mode in self.modes]
@@ -227,6 +253,8 @@ class Story:
             "tick_us": percentiles([t.work_us for t in timing[1:]]),
             "modes": self.modes,
             "contacts": self.contacts,
+            "force_N": self._touch.force_N if self._touch else None,
+            "wrench": msgspec.to_builtins(self.said),
             "false_contacts": self.false_contacts,
             "quiet_s": round(self.quiet_s, 4),
             "resume_jump_rad_s": round(self.resume_jump_rad_s, 6),

@@ -9,6 +9,7 @@ import click
 from click.core import ParameterSource
 
 from programs.command_line.options import SOCKET, InOrder
+from programs.identify.known_mass import wrench
 from programs.identify.step import CONFIG, Step
 from programs.identify.steps import STEPS
 
@@ -58,5 +59,6 @@ def _command(step: Step) -> click.Command:
     return click.command(step.name, help=step.run.__doc__)(call)
 
 
+identify.add_command(wrench)
 for _step in STEPS.values():
     identify.add_command(_command(_step))

@@ -76,4 +76,6 @@ class Answer(msgspec.Struct, kw_only=True):
     shares_known: bool = True
     recorded: list[Found] = []  # contacts as recorded
     contacts: list[Found] = []  # the same with other settings, or by another residual
+    recorded_N: float = 0.0  # largest force at the tool that was shown, as recorded
+    force_N: float = 0.0  # the same with other settings
     curves: dict[str, Curve] = {}

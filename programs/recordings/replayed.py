@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from msgspec.structs import replace
 
 from common.errors import LogError, ModelError
@@ -142,6 +143,7 @@ class ReplayedRows:
             time_s=time_s,
             follows=follows and begun,
             reports=reports,
+            force_N=np.linalg.norm(made.wrench[:, :3], axis=1),
             residual=made.residual if number is None else made.beside[residual],
             threshold=made.threshold,
             level_share=made.level_share,

@@ -34,7 +34,7 @@ from programs.recordings.rows import (
 )
 
 PART: Final = 16384  # rows at once
-LAYOUT: Final = 3  # of the files
+LAYOUT: Final = 4  # of the files
 PARTIAL_S: Final = 24 * 3600.0  # after which it is abandoned
 MOST_BYTES: Final = 4 << 30  # of all recordings
 
@@ -103,7 +103,7 @@ class CachedRows:
             def opened(column: str) -> IO[bytes]:
                 return stack.enter_context((self._folder / column).open("rb"))
 
-            time_s, reports = opened("time_s"), opened("reports")
+            time_s, reports, force = map(opened, ("time_s", "reports", "force_N"))
             matrices = {
                 column: opened(name if column == "residual" else column) for column in MATRICES
             }
@@ -116,6 +116,7 @@ class CachedRows:
                 yield Rows(
                     time_s=np.fromfile(time_s, np.float64, count),
                     follows=begin > 0 and begin not in h.stretches,
+                    force_N=np.fromfile(force, np.float64, count),
                     reports=np.fromfile(reports, np.bool_, count * n).reshape(count, n),
                     **{column: rows(stream) for column, stream in matrices.items()},
                 )
@@ -126,7 +127,7 @@ def _kept(folder: Path) -> RowsHeader | None:
     try:
         header = msgspec.json.decode((folder / "header.json").read_bytes(), type=RowsHeader)
         rows, values = header.rows, header.rows * len(header.joints)
-        sizes = {"time_s": 8 * rows, "reports": values}
+        sizes = {"time_s": 8 * rows, "force_N": 8 * rows, "reports": values}
         besides = [beside_column(k) for k in range(len(header.beside))]
         sizes |= dict.fromkeys([*MATRICES, *besides], 8 * values)
         whole = all((folder / name).stat().st_size == size for name, size in sizes.items())

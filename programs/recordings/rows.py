@@ -6,6 +6,7 @@ recording: `row_cache` keeps them in between.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,6 +35,8 @@ class Rows:
     """no tick is missing before the first"""
     reports: NDArray[np.bool_]
     """joints whose contacts were reported: the arm was energised and the joint did sense"""
+    force_N: Vector
+    """size of the force at the tool; 0 where none was shown, or recorded"""
     residual: Matrix
     threshold: Matrix
     """in force"""
@@ -127,6 +130,7 @@ class RowsGatherer:
         return {
             "time_s": time_s,
             "reports": reports,
+            "force_N": np.array([hypot(*s.wrench.force) if s.wrench else 0.0 for s in states]),
             "residual": np.array([state.residual for state in states]),
             "threshold": np.array([state.threshold for state in states]),
             "level_share": np.array([state.level_share or ones for state in states]),

@@ -124,14 +124,14 @@ def towards(direction: Triple) -> Quaternion:
 def _frame(joint: ET.Element) -> Frame:
     origin, axis = joint.find("origin"), joint.find("axis")
     kind = joint.get("type", "")
-    x, y, z = _triple(axis, "xyz", (1.0, 0.0, 0.0))
+    x, y, z = triple(axis, "xyz", (1.0, 0.0, 0.0))
     norm = math.dist((x, y, z), _ZERO) if kind != "fixed" else math.inf
     return Frame(
         parent=_link(joint, "parent"),
         child=_link(joint, "child"),
         joint=joint.get("name", ""),
-        xyz=_triple(origin, "xyz", _ZERO),
-        fixed=_from_rpy(_triple(origin, "rpy", _ZERO)),
+        xyz=triple(origin, "xyz", _ZERO),
+        fixed=from_rpy(triple(origin, "rpy", _ZERO)),
         axis=(x / norm, y / norm, z / norm) if norm > 0.0 else (1.0, 0.0, 0.0),
         slides=kind == "prismatic",
     )
@@ -142,7 +142,8 @@ def _capsule(link: str, tip: Triple) -> Capsule:
     return Capsule(link, tip, min(max(radius, _LEAST_RADIUS_M), _MOST_RADIUS_M))
 
 
-def _from_rpy(rpy: Triple) -> Quaternion:
+def from_rpy(rpy: Triple) -> Quaternion:
+    """Rotation of the roll, pitch and yaw of a URDF."""
     roll, pitch, yaw = (0.5 * angle for angle in rpy)
     about_x = (math.sin(roll), 0.0, 0.0, math.cos(roll))
     about_y = (0.0, math.sin(pitch), 0.0, math.cos(pitch))
@@ -156,10 +157,11 @@ def _link(joint: ET.Element, role: str) -> str:
 
 
 def _centre(link: ET.Element) -> Triple:
-    return _triple(link.find("inertial/origin"), "xyz", _ZERO)
+    return triple(link.find("inertial/origin"), "xyz", _ZERO)
 
 
-def _triple(element: ET.Element | None, name: str, otherwise: Triple) -> Triple:
+def triple(element: ET.Element | None, name: str, otherwise: Triple) -> Triple:
+    """Three numbers of an attribute, or others where there is none. Raises ValueError."""
     text = None if element is None else element.get(name)
     if text is None:
         return otherwise

@@ -126,18 +126,18 @@ class _Asked:
         if question.changes or question.fresh:
             from programs.recordings.replayed import ReplayedRows  # noqa: PLC0415 - pinocchio
 
-            answer.recorded = _contacts(self._cut(self.recorded.parts()), header)
+            answer.recorded, answer.recorded_N = _contacts(self._cut(self.recorded.parts()), header)
             replayed = ReplayedRows(self.file, question.changes, fresh=question.fresh)
             parts = replayed.parts(question.residual, progress)
             header = replayed.header(header)
             answer.shares_known = True
         elif question.residual:
-            answer.recorded = _contacts(self._cut(self.recorded.parts()), header)
+            answer.recorded, answer.recorded_N = _contacts(self._cut(self.recorded.parts()), header)
         self._count(answer, parts, header)
         if replayed is not None:
             answer.skipped_s = header.period_s * replayed.skipped
         if not (question.changes or question.fresh or question.residual):
-            answer.recorded = answer.contacts
+            answer.recorded, answer.recorded_N = answer.contacts, answer.force_N
         return answer
 
     def _cut(self, parts: Iterator[Rows]) -> Iterator[Rows]:
@@ -170,7 +170,7 @@ class _Asked:
             if arm is not None:
                 now = (beyond != 0.0).any(axis=1, where=others)
                 arm.add(rows.time_s, np.maximum(most, np.where(now, arm.count, 0)))
-        answer.contacts = found.found
+        answer.contacts, answer.force_N = found.found, found.most_N
         for kind, name in ((levels, ""), (hard, COLLISION)):
             answer.curves |= {
                 header.joints[j.column] + name: _curve(j.sweep, j.levels.tolist(), header.period_s)
@@ -222,6 +222,7 @@ class _Contacts:
         self._joints = header.joints
         self._before = np.zeros(len(header.joints))
         self.found: list[Found] = []
+        self.most_N = 0.0  # at the tool
 
     def forget(self) -> None:
         """Begin anew, after a gap."""
@@ -231,6 +232,7 @@ class _Contacts:
         """Take rows and what lies beyond their thresholds, debounced and signed."""
         before = np.vstack([self._before, beyond[:-1]])
         self._before = beyond[-1]
+        self.most_N = max(self.most_N, float(np.max(rows.force_N * rows.reports.any(axis=1))))
         for k, i in np.argwhere((beyond != 0.0) & (beyond * before <= 0.0)).tolist():
             if len(self.found) < MOST_CONTACTS:
                 self.found.append(
@@ -243,21 +245,21 @@ class _Contacts:
                 )
 
 
-def _contacts(parts: Iterator[Rows], header: RowsHeader) -> list[Found]:
-    """Contacts of all rows at the levels in force."""
+def _contacts(parts: Iterator[Rows], header: RowsHeader) -> tuple[list[Found], float]:
+    """Contacts of all rows at the levels in force, and the largest force at the tool [N]."""
     debounce, found = Debounce(len(header.joints), header.debounce), _Contacts(header)
     for rows in parts:
         if not rows.follows:
             debounce.forget()
             found.forget()
         found.add(rows, debounce.add(_beyond(rows), rows.residual))
-    return found.found
+    return found.found, found.most_N
 
 
 def _first(rows: Rows, count: int) -> Rows:
     if count == len(rows.time_s):
         return rows
-    names = ("time_s", "reports", *MATRICES)
+    names = ("time_s", "reports", "force_N", *MATRICES)
     return replace(rows, **{name: getattr(rows, name)[:count] for name in names})
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.study.wrench import Job, run
-from bench.wrench import links, scores
+from bench.wrench import links, points, scores
 
 
 def tick(**fields: Any) -> dict[str, Any]:
@@ -33,8 +33,31 @@ def test_errors_count_along_seen_directions_while_a_force_is_shown() -> None:
 
 def test_names_of_links_count_from_where_one_is_named() -> None:
     named = [[-1, 2, 3], [-1, -1, 4], [-1, -1, -1], [3, 3, 3]]
-    runs = [{"links": [{"row": 3, "named": np.array(one)} for one in named]}]
+    early = {"after_s": 0.2, "first": 0, "least": 0, "decided": True, "placed": True, "error": 0.02,
+             "doubt": 0.03}  # fmt: skip
+    said = [
+        [early],
+        [
+            early | {"first": -2, "least": -2, "decided": False, "placed": False},
+            early | {"first": -2},
+        ],
+        [early | {"decided": False, "least": 1}, early | {"after_s": 0.6, "error": 0.05}],
+        [],
+    ]
+    runs = [
+        {"links": [
+            {"row": 3, "named": np.array(one), "touches": touches, "size": 20.0}
+            for one, touches in zip(named, said, strict=True)
+        ]}
+    ]  # fmt: skip
     found = links(runs)
+    assert found["decided"] == pytest.approx(2.0 / 3.0)
+    assert found["decided_right"] == found["decided_off_by_more_than_one"] == 0.5
+    assert found["decided_ticks_right"] == pytest.approx(2.0 / 3.0)
+    assert found["at_first_a_true_at_least"] == pytest.approx(2.0 / 3.0)
+    placed = points(runs)
+    assert placed["given"] == pytest.approx(4.0 / 5.0)
+    assert placed["within_doubt"] == pytest.approx(3.0 / 4.0)
     assert found["presses"] == 3
     assert found["first_right"] == pytest.approx(1.0 / 3.0)
     assert found["first_further_out"] == pytest.approx(1.0 / 3.0)

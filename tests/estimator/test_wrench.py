@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 import pytest
+from msgspec.structs import replace
 
 from bench.rigs.lockstep import ROMEO
 from common.arrays import Matrix, Vector
 from common.errors import ModelError
+from daemon.assembly import build_estimator
 from daemon.config.load import load_robot
 from estimator.dynamics import Dynamics
 from estimator.model import Model
@@ -76,10 +78,11 @@ def test_it_is_the_weighted_estimate_in_arrays(link: str, force: Sequence[float]
         information[3:, 3:] += np.eye(3) / (OFF**2 * square + 1e-6)
         P = np.linalg.inv(information)
         wrench = P @ (A * weight) @ r
-        square = float(wrench[:3] @ wrench[:3])
+        size = float(wrench[:3] @ wrench[:3])
+        square = size + min(np.trace(P[:3, :3]), 2.0 * size)
     np.testing.assert_allclose(covariance_of(row), P[:3, :3], rtol=1e-5, atol=1e-6)
     variances, ways = np.linalg.eigh(P[:3, :3])
-    seen = variances <= max(16.0, square / 16.0)
+    seen = variances <= max(16.0, float(wrench[:3] @ wrench[:3]) / 16.0)
     np.testing.assert_allclose(row[:3], (ways * seen) @ ways.T @ wrench[:3], rtol=1e-5, atol=1e-5)
     left = r @ (weight * r) - wrench @ (A * weight) @ r
     assert row[MISFIT] == pytest.approx(np.sqrt(left / 3.0), rel=1e-4)
@@ -131,6 +134,19 @@ def test_directions_that_joints_do_not_show_are_unseen_and_no_force_is_claimed_t
     assert not blind[:3].any()
 
 
+def test_a_torque_elsewhere_is_not_hundreds_of_newtons_along_what_the_joints_hardly_see() -> None:
+    """A straight arm: one joint turned from elsewhere is explained by a force along it alone."""
+    arm = Arm(q=np.array([0.4, 0.3, -0.8, -0.03, -1.2, 0.0, 0.03]))
+    ways, _, _ = np.linalg.svd(arm.J)
+    r = arm.J.T @ (200.0 * ways[:, 2])
+    row = arm.after(r, friction=0.1)
+    sigma = np.sqrt(ways[:, 2] @ covariance_of(row) @ ways[:, 2])
+    assert 8.0 < sigma < 0.25 * 200.0
+    assert row[STRENGTH] > 1.0
+    assert np.abs(row[:3]).max() < 10.0
+    assert np.count_nonzero(row[UNSEEN:].reshape(3, 3).any(axis=1)) == 1
+
+
 def test_the_level_is_learned_of_quiet_motion_alone() -> None:
     arm = Arm()
     first = arm.wrench.level()
@@ -151,3 +167,20 @@ def test_the_level_is_learned_of_quiet_motion_alone() -> None:
 def test_a_link_that_does_not_move_is_refused() -> None:
     with pytest.raises(ModelError, match="moves no link 'torso'"):
         ROBOT.model.place("torso")
+
+
+@pytest.mark.parametrize(("q", "counts"), [(0.0, True), (0.975, False), (-0.975, False)])
+def test_a_link_that_may_lean_on_its_stop_does_not_count(q: float, counts: bool) -> None:
+    c = ROBOT.configuration
+    made = build_estimator(replace(c, estimator=replace(c.estimator, beside=())), ROBOT.model)
+    assert (
+        ROBOT.model.upper[6]
+        == pytest.approx(-ROBOT.model.lower[6])
+        == pytest.approx(0.98, abs=1e-2)
+    )
+    pose = np.append(POSE[:6], q * ROBOT.model.upper[6] / 0.975)
+    for _ in range(20):
+        made.step(np.zeros(7), pose, np.zeros(7), pose)
+    weight = np.array(made._kernel.wrench.weight)
+    assert (weight[:6] > 0.0).all()
+    assert (weight[6] > 0.0) == counts

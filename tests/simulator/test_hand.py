@@ -11,7 +11,7 @@ import pytest
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from common.errors import ConfigurationError
 from simulator.hand import TAKING_S, VISIT_S, Hand
-from simulator.hand_script import Gap, Give, Guide, Hold, Push, Release, read_script
+from simulator.hand_script import Gap, Give, Guide, Hold, Press, Push, Release, read_script
 
 NAMES = ("a", "b")
 Q = np.array([0.1, -0.2])
@@ -47,6 +47,24 @@ def test_push(shape: Any, expected: list[float]) -> None:
     assert one.update(101.5, Q) == ["end push b 2 Nm"]
     assert torque(one) == [0.0, 0.0]
     assert one.done
+
+
+@pytest.mark.parametrize(
+    ("lasts", "expected"), [(0.5, [0.0, 10.0, 20.0, 0.0]), (None, [0.0, 10.0, 20.0, 20.0])]
+)
+def test_press(lasts: float | None, expected: list[float]) -> None:
+    """It rises, and its torque follows the pose."""
+    script = (Press(at_s=1.0, force=(0.0, 20.0, 0.0), rise_s=0.2, duration_s=lasts),)
+    one = Hand(script, NAMES, np.full(2, 10.0), at_tool=lambda q, force: q * force[1])
+    one.begin(100.0)
+    seen = []
+    for t in (101.0, 101.1, 101.4, 101.6):
+        one.update(t, np.array([1.0, t - 100.0]))
+        seen += [torque(one)[0], torque(one)[1] / (t - 100.0)]
+    assert seen == pytest.approx(np.repeat(expected, 2))
+    one.take(Release(at_s=0.0))
+    one.update(102.0, Q)
+    assert not one.touching
 
 
 @pytest.mark.parametrize(("asked", "pressed"), [(None, 0.08), (0.5, 0.5)])
@@ -193,7 +211,7 @@ def test_bad_script_names_the_file(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("act", "said"),
     [
-        ("{act: kick, at_s: 1}", "act 2, act: invalid value 'kick'; there are push, lean, hold, "),
+        ("{act: kick, at_s: 1}", "act 2, act: invalid value 'kick'; there are push, lean, press, "),
         ("{act: release, at_s: -1}", "act 2, at_s: expected `float` >= 0.0"),
         ("{act: lean, at_s: 1, joint: a}", "act 2: object missing required field `torque`"),
         ("{act: guide, at_s: 1, speed: 1, to: {a: b}}", "act 2, to[...]: expected `float`"),

@@ -187,6 +187,23 @@ def test_limp_arm_comes_to_rest_at_all_poses(romeo: ArmDescription, friction: st
         assert (plant.q < parameters.upper + 0.05).all()
 
 
+def test_a_press_works_as_much_as_the_joints_do(romeo: ArmDescription) -> None:
+    plant = Plant(true_parameters(romeo, SimulationSettings()), STEP)
+    q, force, small = np.linspace(-0.6, 0.5, 7), np.array([3.0, -8.0, 5.0]), 1e-6
+    model = plant.parameters.model.copy()
+    data = model.createData()
+
+    def tool(turned: int, by: float) -> np.ndarray:
+        pin.forwardKinematics(model, data, q + by * np.eye(7)[turned])
+        at: np.ndarray = data.oMi[7].act(plant.held_at)
+        return at
+
+    pin.framesForwardKinematics(model, data, q)
+    hand = data.oMf[model.getFrameId("l_wrist")].rotation @ force
+    expected = [hand @ (tool(i, small) - tool(i, -small)) / (2.0 * small) for i in range(7)]
+    np.testing.assert_allclose(plant.pressed(q, force), expected, atol=1e-6)
+
+
 def test_what_the_hand_is_given_weighs_and_can_be_taken_away(romeo: ArmDescription) -> None:
     plant = Plant(still(true_parameters(romeo, SimulationSettings())), STEP)
     place, q = np.array([0.08, 0.01, -0.02]), np.full(7, 0.2)

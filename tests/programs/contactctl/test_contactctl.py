@@ -291,6 +291,7 @@ def test_help_is_sentences() -> None:
         "hand",
         "health",
         "home",
+        "touches",
         "watch",
         "record",
     }

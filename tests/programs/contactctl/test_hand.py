@@ -33,6 +33,7 @@ def typed(*words: str) -> Result:
         (("push", "elbow", "-3Nm"), "torque", -3.0),
         (("lean", "elbow", "-0.5"), "torque", -0.5),
         (("lead", "elbow", "-.8rad"), "to", {"elbow": -0.8}),
+        (("press", "z", "-20N"), "force", [0.0, 0.0, -20.0]),
     ],
 )
 def test_a_number_below_0_is_the_other_way(
@@ -58,7 +59,10 @@ def test_options_stand_anywhere_and_unknown_ones_are_refused(acts: list[dict[str
     [
         (("carry", "-1kg"), "'-1kg' is not allowed: 0 to 100 kg."),
         (("carry", "101"), "'101' is not allowed: 0 to 100 kg."),
-        (("poke",), "no command 'poke'; there are: push, lean, lead, gap, clamp, carry, release"),
+        (
+            ("poke",),
+            "no command 'poke'; there are: push, lean, press, lead, gap, clamp, carry, release",
+        ),
     ],
 )
 def test_what_is_allowed_is_said(words: tuple[str, ...], said: str) -> None:

@@ -42,7 +42,7 @@ def play(hand, seconds, **how):
         msgspec.structs.replace(s, timing=msgspec.structs.replace(s.timing, monotonic_s=s.time_s))
         for s in states
     ]
-    return clocked, touch_of(lines)
+    return clocked, touch_of(lines, hand)
 
 
 def story_of(states, touch, folder=ROMEO):
@@ -71,11 +71,19 @@ def test_the_story_that_happened_passes(played):
     assert report["contacts"][0]["joint"] == "LShoulderPitch"
 
 
+def test_without_a_press_no_force_is_said(played):
+    assert story_of(*played).force("l_wrist") == ""
+
+
 def test_the_story_happens_on_damiao_motors_with_their_guardian():
     how = {"folder": OPENARM, "identification": check_identification,
            "described": lambda robot, _: true_arm(robot)[0]}  # fmt: skip
     story = story_of(*play(read_script(OPENARM / DEMO_HAND), 16.0, **how), OPENARM)
     assert [c.what for c in story.checks() if not c.happened] == []
+    report = story.report(ended_well=True)
+    assert report["force_N"] == (-12.0, 0.0, 0.0)
+    assert report["wrench"]["force"] == pytest.approx([-12.0, 0.0, 0.0], abs=1.5)
+    assert story.force("link7").startswith("the hand pushed with 12 N, towards -x of link7; ")
 
 
 def without_admittance(states, touch):

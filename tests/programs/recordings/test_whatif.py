@@ -445,3 +445,17 @@ def test_a_scheduler_that_is_not_there(recording: Path) -> None:
     answer = whatif(recording, "--scheduler", "tcp://127.0.0.1:9")
     assert answer.exit_code == 65
     assert "--scheduler tcp://127.0.0.1:9: cannot be reached" in answer.stderr
+
+
+def test_the_largest_force_at_the_tool_as_recorded_and_by_other_settings(recording: Path) -> None:
+    said = [s.wrench.force for s in read_log(recording) if isinstance(s, State) and s.wrench]
+    most = max(float(np.linalg.norm(force)) for force in said)
+    assert most > 1.0
+    same = ask(recording, Question())
+    assert (same.recorded_N, same.force_N) == pytest.approx((most, most))
+    change = (("estimator.gain", "15"),)
+    other = ask(recording, Question(changes=change))
+    assert other.recorded_N == pytest.approx(most)
+    assert other.force_N != pytest.approx(most, rel=1e-6)
+    words = CliRunner().invoke(main, ["whatif", str(recording)]).output
+    assert f"up to {most:.0f} N at the tool as recorded" in words

@@ -1,0 +1,83 @@
+"""Known force at the tool: how far off the newtons are, and torque constants that explain it.
+
+A residual is K_c times a current: with a constant that is k times the configured one, a force f at
+the tool shows r_i = (J^T f)_i / k_i, and up to e_i of it is friction that holds the motor. Of all
+poses but the last,
+
+    k_i = sum tau_i r_i / sum r_i^2,    within  sum |r_i| e_i / sum r_i^2,    tau = J^T f
+
+and the last, the witness, must show the force better with them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+
+MOST: Final = 0.1
+"""Largest correction, as a share."""
+_USUAL_N: Final = 100.0  # of a force beforehand
+_LEVER: Final = 2.0  # times its friction, from which a joint's torque says anything
+
+
+@dataclass(frozen=True, slots=True)
+class HeldPose:
+    """One pose: what the known force (3,) [N], along the root's axes, added to the residuals (n,)
+    [Nm], the friction in which that is uncertain (n,) [Nm], and J of the tool point (3, n)."""
+
+    force: Vector
+    added: Vector
+    friction: Vector
+    J: Matrix
+
+    def error_N(self, factor: Vector) -> float:
+        """Error of the force by residuals with torque constants that are so many times theirs (n,),
+        where the joints show it [N]."""
+        weight = 1.0 / np.square(self.friction)
+        S = (self.J * weight) @ self.J.T
+        ways, _, _ = np.linalg.svd(S)
+        seen = np.sqrt(np.diag(ways.T @ np.linalg.inv(S + np.eye(3) / _USUAL_N**2) @ ways))
+        found = np.linalg.solve(
+            S + np.eye(3) / _USUAL_N**2, (self.J * weight) @ (factor * self.added)
+        )
+        off = ways.T @ (found - self.force)
+        return float(np.linalg.norm(off[seen < 0.5 * np.linalg.norm(self.force)]))
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Factors of the torque constants (n,) with their bounds, those that are proposed (1: none),
+    and the witness's error with neither and with these [N]."""
+
+    factor: Vector
+    bound: Vector
+    proposed: Vector
+    before_N: float
+    after_N: float
+
+    @property
+    def witnessed(self) -> bool:
+        """True if the witness agrees."""
+        return self.after_N < self.before_N
+
+
+def correct(poses: Sequence[HeldPose]) -> Correction:
+    """Correction from two poses and more; the last is the witness. A proposal is the nearest to the
+    present constant that the bounds allow, and at most MOST of it; none is made where the joint
+    shows less than its friction."""
+    r = np.array([pose.added for pose in poses[:-1]])
+    tau = np.array([pose.J.T @ pose.force for pose in poses[:-1]])
+    e = np.array([pose.friction for pose in poses[:-1]])
+    shows = np.where(np.abs(tau) > _LEVER * e, 1.0, 0.0)
+    squares = np.sum(shows * r * r, axis=0)
+    known = squares > 0.0
+    over = np.where(known, squares, 1.0)
+    factor = np.where(known, np.sum(shows * tau * r, axis=0) / over, 1.0)
+    bound = np.where(known, np.sum(shows * np.abs(r) * e, axis=0) / over, np.inf)
+    proposed = np.clip(np.clip(1.0, factor - bound, factor + bound), 1.0 - MOST, 1.0 + MOST)
+    witness = poses[-1]
+    before, after = witness.error_N(np.ones(len(factor))), witness.error_N(proposed)
+    return Correction(factor, bound, proposed, before, after)

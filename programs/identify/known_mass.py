@@ -1,0 +1,121 @@
+"""`contactd identify wrench`: the force at the tool against a known one, on recordings."""
+# ruff: noqa: PLC0415 - what the command needs is imported when it runs
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from common.errors import LogError
+from programs.command_line.options import PATH, Range
+
+if TYPE_CHECKING:
+    from common.arrays import Vector
+    from daemon.protocol.state import Snapshot, State
+    from identification.known_force import HeldPose
+
+FREE_S, HELD_S, STILL_RAD, LEAST_POSES = 2.0, 2.0, 0.02, 3
+"""Parts of a recording without the force and with it, at its begin and its end; how far the arm may
+move between; poses, the last being the witness."""
+_G: Final = 9.80665
+_FRICTION: Final = 0.4  # of what raises a level at rest: so much of it holds a load, in 95 of 100
+
+
+@click.command()
+@click.argument("recordings", nargs=-1, required=True, type=PATH, metavar="FILE.mcap...")
+@click.option("--mass", type=Range(min=0.05, max=50), help="Hung at the tool point [kg].")
+@click.option(
+    "--scale", type=Range(min=0.5, max=500), help="Or what a scale under the tool reads [N]."
+)
+def wrench(recordings: tuple[Path, ...], mass: float | None, scale: float | None) -> None:
+    """Hold the force at the tool against a known one: how far off the newtons are.
+
+    A recording a pose, the arm holding, of 10 s: 2 s without the mass, then hang it at the tool
+    point and keep the hands off. With three poses and more it proposes corrections of torque
+    constants, which the last pose has to confirm. It writes nothing.
+    """
+    if (mass is None) == (scale is None):
+        raise click.UsageError("one of --mass and --scale")
+    up = -mass * _G if mass is not None else float(scale or 0.0)
+    for line in report(recordings, up):
+        click.echo(line)
+
+
+def report(recordings: Sequence[Path], up: float) -> list[str]:
+    """Lines for a person; up: the force, away from the ground [N]. Raises LogError."""
+    import numpy as np
+
+    from identification.known_force import correct
+
+    lines, poses = [f"{'pose':20}  newtons off, by axis of the force's frame"], list["HeldPose"]()
+    joints: list[str] = []
+    for path in recordings:
+        snapshot, pose, off, unseen = _held(path, up)
+        parts = " ".join(f"{axis} {x:+.1f}" for axis, x in zip("xyz", off, strict=True))
+        blind = f"; {unseen} not seen" if unseen else ""
+        lines.append(f"{path.name:20}  {parts} N, of {abs(up):.1f}{blind}")
+        poses.append(pose)
+        joints = snapshot.joints
+    if len(poses) < LEAST_POSES:
+        return [*lines, f"for torque constants: {LEAST_POSES} poses, the last as a witness"]
+    found = correct(poses)
+    for name, factor, bound, proposed in zip(
+        joints, found.factor, found.bound, found.proposed, strict=True
+    ):
+        if not np.isfinite(bound):
+            lines.append(f"{name:20}  shows no more than its friction")
+            continue
+        advice = f": `torque_constant` times {proposed:.3f}" if proposed != 1.0 else ": as it is"
+        lines.append(f"{name:20}  {factor:.3f} +- {bound:.3f} times its torque{advice}")
+    verdict = "confirms" if found.witnessed else "does not confirm: change nothing"
+    error = f"{found.before_N:.1f} N off, {found.after_N:.1f} N with them"
+    if np.all(found.proposed == 1.0):
+        return [*lines, "no torque constant is off by more than its friction hides"]
+    return [*lines, f"{recordings[-1].name}, the witness, {verdict}: {error}"]
+
+
+def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str]":
+    """A pose of a recording, the error of the force that was said there (3,) [N], and what was not
+    seen of it. Raises LogError."""
+    import numpy as np
+
+    from daemon.protocol.state import Snapshot
+    from estimator.model import Model
+    from identification.known_force import HeldPose
+    from programs.clients.log_reader import read_log
+    from programs.clients.sensitivity import along
+
+    snapshot, states = None, list["State"]()
+    for message in read_log(path):
+        if isinstance(message, Snapshot):
+            snapshot = message
+        elif message.wrench is not None and message.level_share is not None:
+            states.append(message)
+    if snapshot is None or not states or states[-1].time_s - states[0].time_s < FREE_S + HELD_S:
+        raise LogError(
+            f"{path}: {FREE_S + HELD_S:g} s and more with a force at the tool are needed"
+        )
+    free = [s for s in states if s.time_s < states[0].time_s + FREE_S]
+    held = [s for s in states if s.time_s > states[-1].time_s - HELD_S]
+    q0, q, r0, r, level, share = (
+        np.median([getattr(s, name) for s in part], axis=0)
+        for part, name in (
+            (free, "link_position"), (held, "link_position"), (free, "residual"),
+            (held, "residual"), (held, "threshold"), (held, "level_share"),
+        )
+    )  # fmt: skip
+    if np.abs(q - q0).max() > STILL_RAD:
+        raise LogError(f"{path}: the arm moved by {np.abs(q - q0).max():.2f} rad; it has to hold")
+    model = Model(snapshot.urdf, snapshot.joints)
+    force = -up * model.down / np.linalg.norm(model.down)
+    friction = np.maximum(level - share * np.array(snapshot.thresholds), 0.05 * level)
+    pose = HeldPose(force, r - r0, _FRICTION * friction, model.tool_jacobian(q))
+    said = [s.wrench for s in held if s.wrench is not None]
+    unseen = [w.unseen for w in said][len(said) // 2]
+    axes = model.axes(q, "" if snapshot.wrench_axes == model.hand else snapshot.wrench_axes)
+    truth = axes.T @ force
+    for way in np.array(unseen).reshape(-1, 3):
+        truth = truth - way * (way @ truth)
+    off = np.median([w.force for w in said], axis=0) - truth
+    return snapshot, pose, off, " and ".join(f"along {along(way)}" for way in unseen)

@@ -1,0 +1,236 @@
+"""Point of contact: which link is touched and where on it, from the residuals of all joints.
+
+A force f at a point x of a link is J(x)^T f at the joints. Every point of the surface of a capsule
+around each link is a hypothesis, whose f is any of some 30 N along each axis:
+
+    r ~ N(0, D + J(x)^T (30 N)^2 J(x)),    D = diag(s_i^2)
+
+so that a link further out, whose own joint shows nothing, is as unlikely as a force that happens to
+pass through that joint's axis. For readers of States; nothing of it is in the loop.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Final
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from common.arrays import Matrix, Vector
+from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
+
+SURE, SURE_S = 0.9, 0.09
+"""Least probability of a link that is decided, and for how long it must have been the same: outer
+residuals rise later, behind their gaps [s]."""
+CANDIDATE: Final = 0.05
+MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
+"""Beyond it, or for a link less likely, a point is not given."""
+NO_FIT: Final = 3.0
+"""Misfit from which no force at one point explains the residuals."""
+_FORCE_N: Final = 30.0
+_ALONG, _AROUND = 12, 12  # points of a capsule
+# Standard deviation of a residual: of the share in force of its configured level, of what raises
+# that, and of the largest r' / K of late; K as configurations have it.
+_LEVEL, _RAISED, _LAG, _GAIN = 0.05, 0.25, 0.8, 25.0
+_LEAST_NM = 1e-3
+_SHAPE_M, _COARSE_M = 0.03, 0.006  # by which a surface is off; between its points
+_EVERY = 3  # ticks
+
+
+@dataclass(frozen=True, slots=True)
+class TouchPoint:
+    """Contact at one point. `joints` are those whose links may be meant, most likely first, with
+    the probability `sure`; `decided` if it is that one, not only one of them; `point` (3,) [m] and
+    `force` (3,) [N] are along the axes of the URDF's link `link`. If the first joint is right, the
+    true point is within `doubt_m` in 95 of 100."""
+
+    joints: tuple[str, ...]
+    sure: float
+    decided: bool
+    link: str
+    point: Vector
+    doubt_m: float
+    force: Vector
+    misfit: float
+
+    @property
+    def placed(self) -> bool:
+        """True if the point is known."""
+        near = self.doubt_m <= MOST_DOUBT_M and self.sure >= LEAST_SURE
+        return near and self.misfit < NO_FIT
+
+
+class TouchFinder:
+    """Hypotheses of one arm; `take` each tick."""
+
+    def __init__(self, urdf: str, joints: Sequence[str], contact: ArrayLike) -> None:
+        """contact: configured contact levels (n,) [Nm]. Raises ModelError for a bad URDF."""
+        self._names, self._contact = tuple(joints), np.array(contact)
+        self._skeleton: Skeleton = skeleton_of(urdf)
+        surfaces = _collisions(urdf)
+        for capsule in self._skeleton.capsules:
+            if capsule.link not in surfaces:
+                surfaces[capsule.link] = [_surface(np.array(capsule.end), capsule.radius)]
+        self.surfaces = {link: np.concatenate(parts) for link, parts in surfaces.items()}
+        self._r, self._lag = np.full((2, len(self._names)), np.nan)
+        self._ticks, self._same, self._same_s = 0, -1, 0.0
+        self._found: TouchPoint | None = None
+        self.frames: dict[str, tuple[Matrix, Vector]] = {}
+        """Rotation and origin [m] of each link in the frame of the root, when last looked at."""
+
+    def take(
+        self, q: Vector, r: Vector, threshold: Vector, share: Vector, dt: float
+    ) -> TouchPoint | None:
+        """Contact of one tick, dt [s] after the one before, or of one of the two before that; None
+        where no residual r is beyond its level in force `threshold` [Nm]. share: of the configured
+        level that is in force; (n,) each. Joints whose residual is not finite count nothing."""
+        rate = np.nan_to_num(np.abs(r - self._r)) / (_GAIN * dt)
+        self._lag = np.maximum(rate, np.nan_to_num(self._lag) / (1.0 + _GAIN * dt))
+        self._r = r
+        if not np.any(np.abs(r) > threshold):
+            self._ticks, self._same, self._same_s, self._found = 0, -1, 0.0, None
+            return None
+        if self._ticks % _EVERY == 0:
+            usual = share * self._contact
+            parts = (_LEVEL * usual, _RAISED * (threshold - usual), _LAG * self._lag, _LEAST_NM)
+            variance = np.sum([np.square(part) * np.ones(len(q)) for part in parts], axis=0)
+            variance[~np.isfinite(r)] = np.inf
+            self._found = self._find(np.nan_to_num(q), np.nan_to_num(r), variance, _EVERY * dt)
+        self._ticks += 1
+        return self._found
+
+    def _find(self, q: Vector, r: Vector, variance: Vector, dt: float) -> TouchPoint | None:
+        """Point that explains r best, of that variance; None if no joint moves a link."""
+        at, J, row, links = self._hypotheses(q)
+        if not len(at):
+            return None
+        counts, levers, size = np.isfinite(variance), np.any(J != 0.0, axis=2), 0.0
+        for _ in range(2):  # the second time with what a point beside the true one does
+            w = 1.0 / (variance + levers * (_COARSE_M * size) ** 2)
+            S = np.einsum("pia,pi,pib->pab", J, w, J) + np.eye(3) / _FORCE_N**2
+            h = np.einsum("pia,pi->pa", J, w * r)
+            force = np.linalg.solve(S, h[..., np.newaxis])[..., 0]
+            left = np.sum(w * r * r, axis=1) - np.sum(h * force, axis=1)
+            log = 0.5 * np.sum(np.log(w[:, counts]), axis=1) - 0.5 * np.linalg.slogdet(S)[1]
+            log -= 0.5 * left
+            size = float(np.linalg.norm(force[log.argmax()]))
+        count = np.bincount(row, minlength=len(self._names))
+        likely = np.exp(log - log.max()) / count[row]
+        likely /= likely.sum()
+        of_joint = np.bincount(row, weights=likely, minlength=len(self._names))
+        best = int(of_joint.argmax())
+        own = row == best
+        share = likely[own] / of_joint[best]
+        point = share @ at[own]
+        away = np.linalg.norm(at[own] - point, axis=1)
+        order = np.argsort(away)
+        within = int(np.searchsorted(np.cumsum(share[order]), 0.95))
+        link = links[int(np.flatnonzero(own)[share.argmax()])]
+        rotation, origin = self.frames[link]
+        sure = float(of_joint[best])
+        self._same_s = self._same_s + dt if sure >= SURE and best == self._same else 0.0
+        self._same = best
+        return TouchPoint(
+            joints=tuple(self._names[i] for i in np.argsort(-of_joint) if of_joint[i] > CANDIDATE),
+            sure=sure,
+            decided=self._same_s >= SURE_S - 1e-9,
+            link=link,
+            point=rotation.T @ (point - origin),
+            doubt_m=float(np.hypot(away[order[min(within, len(order) - 1)]], _SHAPE_M)),
+            force=rotation.T @ (share @ force[own]),
+            misfit=float(np.sqrt(max(left.min(), 0.0) / max(int(np.sum(counts)) - 5, 1))),
+        )
+
+    def _hypotheses(self, q: Vector) -> tuple[Matrix, Matrix, Vector, list[str]]:
+        """Points (p, 3) [m] along the root's axes, their J (p, n, 3), the row of the joint that
+        moves each, and its link."""
+        angle = dict(zip(self._names, q.tolist(), strict=True))
+        root = self._skeleton.root
+        self.frames = frames = {root: (np.eye(3), np.zeros(3))}
+        chain: dict[str, tuple[int, ...]] = {root: ()}
+        axes: dict[int, tuple[Vector, Vector, bool]] = {}
+        for frame in self._skeleton.frames:
+            rotation, origin = frames[frame.parent]
+            way, turn = frame.at(angle.get(frame.joint, 0.0))
+            turned = rotation @ np.array([rotated(turn, unit) for unit in np.eye(3).tolist()]).T
+            frames[frame.child] = turned, origin + rotation @ way
+            chain[frame.child] = chain[frame.parent]
+            if frame.joint in angle:
+                i = self._names.index(frame.joint)
+                chain[frame.child] += (i,)
+                axes[i] = turned @ frame.axis, frames[frame.child][1], frame.slides
+        points, jacobians, rows, links = [], [], [], []
+        for link, surface in self.surfaces.items():
+            if not chain.get(link):
+                continue
+            rotation, origin = frames[link]
+            x = surface @ rotation.T + origin
+            J = np.zeros((len(x), len(self._names), 3))
+            for i in chain[link]:
+                axis, place, slides = axes[i]
+                J[:, i] = axis if slides else np.cross(axis, x - place)
+            points.append(x)
+            jacobians.append(J)
+            rows += [chain[link][-1]] * len(x)
+            links += [link] * len(x)
+        empty = np.zeros((0, 3))
+        return (
+            np.concatenate([empty, *points]),
+            np.concatenate([np.zeros((0, len(self._names), 3)), *jacobians]),
+            np.array(rows, dtype=np.int64),
+            links,
+        )
+
+
+def touch_words(found: TouchPoint) -> str:
+    """`l_wrist at (0.01 0.00 0.06) m +- 3 cm`, or what is not known."""
+    if found.misfit >= NO_FIT:
+        return "two places, or none that is one force"
+    meant = " or ".join(found.joints[1:])
+    others = f", or the link of {meant}" if meant and not found.decided else ""
+    if not found.placed:
+        return f"{found.link}{others}; where on it is not known"
+    place = " ".join(f"{x:.2f}" for x in np.round(found.point, 2) + 0.0)
+    return f"{found.link} at ({place}) m +- {100.0 * found.doubt_m:.0f} cm{others}"
+
+
+def _surface(end: Vector, radius: float) -> Matrix:
+    """Points of a cylinder from the origin to `end` (3,), of its middle line's far end, too."""
+    along = end / np.linalg.norm(end)
+    first = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    first /= np.linalg.norm(first)
+    angle = 2.0 * pi * np.arange(_AROUND) / _AROUND
+    ring = np.outer(np.cos(angle), first) + np.outer(np.sin(angle), np.cross(along, first))
+    return np.concatenate([part * end + radius * ring for part in np.linspace(0.05, 1.0, _ALONG)])
+
+
+def _collisions(urdf: str) -> dict[str, list[Matrix]]:
+    """Surfaces of the links that have collision shapes other than meshes, in each link's frame."""
+    found: dict[str, list[Matrix]] = {}
+    for link in ET.fromstring(urdf).findall("link"):
+        for shape in link.findall("collision"):
+            points = _shape(shape)
+            if points is None:
+                continue
+            turn = from_rpy(triple(shape.find("origin"), "rpy", (0.0, 0.0, 0.0)))
+            turned = np.array([rotated(turn, point) for point in points.tolist()])
+            at = triple(shape.find("origin"), "xyz", (0.0, 0.0, 0.0))
+            found.setdefault(link.get("name", ""), []).append(turned + at)
+    return found
+
+
+def _shape(shape: ET.Element) -> Matrix | None:
+    """Points of the surface of a box, sphere or cylinder around the origin; None of a mesh."""
+    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)]), axis=-1).reshape(-1, 3)
+    cube = grid[np.abs(grid).max(axis=1) == 1.0]
+    if (box := shape.find("geometry/box")) is not None:
+        return np.asarray(cube * triple(box, "size", (0.0, 0.0, 0.0)) / 2.0)
+    if (sphere := shape.find("geometry/sphere")) is not None:
+        unit: Matrix = cube / np.linalg.norm(cube, axis=1, keepdims=True)
+        return unit * float(sphere.get("radius", "0"))
+    if (cylinder := shape.find("geometry/cylinder")) is not None:
+        end = np.array([0.0, 0.0, float(cylinder.get("length", "0"))])
+        return _surface(end, float(cylinder.get("radius", "0"))) - end / 2.0
+    return None

@@ -1,0 +1,177 @@
+"""Touched link and point of contact, on a plant whose surfaces and torques differ from the model's,
+and contacts in words."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.study.hands import Hands
+from daemon.config.load import load_robot
+from daemon.modes.table import Event
+from daemon.protocol.state import Payload, Snapshot, State
+from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
+from programs.recordings.touches import Contact, Evidence, Touches
+from simulator.hand_script import AnyAct, Clamp, Lean, Press, Push, Release
+
+ROBOT = load_robot(ROMEO)
+NAMES = list(ROBOT.model.names)
+CONTACT = np.array([joint.thresholds.contact for joint in ROBOT.configuration.joints])
+POSE = np.array([0.4, 0.3, -0.8, -1.0, -1.2, 0.2, 0.3])
+ONE = np.ones(7)
+
+
+def after(finder: TouchFinder, r: Any, ticks: int, level: Any = 0.5 * CONTACT) -> TouchPoint | None:
+    found = None
+    for _ in range(ticks):
+        found = finder.take(POSE, np.asarray(r), level, 0.4 * ONE, 0.01)
+    return found
+
+
+def finder(urdf: str = ROBOT.urdf) -> TouchFinder:
+    return TouchFinder(urdf, NAMES, CONTACT)
+
+
+def pushed(row: int, point: Sequence[float], force: Sequence[float], seed: int = 1) -> Any:
+    """Residuals of a force along the root's axes, a little off."""
+    J = Hands(ROBOT.model, ROBOT.urdf).jacobian(POSE, row, np.array(point))
+    rng = np.random.default_rng(seed)
+    return J.T @ np.array(force) * rng.uniform(0.99, 1.01, 7) + 0.02 * CONTACT * rng.normal(size=7)
+
+
+@pytest.mark.parametrize(
+    ("row", "point", "force"),
+    [(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)), (3, (0.1, 0.03, 0.0), (5.0, 12.0, 12.0))],
+)
+def test_the_link_and_the_point_on_it(row: int, point: Any, force: Any) -> None:
+    found = after(one := finder(), pushed(row, point, force), 30)
+    assert found is not None
+    assert found.joints[0] == NAMES[row]
+    assert found.decided
+    assert found.placed
+    rotation, origin = one.frames[found.link]
+    at = rotation @ found.point + origin
+    true = Hands(ROBOT.model, ROBOT.urdf).place(POSE, row, np.array(point))
+    assert np.linalg.norm(at - true) < found.doubt_m < 0.09
+    np.testing.assert_allclose(rotation @ found.force, force, atol=4.0)
+
+
+def test_a_link_is_decided_once_its_residuals_have_settled() -> None:
+    r = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0))
+    one = finder()
+    after(one, 0.0 * r, 1)
+    first, then = after(one, r, 1), after(one, r, 29)
+    assert first is not None
+    assert then is not None
+    assert not first.decided
+    assert then.decided
+    assert after(one, 0.0 * r, 1) is None
+    again = after(one, r, 1)
+    assert again is not None
+    assert not again.decided
+
+
+def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() -> None:
+    """One joint alone is turned: it does not say where."""
+    found = after(finder(), [0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0], 30)
+    assert found is not None
+    assert not found.placed
+    assert NAMES[6] not in found.joints
+    assert "where on it is not known" in touch_words(found)
+
+
+def test_two_forces_are_not_one() -> None:
+    both = pushed(1, (0.05, 0.0, 0.0), (0.0, 0.0, 30.0)) + pushed(
+        6, (0.06, 0.0, 0.0), (9.0, 20.0, 9.0)
+    )
+    both[2] += 15.0
+    found = after(finder(), both, 30)
+    assert found is not None
+    assert not found.placed
+
+
+def test_collision_shapes_come_before_drafted_capsules() -> None:
+    shape = (
+        '<link name="l_wrist"><collision><origin xyz="0.3 0 0" rpy="0 1.5708 0"/><geometry>{}'
+        "</geometry></collision>"
+    )
+    for geometry, far in (
+        ('<cylinder radius="0.02" length="0.1"/>', 0.35),
+        ('<box size="0.04 0.04 0.1"/>', 0.35),
+        ('<sphere radius="0.03"/>', 0.33),
+    ):
+        assert '<link name="l_wrist">' in ROBOT.urdf
+        urdf = ROBOT.urdf.replace('<link name="l_wrist">', shape.format(geometry))
+        surface = finder(urdf).surfaces["l_wrist"]
+        assert surface[:, 0].max() == pytest.approx(far, abs=0.01)
+        assert surface[:, 0].min() > 0.24
+    mesh = ROBOT.urdf.replace('<link name="l_wrist">', shape.format('<mesh filename="x.stl"/>'))
+    np.testing.assert_array_equal(finder(mesh).surfaces["l_wrist"], finder().surfaces["l_wrist"])
+
+
+@pytest.mark.parametrize(
+    ("fields", "word"),
+    [
+        ({}, "touched"),
+        ({"seconds": 0.5}, "pushed"),
+        ({"moved_rad": 0.1}, "pushed"),
+        ({"seconds": 3.0}, "leaning"),
+        ({"seconds": 3.0, "unsteady": 0.5}, "pushed"),
+        ({"hard": True, "seconds": 3.0}, "hit"),
+        ({"held_s": 0.6, "hard": True}, "clamped"),
+        ({"harder": 0.3, "seconds": 3.0}, "clamped"),
+        ({"load_kg": 0.4, "held_s": 0.6}, "load"),
+    ],
+)
+def test_the_table_of_words(fields: dict[str, Any], word: str) -> None:
+    assert Contact.of(Evidence(1.0, **fields)).word == word
+
+
+def played(*hand: AnyAct, seconds: float = 8.0) -> tuple[list[State], Snapshot]:
+    with lockstep_rig(hand=hand) as rig:
+        rig.enable()
+        rig.run(1.0)
+        rig.permit("the test")
+        rig.request(Event.START)
+        states = list(rig.states(seconds))
+    context = Snapshot(
+        joints=NAMES, half_gap=[], thresholds=CONTACT.tolist(), period_s=0.01, tick=0, memory={},
+        configuration="", urdf=ROBOT.urdf, program="",
+    )  # fmt: skip
+    return states, context
+
+
+def contacts(states: Sequence[State], context: Snapshot) -> list[Contact]:
+    seen = Touches(context)
+    return [contact for state in states if (contact := seen.take(state))]
+
+
+SHOULDER = "LShoulderPitch"
+
+
+@pytest.mark.parametrize(
+    ("hand", "word"),
+    [
+        ((Push(at_s=3.0, joint="LElbowYaw", torque=1.2, duration_s=0.12),), "touched"),
+        ((Press(at_s=3.0, force=(0.0, -10.0, 0.0), duration_s=0.8),), "pushed"),
+        ((Press(at_s=3.0, force=(0.0, -60.0, 0.0), rise_s=0.01, duration_s=0.2),), "hit"),
+        ((Lean(at_s=3.0, joint=SHOULDER, torque=-2.5), Release(at_s=6.0)), "leaning"),
+        ((Clamp(at_s=3.0, joints=(SHOULDER, "LElbowYaw")), Release(at_s=7.0)), "clamped"),
+    ],
+)
+def test_hands_at_the_simulated_arm_in_words(hand: tuple[AnyAct, ...], word: str) -> None:
+    found = contacts(*played(*hand))
+    assert [contact.word for contact in found] == [word]
+    assert found[0].report()["word"] == word
+    if word == "pushed":
+        report = found[0].report()
+        assert (report["link"], report["decided"]) == ("l_wrist", True)
+        assert report["most_N"] == pytest.approx(10.0, abs=2.0)
+        assert np.linalg.norm(np.subtract(report["point_m"], [0.07, 0.0, 0.0])) < report["doubt_m"]
+        states, context = played(*hand)
+        load = Payload(mass=0.4, com=(0.0, 0.0, 0.0), name="")
+        weighed = [msgspec.structs.replace(state, recognised=load) for state in states]
+        assert [contact.word for contact in contacts(weighed, context)] == ["load"]
