@@ -56,6 +56,13 @@ class Hands:
         at_point: Matrix = (J[:3] - pin.skew(away) @ J[3:])[:, self._order]
         return at_point
 
+    def tool(self, q: Vector) -> Vector:
+        """Place of the tool point along the root's axes (3,) [m]."""
+        row = self.model.hand_joint
+        R = self.turned(q, row)
+        at: Vector = self._data.oMi[self._order[row] + 1].translation
+        return at + R @ self.model.in_joint(self.model.tool_place)
+
     def turned(self, q: Vector, row: int) -> Matrix:
         """Axes of a joint's frame along those of the root, in columns, (3, 3)."""
         self.jacobian(q, row, np.zeros(3))
