@@ -104,7 +104,7 @@ class ArmInTheLoop(Ticking):
     def __init__(self, subject: Subject, robot: Robot, start: Vector) -> None:
         """Begins at rest at `start` (n,) [rad], with the drives off."""
         c = robot.configuration
-        self.robot, self.period_s = robot, c.period_s
+        self.robot, self.period_s, self.subject = robot, c.period_s, subject
         self.harness = Harness(subject)
         self.harness.plant.place(start)
         self.harness.energise()

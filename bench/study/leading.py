@@ -16,16 +16,14 @@ from bench.rigs.arm_without_bus import Harness, Subject
 from bench.rigs.lockstep import ROMEO
 from bench.study import world
 from bench.study.hands import Hands
-from bench.study.world import LAWS
-from common.arrays import Vector
+from common.arrays import Matrix, Vector
 from daemon.config.load import Robot, load_robot
-from daemon.config.schema import Configuration, Sinusoid
+from daemon.config.schema import Sinusoid
 from daemon.config.vectors import limits_of
 from daemon.modes.contact_reactions import AfterQuiet
 from daemon.modes.table import Event, Mode
 from daemon.motion.balance import LEADING_RAD_S, levers
 from programs.contactctl.gain import balance_of
-from simulator.plant import Plant
 
 SHARE: Final = 0.6  # of each joint's range, in its middle: arms are not led from stop to stop
 SWING: Final = Sinusoid(amplitude=0.15, frequency_Hz=0.15)  # of the work
@@ -34,93 +32,66 @@ DAMPING_S: Final = 1.0 / 75.0  # of a hand, over its stiffness
 STRONGEST_N: Final = 40.0
 RISES_N_S: Final = 4.0  # force of a hand that sets a joint out
 MOVES: Final = 0.02  # [rad/s]
-MS: Final = 0.001
+REACH_M, SPEED_M_S, TRIES = 0.12, 0.15, 8  # of a hand that takes the tool
+COMES_S, RESTS_S, LEAVES_S, BEFORE_S = 0.8, 30.0, 10.0, 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class HeldArm:
-    """An armed arm of the world's width that has worked around a pose of its own, and its hand."""
-
-    on: ArmInTheLoop
-    subject: Subject
-    hands: Hands
-
-    @property
-    def plant(self) -> Plant:
-        """Of the arm that is there."""
-        return self.on.harness.plant
-
-    @property
-    def lever(self) -> Vector:
-        """Levers (n,) [m] of the joints about the tool."""
-        q, model = self.plant.q, self.hands.model
-        each: Vector = levers(model.tool_jacobian(q)[np.newaxis])[0]
-        return each
-
-
-def balanced_of(c: Configuration, urdf: str) -> Configuration:
-    """The arm with the gains that `contactctl gain --balance` proposes."""
-    gains = balance_of(c, urdf).gain.tolist()
-    joints = [
-        msgspec.structs.replace(joint, admittance_gain=gain)
-        for joint, gain in zip(c.joints, gains, strict=True)
-    ]
-    return msgspec.structs.replace(c, joints=joints)
-
-
-def robot_of(*, balanced: bool, probes: bool = True) -> Robot:
-    """The Romeo arm, which swings all joints, and may be led for as long and far as they go."""
+def robot_of(*, probes: bool = True) -> Robot:
+    """The Romeo arm with balanced gains, which swings all joints, and may be led for long."""
     robot = load_robot(ROMEO)
-    c = balanced_of(robot.configuration, robot.urdf) if balanced else robot.configuration
-    swings = dict.fromkeys(c.joint_names, SWING)
-    c = msgspec.structs.replace(
+    c, change = robot.configuration, msgspec.structs.replace
+    gains = balance_of(c, robot.urdf).gain.tolist()
+    admittance = change(
+        c.admittance,
+        max_duration_s=600.0,
+        max_excursion=6.3,
+        after_quiet=AfterQuiet.RETURN,
+        probe=probes,
+    )
+    c = change(
         c,
-        trajectory=msgspec.structs.replace(c.trajectory, sinusoids=swings),
-        admittance=msgspec.structs.replace(
-            c.admittance,
-            max_duration_s=600.0,
-            max_excursion=6.3,
-            after_quiet=AfterQuiet.RETURN,
-            probe=probes,
-        ),
+        joints=[change(j, admittance_gain=k) for j, k in zip(c.joints, gains, strict=True)],
+        trajectory=change(c.trajectory, sinusoids=dict.fromkeys(c.joint_names, SWING)),
+        admittance=admittance,
     )
     return replace(robot, configuration=c)
 
 
-def arm_at_work(robot: Robot, seed: int, seconds: float) -> HeldArm:
+def arm_at_work(robot: Robot, seed: int, seconds: float) -> ArmInTheLoop:
     """One arm, armed, that has worked for so long, and goes on."""
     limits = limits_of(robot.configuration)
     middle, half = (limits.lower + limits.upper) / 2.0, (limits.upper - limits.lower) / 2.0
-    room = np.maximum(half - 1.5 * SWING.amplitude, 0.0)
-    share = np.random.default_rng((seed, 80)).uniform(-SHARE, SHARE, len(half))
-    subject = replace(world.subject(robot, LAWS[seed % len(LAWS)], seed), drift=0.0)
-    on = ArmInTheLoop(subject, robot, middle + np.minimum(SHARE * half, room) / SHARE * share)
+    reach = np.minimum(SHARE * half, np.maximum(half - 1.5 * SWING.amplitude, 0.0))
+    share = np.random.default_rng((seed, 80)).uniform(-1.0, 1.0, len(half))
+    law = world.LAWS[seed % len(world.LAWS)]
+    subject = replace(world.subject(robot, law, seed), drift=0.0)
+    on = ArmInTheLoop(subject, robot, middle + reach * share)
     on.start()
     on.run(seconds)
     if reasons := on.permit():
         raise RuntimeError("; ".join(reasons))
-    return HeldArm(on, subject, Hands(robot.model, robot.urdf))
+    return on
 
 
 @dataclass
-class JointHand:
-    """A hand on one joint: spring [Nm/rad] and damper towards an anchor [rad] that moves at a rate
-    [rad/s]; `torque` is its last [Nm]."""
+class Hand:
+    """Spring and damper towards an anchor (m,) that moves at a rate; `place` gives position (m,)
+    and Jacobian (m, n) of what it holds, a joint [rad] or the tool [m]; `force` is its last."""
 
-    joint: int
+    place: Callable[[Vector], tuple[Vector, Matrix]]
     stiffness: float
-    strongest: float  # [Nm]
-    anchor: float
-    rate: float
-    torque: float = 0.0
+    strongest: float
+    anchor: Vector
+    rate: Vector
+    force: Vector
 
     def __call__(self, q: Vector, q_dot: Vector) -> Vector:
-        self.anchor += self.rate * MS
-        i, out = self.joint, np.zeros_like(q)
-        damped = DAMPING_S * self.stiffness * (self.rate - q_dot[i])
-        pull = self.stiffness * (self.anchor - q[i]) + damped
-        self.torque = out[i] = min(max(pull, -self.strongest), self.strongest)
-        return out
+        self.anchor = self.anchor + 0.001 * self.rate
+        x, J = self.place(q)
+        force = self.stiffness * (self.anchor - x + DAMPING_S * (self.rate - J @ q_dot))
+        self.force = force * min(1.0, self.strongest / max(float(np.linalg.norm(force)), 1e-9))
+        torque: Vector = J.T @ self.force
+        return torque
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,98 +114,69 @@ def yields(on: ArmInTheLoop) -> bool:
     return on.mode is Mode.ADMITTANCE
 
 
-def lead(held: HeldArm, joint: int, hand_n_m: float) -> Led | None:
+def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
     """Set a joint of an arm that holds out, lead it at 0.25 rad/s, and let go in motion; None where
     it did not set out."""
-    on, plant, lever = held.on, held.plant, float(held.lever[joint])
-    limits, start = limits_of(on.robot.configuration), plant.q.copy()
-    way = float(np.sign(limits.lower[joint] + limits.upper[joint] - 2.0 * plant.q[joint]))
-    force = 0.0
+    plant, start = on.harness.plant, on.harness.plant.q.copy()
+    lever = float(levers(on.robot.model.tool_jacobian(start)[np.newaxis])[0, joint])
+    limits, force = limits_of(on.robot.configuration), 0.0
+    way = float(np.sign(limits.lower[joint] + limits.upper[joint] - 2.0 * start[joint]))
     while not yields(on) or way * plant.theta_dot[joint] < MOVES:
         force += RISES_N_S * on.period_s
+        on.drives.external[joint] = way * force * lever
         if force > STRONGEST_N:
             on.drives.external[:] = 0.0
             return None
-        on.drives.external[joint] = way * force * lever
         on.step()
     on.drives.external[:] = 0.0
-    k = hand_n_m * lever**2
-    begins = float(plant.q[joint]) + way * force * lever / k
-    hand = JointHand(joint, k, STRONGEST_N * lever, begins, way * LEADING_RAD_S)
+    k, row = hand_n_m * lever**2, np.eye(plant.n)[[joint]]
+    anchor, rate = row @ plant.q + way * force * lever / k, np.array([way * LEADING_RAD_S])
+    hand = Hand(lambda q: (row @ q, row), k, STRONGEST_N * lever, anchor, rate, np.zeros(1))
     on.drives.hold = hand
-    torque, speed = _along(hand, on.step, plant, on.period_s)
+    torque, speed = _along(hand, on.step, plant.q_dot, joint, on.period_s)
     on.drives.hold, theta = None, plant.theta.copy()
     on.run(1.0)
     coasts = float(np.abs(plant.theta - theta).max())
     while yields(on):
         on.step()
-    torque_off, speed_off = _limp(held, start, replace(hand, anchor=float(start[joint])))
+    off, speed_off = _limp(on.subject, start, replace(hand, anchor=row @ start), joint)
     late = slice(len(torque) // 2, None)
     return Led(
         joint=on.robot.configuration.joint_names[joint],
         sets_out=force,
         leads=float(np.median(np.abs(torque[late]))) / lever,
         work=float(torque @ speed) * on.period_s,
-        leads_off=float(np.median(np.abs(torque_off[late]))) / lever,
-        work_off=float(torque_off @ speed_off) * on.period_s,
+        leads_off=float(np.median(np.abs(off[late]))) / lever,
+        work_off=float(off @ speed_off) * on.period_s,
         tremble=float(speed[late].std() / max(abs(speed[late].mean()), 1e-6)),
         coasts_rad=coasts,
     )
 
 
 def _along(
-    hand: JointHand, step: Callable[[], None], plant: Plant, period_s: float
+    hand: Hand, step: Callable[[], None], q_dot: Vector, joint: int, period_s: float
 ) -> tuple[Vector, Vector]:
     """Torque [Nm] and speed of the link [rad/s], a row for each period of the way."""
     rows = []
     for _ in range(round(STROKE_RAD / LEADING_RAD_S / period_s)):
         step()
-        rows.append((hand.torque, float(plant.q_dot[hand.joint])))
+        rows.append((float(hand.force[0]), float(q_dot[joint])))
     table = np.array(rows)
     return table[:, 0], table[:, 1]
 
 
-def _limp(held: HeldArm, start: Vector, hand: JointHand) -> tuple[Vector, Vector]:
+def _limp(subject: Subject, start: Vector, hand: Hand, joint: int) -> tuple[Vector, Vector]:
     """The same way with an arm like it, its drives off, that weighs nothing."""
-    harness = Harness(held.subject)
+    harness = Harness(subject)
     plant = harness.plant
     plant.weigh(np.zeros(3))
     plant.place(start)
-    for joint in range(plant.n):
-        harness.servo.release(joint)
 
     def step() -> None:
         for _ in range(harness.per_tick):
             harness.period(hand(plant.q, plant.q_dot)[np.newaxis])
 
-    return _along(hand, step, plant, harness.period_s)
-
-
-REACH_M, SPEED_M_S, TRIES = 0.12, 0.15, 8
-COMES_S, RESTS_S, LEAVES_S = 0.8, 30.0, 10.0
-BEFORE_S = 3.0  # in which the arm is back at work
-
-
-@dataclass
-class ToolHand:
-    """A hand at the tool: spring [N/m] and damper towards an anchor (3,) [m] that moves at a rate
-    (3,) [m/s]; `force` is its last (3,) [N]."""
-
-    held: HeldArm
-    stiffness: float
-    anchor: Vector
-    rate: Vector
-    force: Vector
-
-    def __call__(self, q: Vector, q_dot: Vector) -> Vector:
-        self.anchor = self.anchor + self.rate * MS
-        hands, model = self.held.hands, self.held.hands.model
-        J = hands.jacobian(q, model.hand_joint, model.in_joint(model.tool_place))
-        damped = DAMPING_S * self.stiffness * (self.rate - J @ q_dot)
-        force = self.stiffness * (self.anchor - hands.tool(q)) + damped
-        self.force = force * min(1.0, STRONGEST_N / max(float(np.linalg.norm(force)), 1e-9))
-        torque: Vector = J.T @ self.force
-        return torque
+    return _along(hand, step, plant.q_dot, joint, harness.period_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,46 +197,46 @@ class Rested:
         return bool(np.isfinite(self.went_on_s)) and self.share > 0.0
 
 
-def rest(held: HeldArm, share: float, hand_n_m: float, rng: np.random.Generator) -> Rested | None:
+def rest(
+    on: ArmInTheLoop, share: float, hand_n_m: float, rng: np.random.Generator
+) -> Rested | None:
     """Lead a tracking arm by its tool, rest on it with a share of the level in force; None where
     it did not yield. With a share of 0 the hand lets go at once."""
-    on, plant, model = held.on, held.plant, held.hands.model
+    plant, at_tool = on.harness.plant, Hands(on.robot.model, on.robot.urdf).at_tool
     if not _works(on):
         return None
     for _ in range(TRIES):
         way = rng.normal(size=3)
         way /= np.linalg.norm(way)
-        hand = ToolHand(held, hand_n_m, held.hands.tool(plant.q), way * SPEED_M_S, np.zeros(3))
-        on.drives.hold = hand
+        x, rate = at_tool(plant.q)[0], way * SPEED_M_S
+        on.drives.hold = hand = Hand(at_tool, hand_n_m, STRONGEST_N, x, rate, np.zeros(3))
         on.run(REACH_M / SPEED_M_S)
         if yields(on):
             break
+        on.drives.hold = None
         if on.mode is not Mode.TRACKING:
             return None
-        on.drives.hold = None
-        on.run(3.0)
+        on.run(BEFORE_S)
     else:
         return None
     hand.rate, joint, force = np.zeros(3), 0, np.zeros(3)
     for _ in range(round(COMES_S / on.period_s) if share else 0):
-        J = held.hands.jacobian(plant.q, model.hand_joint, model.in_joint(model.tool_place))
+        x, J = at_tool(plant.q)
         torque = np.abs(J.T @ way) / on.estimate.threshold
         joint = int(torque.argmax())
         force = way * share / torque[joint]
-        hand.anchor += 0.15 * (held.hands.tool(plant.q) + force / hand_n_m - hand.anchor)
+        hand.anchor += 0.15 * (x + force / hand_n_m - hand.anchor)
         on.step()
     went_on = _until_it_goes_on(on, RESTS_S if share else 0.0)
     on.drives.hold = None
     let_go = _until_it_goes_on(on, LEAVES_S) if np.isinf(went_on) else np.nan
-    name = on.robot.configuration.joint_names[joint]
-    return Rested(share, name, hand_n_m, float(np.linalg.norm(force)), went_on, let_go)
+    name, newtons = on.robot.configuration.joint_names[joint], float(np.linalg.norm(force))
+    return Rested(share, name, hand_n_m, newtons, went_on, let_go)
 
 
 def _works(on: ArmInTheLoop) -> bool:
     """Have an armed arm at work again; False where it cannot."""
-    begin = on.time_s
-    while on.mode is not Mode.TRACKING and on.time_s < begin + LEAVES_S:
-        on.step()
+    _until_it_goes_on(on, LEAVES_S)
     if on.mode is Mode.HOLDING:
         on.tick.controller.request(Event.START, "the bench", on.time_s)
     on.run(BEFORE_S)
