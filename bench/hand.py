@@ -5,12 +5,12 @@
 N arms as wide as the world, with the three laws of friction, each around a pose of its own, armed
 after a minute of work, with the gains of `contactctl gain --balance`.
 
-leads   A hand of 300, 1500 or 4000 N/m sets out each joint by itself, from rest, leads it by 0.3
+leads   A hand of 1000, 1500 or 4000 N/m sets out each joint by itself, from rest, leads it by 0.3
         rad at 0.25 rad/s and lets go in motion; beside it the same arm with its drives off,
         weightless. Forces are those of a hand that holds the tool, at least 8 cm off the axis.
-rests   Such a hand at the tool takes the arm from its trajectory, then rests with 0.2 to 0.9 of the
-        level in force on the joint that it loads most, holds still for 30 s, and lets go; or lets
-        go at once. A miss is a trajectory that goes on while the hand is there.
+rests   One of 300, 1500 or 4000 N/m at the tool takes the arm from its trajectory, then rests with
+        0.2 to 0.9 of the level in force on the joint that it loads most, holds still for 30 s, and
+        lets go; or lets go at once. A miss is a trajectory that goes on while the hand is there.
 """
 
 from collections.abc import Sequence
@@ -30,6 +30,7 @@ Part = Literal["leads", "rests"]
 PARTS: Final[tuple[Part, ...]] = get_args(Part)
 WORK_S: Final = 60.0
 HANDS_N_M: Final = (300.0, 1500.0, 4000.0)
+LEADING_N_M: Final = (1000.0, 1500.0, 4000.0)  # softer ones lag by more than they lead
 SHARES: Final = (0.0, 0.2, 0.55, 0.9)  # 0: it lets go at once
 TREMBLES: Final = 0.25
 USUAL_S: Final = 2.2  # until an arm goes on that nothing touches
@@ -63,7 +64,7 @@ def run(job: Job) -> Result:
     on.request(Event.PAUSE)
     while on.mode is not Mode.HOLDING:
         on.step()
-    found = [lead(on, i, HANDS_N_M[job.seed // 3 % 3]) for i in range(len(on.drives.names))]
+    found = [lead(on, i, LEADING_N_M[job.seed // 3 % 3]) for i in range(len(on.drives.names))]
     return Result(job, [each for each in found if each is not None], [])
 
 

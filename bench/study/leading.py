@@ -29,11 +29,13 @@ SHARE: Final = 0.6  # of each joint's range, in its middle: arms are not led fro
 SWING: Final = Sinusoid(amplitude=0.15, frequency_Hz=0.15)  # of the work
 STROKE_RAD: Final = 0.3
 DAMPING_S: Final = 1.0 / 75.0  # of a hand, over its stiffness
+LIGHTEST: Final = 0.3  # damping beyond that of a light link in a millisecond would shake by itself
 STRONGEST_N: Final = 40.0
 RISES_N_S: Final = 4.0  # force of a hand that sets a joint out
 MOVES: Final = 0.02  # [rad/s]
 REACH_M, SPEED_M_S, TRIES = 0.12, 0.15, 8  # of a hand that takes the tool
 COMES_S, RESTS_S, LEAVES_S, BEFORE_S = 0.8, 30.0, 10.0, 3.0
+GOES_ON: Final = frozenset({Mode.TRACKING, Mode.RETURNING})
 
 
 def robot_of(*, probes: bool = True) -> Robot:
@@ -84,11 +86,12 @@ class Hand:
     anchor: Vector
     rate: Vector
     force: Vector
+    damping: float
 
     def __call__(self, q: Vector, q_dot: Vector) -> Vector:
         self.anchor = self.anchor + 0.001 * self.rate
         x, J = self.place(q)
-        force = self.stiffness * (self.anchor - x + DAMPING_S * (self.rate - J @ q_dot))
+        force = self.stiffness * (self.anchor - x) + self.damping * (self.rate - J @ q_dot)
         self.force = force * min(1.0, self.strongest / max(float(np.linalg.norm(force)), 1e-9))
         torque: Vector = J.T @ self.force
         return torque
@@ -131,7 +134,9 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
     on.drives.external[:] = 0.0
     k, row = hand_n_m * lever**2, np.eye(plant.n)[[joint]]
     anchor, rate = row @ plant.q + way * force * lever / k, np.array([way * LEADING_RAD_S])
-    hand = Hand(lambda q: (row @ q, row), k, STRONGEST_N * lever, anchor, rate, np.zeros(1))
+    softer = LIGHTEST * float(plant.parameters.lightest_link[joint]) / 0.001
+    hand = Hand(lambda q: (row @ q, row), k, STRONGEST_N * lever, anchor, rate, np.zeros(1),
+                min(DAMPING_S * k, softer))  # fmt: skip
     on.drives.hold = hand
     torque, speed = _along(hand, on.step, plant.q_dot, joint, on.period_s)
     on.drives.hold, theta = None, plant.theta.copy()
@@ -189,7 +194,7 @@ class Rested:
     hand_n_m: float
     newtons: float
     went_on_s: float
-    let_go_s: float
+    let_go_s: float  # until it goes on, or holds
 
     @property
     def missed(self) -> bool:
@@ -209,7 +214,8 @@ def rest(
         way = rng.normal(size=3)
         way /= np.linalg.norm(way)
         x, rate = at_tool(plant.q)[0], way * SPEED_M_S
-        on.drives.hold = hand = Hand(at_tool, hand_n_m, STRONGEST_N, x, rate, np.zeros(3))
+        d, none = DAMPING_S * hand_n_m, np.zeros(3)
+        on.drives.hold = hand = Hand(at_tool, hand_n_m, STRONGEST_N, x, rate, none, d)
         on.run(REACH_M / SPEED_M_S)
         if yields(on):
             break
@@ -227,26 +233,27 @@ def rest(
         force = way * share / torque[joint]
         hand.anchor += 0.15 * (x + force / hand_n_m - hand.anchor)
         on.step()
-    went_on = _until_it_goes_on(on, RESTS_S if share else 0.0)
+    went_on = _until(on, RESTS_S if share else 0.0, GOES_ON)
     on.drives.hold = None
-    let_go = _until_it_goes_on(on, LEAVES_S) if np.isinf(went_on) else np.nan
+    let_go = _until(on, LEAVES_S, GOES_ON | {Mode.HOLDING}) if np.isinf(went_on) else np.nan
     name, newtons = on.robot.configuration.joint_names[joint], float(np.linalg.norm(force))
     return Rested(share, name, hand_n_m, newtons, went_on, let_go)
 
 
 def _works(on: ArmInTheLoop) -> bool:
     """Have an armed arm at work again; False where it cannot."""
-    _until_it_goes_on(on, LEAVES_S)
+    _until(on, LEAVES_S, GOES_ON | {Mode.HOLDING})
     if on.mode is Mode.HOLDING:
         on.tick.controller.request(Event.START, "the bench", on.time_s)
     on.run(BEFORE_S)
     return on.mode is Mode.TRACKING and not on.permit()
 
 
-def _until_it_goes_on(on: ArmInTheLoop, seconds: float) -> float:
+def _until(on: ArmInTheLoop, seconds: float, modes: frozenset[Mode]) -> float:
+    """Time until the arm is in one of these modes [s]; infinite if not within so many seconds."""
     begin = on.time_s
     while on.time_s < begin + seconds:
-        if on.mode in (Mode.TRACKING, Mode.RETURNING):
+        if on.mode in modes:
             return on.time_s - begin
         on.step()
     return np.inf

@@ -28,16 +28,14 @@ SLOWER = 0.8  # from one share of the led speed to the next that is tried
     "--speed",
     type=Range(min=SLOWEST, max=1.0),
     metavar="SHARE",
-    help="Of the speed at which it was led; without it the fastest within the limits.",
+    help="Of the led speed; else the fastest within the limits.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask, for scripts.")
 @click.pass_obj
 def playback(options: Options, file: Path, speed: float | None, yes: bool) -> None:
-    """Repeat a lead: the arm moves to where it began, after a question, and then as it was led.
+    """Repeat a lead: the arm moves to where it began, after a question, then as it was led.
 
-    Without FILE.csv, a lead of the armed arm is recorded into it first, until the arm holds again.
-    Rests at both ends are left out, tremor is smoothed, and few samples are kept; loops and pauses
-    stay. There is no collision check.
+    Without FILE, a lead of the armed arm is recorded first. There is no collision check.
     """
     from daemon.motion.trajectory_file import read_trajectory
     from programs.clients.led_way import led_way
