@@ -25,6 +25,7 @@ CYCLES: Final = 2
 PERIOD_S: Final = 0.8
 SPEED: Final = 0.018  # [rad/s]
 SHARE: Final = 0.25  # of arms of the world's width that nothing touches, few show 0.2
+CHANGED: Final = 0.08  # of the level; a hand that holds still changes its mean by less
 #: Least time without a contact before the probe: a residual fades, and the arm comes to rest [s].
 FADES_S: Final = 0.3
 
@@ -39,6 +40,7 @@ class Probe:
         self._begin_s = quiet_s - CYCLES * PERIOD_S
         self._way = np.where(np.arange(n) % 2 == 0, SPEED, -SPEED)
         self._sum, self._level = np.zeros((2, n))
+        self._found: tuple[int, float] | None = None  # joint, and its mean over its level
 
     def step(self, quiet_s: float, residual: Vector, threshold: Vector) -> None:
         """Take residual and level in force [Nm], quiet_s [s] after the last contact."""
@@ -51,13 +53,26 @@ class Probe:
             self._sum += residual
             self._level += threshold
 
-    def stop(self) -> None:
-        """Stand, and forget."""
+    def pause(self) -> None:
+        """Stand where the swing is, while the quiet time does not run."""
         self.velocity = np.zeros_like(self._sum)
+
+    def stop(self) -> None:
+        """Stand, and forget the swing."""
+        self.pause()
         self._sum[:] = self._level[:] = 0.0
 
     def hand(self) -> int | None:
-        """Joint on which a hand rests most, over its level; None without one."""
-        share = np.abs(self._sum) - SHARE * self._level
-        joint = int(np.argmax(share / np.maximum(self._level, 1e-9)))
-        return joint if share[joint] > 0.0 else None
+        """Joint on which a hand rests most, over its level; None without one. One that was found
+        rests on until its mean has changed: near SHARE it would come and go."""
+        share = self._sum / np.maximum(self._level, 1e-9)
+        joint, before = int(np.argmax(np.abs(share))), self._found
+        if abs(share[joint]) > SHARE:
+            self._found = joint, float(share[joint])
+        elif before is None or abs(share[before[0]] - before[1]) > CHANGED:
+            self._found = None
+        return None if self._found is None else self._found[0]
+
+    def forget(self) -> None:
+        """Forget a hand that was found."""
+        self._found = None

@@ -52,6 +52,7 @@ class OwnEvents:
             return self._yielding(mode, observed)
         self._allowance.recover(dt)
         self._rests = ""
+        self._probe.forget()
         if mode is Mode.RELEASING:
             return self._releasing(dt, observed)
         waits = self._waits.get(mode)
@@ -66,7 +67,10 @@ class OwnEvents:
             probe.stop()
             self._motion.probing = probe.velocity
             return
-        probe.step(self._quiet.quiet_s, observed.residual, independent.threshold)
+        if observed.sure:
+            probe.step(self._quiet.quiet_s, observed.residual, independent.threshold)
+        else:
+            probe.pause()
         self._motion.probing = probe.velocity
         if self._quiet.expired and (joint := probe.hand()) is not None:
             name = self._settings.joints[joint]

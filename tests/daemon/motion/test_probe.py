@@ -45,6 +45,17 @@ def test_what_does_not_turn_with_the_motion_is_a_hand(
     assert probe.hand() == found
 
 
+def test_a_pause_stands_and_changes_no_mean() -> None:
+    probe = Probe(2, QUIET_S)
+    swung(probe, 1.1 * SHARE, until_s=QUIET_S - 0.3)
+    assert probe.velocity.any()
+    probe.pause()
+    assert not probe.velocity.any()
+    for tick in range(round((QUIET_S - 0.3) / T) + 1, round(QUIET_S / T) + 1):
+        probe.step(tick * T, 1.1 * SHARE * LEVEL * [0, 1], LEVEL)
+    assert probe.hand() == 1
+
+
 def test_a_contact_on_the_way_begins_it_anew() -> None:
     probe = Probe(2, QUIET_S)
     swung(probe, 0.9, until_s=QUIET_S - 0.1)
@@ -53,6 +64,23 @@ def test_a_contact_on_the_way_begins_it_anew() -> None:
     assert probe.hand() is None
     swung(probe, 0.0)
     assert probe.hand() is None
+
+
+@pytest.mark.parametrize(
+    ("later", "found"), [(0.95, 1), (1.2, 1), (0.6, None), (-0.9, None), (-1.1, 1)]
+)
+def test_a_hand_that_was_found_rests_until_its_mean_changes(
+    later: float, found: int | None
+) -> None:
+    probe = Probe(2, QUIET_S)
+    for _ in range(2):
+        swung(probe, 1.1 * SHARE)
+        assert probe.hand() == 1
+        probe.stop()
+    swung(probe, later * SHARE)
+    assert probe.hand() == found
+    probe.forget()
+    assert (probe.hand() is None) == (abs(later) < 1.0)
 
 
 @pytest.mark.parametrize(("quiet_s", "some"), [(FADES_S + CYCLES * PERIOD_S - 0.05, False),
