@@ -7,7 +7,7 @@ samples to the tick and the tick's target velocities back, a period late as on a
 and faults of drives are not shown: for them there is `bench.rigs.lockstep`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ class IdealDrives:
         self.external: Vector = np.zeros(len(names))  # On the links over the next period (n,) [Nm]
         self.lost: NDArray[np.bool_] = np.zeros(len(names), dtype=np.bool_)
         """Joints whose samples of the next tick do not arrive (n,)."""
+        self.hold: Callable[[Vector, Vector], Vector] | None = None
+        """Torque (n,) [Nm] on the links at q, q_dot (n,), beside `external`, each millisecond."""
         self._harness = harness
         self._last = harness.sample()
         self._period_s, self._age = period_s, np.zeros(len(names), dtype=np.int64)
@@ -47,8 +49,12 @@ class IdealDrives:
     def sync(self, now: float) -> None:
         """Move the arm on by a period."""
         del now
-        torque = np.repeat(self.external[np.newaxis], self._harness.per_tick, axis=0)
-        self._harness.period(torque)
+        held, harness = self.hold, self._harness
+        if held is None:
+            harness.period(np.repeat(self.external[np.newaxis], harness.per_tick, axis=0))
+            return
+        for _ in range(harness.per_tick):
+            harness.period((self.external + held(harness.plant.q, harness.plant.q_dot))[np.newaxis])
 
     def collect(self, deadline: float) -> Samples:
         """What the drives measured at the SYNC."""
@@ -98,7 +104,7 @@ class ArmInTheLoop(Ticking):
     def __init__(self, subject: Subject, robot: Robot, start: Vector) -> None:
         """Begins at rest at `start` (n,) [rad], with the drives off."""
         c = robot.configuration
-        self.robot, self.period_s = robot, c.period_s
+        self.robot, self.period_s, self.subject = robot, c.period_s, subject
         self.harness = Harness(subject)
         self.harness.plant.place(start)
         self.harness.energise()

@@ -56,6 +56,12 @@ class Hands:
         at_point: Matrix = (J[:3] - pin.skew(away) @ J[3:])[:, self._order]
         return at_point
 
+    def at_tool(self, q: Vector) -> tuple[Vector, Matrix]:
+        """Place of the tool point along the root's axes (3,) [m], and its Jacobian (3, n)."""
+        row, point = self.model.hand_joint, self.model.in_joint(self.model.tool_place)
+        J, body = self.jacobian(q, row, point), self._data.oMi[self._order[row] + 1]
+        return body.translation + body.rotation @ point, J
+
     def turned(self, q: Vector, row: int) -> Matrix:
         """Axes of a joint's frame along those of the root, in columns, (3, 3)."""
         self.jacobian(q, row, np.zeros(3))

@@ -135,6 +135,8 @@ class Admittance(Settings, frozen=True):
     max_duration_s: Annotated[float, Meta(gt=0, le=3600)] = 120.0
     max_excursion: Annotated[float, Meta(gt=0, le=6.3)] = 1.5  # of all contacts since `arm` [rad]
     after_quiet: AfterQuiet = AfterQuiet.RESUME  # how an interrupted trajectory goes on
+    # before it goes on, swing by some 2 mm to find a hand that rests; not with quiet_s below 1.9
+    probe: bool = True
     return_velocity: Speed = 0.2  # with `after_quiet: return` [rad/s]
 
 

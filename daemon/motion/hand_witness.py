@@ -67,6 +67,8 @@ class HandWitness:
         n = len(coulomb)
         self._alone_s, self._alone_rad, self._seen_s = np.zeros((3, n))
         self._stands = np.zeros(n, dtype=np.bool_)
+        self.hand = False
+        """True once a hand was witnessed since the arm began to yield."""
 
     @property
     def stands(self) -> bool:
@@ -76,7 +78,7 @@ class HandWitness:
     def begin(self) -> None:
         """Reset when the arm begins to yield: no hand has been witnessed yet."""
         self._alone_s[:] = self._alone_rad[:] = self._seen_s[:] = 0.0
-        self._stands[:] = False
+        self._stands[:] = self.hand = False
 
     def witnessed(
         self, independent: IndependentResidual, motor_velocity: Vector
@@ -91,6 +93,7 @@ class HandWitness:
         """Thresholded residual [Nm] that may move the arm in the next dt [s]."""
         size, speed = np.abs(independent.agreed), np.abs(motor_velocity)
         hand = self.witnessed(independent, motor_velocity)
+        self.hand = self.hand or bool(hand.any())
         self._seen_s = np.where(hand, ALONE_S, np.maximum(self._seen_s - dt, 0.0))
         seen = self._seen_s > 0.0
         along = (independent.agreed * motor_velocity > 0.0) & (size > independent.threshold) & ~seen

@@ -52,6 +52,9 @@ class Motion:
         """desired q [rad]"""
         self.blind, self.walls = blind, None if blind else walls
         self.limits, self.gains, self.follower = limits, gains, follower
+        self.probing = np.zeros_like(limits.lower)
+        """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""
+        self._probed = self.probing
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
         self._loose = False  # stands with no position loop, as it backs away from nothing
@@ -98,6 +101,7 @@ class Motion:
         A setpoint that a blocked motor does not reach only presses, and its drive seems not to
         follow: it drops at once to `motor_velocity` [rad/s], from which the ramp begins.
         """
+        self.probing = self._probed = np.zeros_like(self.velocity)
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )
@@ -183,8 +187,9 @@ class Motion:
             case Mode.HOLDING:
                 return np.zeros_like(q) if self.blind else gain * (self.reference - q)
             case Mode.ADMITTANCE:
-                pushed = self._law.velocity_after(self.velocity, self.gains.value, push, dt)
-                return self.limits.soft_stop(q, pushed, gain, play)
+                yielding, self._probed = self.velocity - self._probed, self.probing
+                pushed = self._law.velocity_after(yielding, self.gains.value, push, dt)
+                return self.limits.soft_stop(q, pushed + self.probing, gain, play)
             case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them
                 # back.

@@ -47,7 +47,7 @@ class Controller:
         self._configured = motion.follower.place
         self._allowance = Allowance(tuning.bounds, len(tuning.joints))
         self._contacts = ContactEvents(tuning.reactions, self.machine, motion, self.quiet)
-        self._own = OwnEvents(tuning, self.machine, motion, self.quiet, self._allowance)
+        self._own = OwnEvents(tuning, self.machine, motion, self.quiet, self._allowance, witness)
         self._observed: ControlInput | None = None
         self._phase: Phase | None = None  # of the stream, as reported
         self._stepped_s = 0.0  # time of the latest step

@@ -7,13 +7,15 @@ import numpy as np
 
 from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.modes.contact_reactions import AfterQuiet
-from daemon.modes.machine import ModeMachine, Trigger
+from daemon.modes.machine import Change, ModeMachine, Trigger
 from daemon.modes.quiet_timer import QuietTimer
 from daemon.modes.release_stage import Ending
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import Allowance
+from daemon.motion.hand_witness import HandWitness
 from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
+from daemon.motion.probe import Probe
 from daemon.tick.decision import ControlInput, ControllerSettings
 from daemon.tick.refusals import leaves_limits
 
@@ -28,9 +30,12 @@ class OwnEvents:
         motion: Motion,
         quiet: QuietTimer,
         allowance: Allowance,
+        witness: HandWitness | None = None,
     ) -> None:
         self._settings, self._machine, self._motion = settings, machine, motion
         self._quiet, self._allowance = quiet, allowance
+        self._probe, self._witness = Probe(len(settings.joints), settings.quiet_s), witness
+        self._rests = ""  # joint on which a hand was found to rest, since the arm began to yield
         self._waits: dict[Mode, Callable[[float, ControlInput], Trigger | None]] = {
             Mode.ENABLING: self._enabling,
             Mode.STOPPING: self._stopping,
@@ -43,12 +48,37 @@ class OwnEvents:
         mode = self._machine.mode
         if mode in (Mode.ADMITTANCE, Mode.RETRACTING):
             self._allowance.spend(dt)
+            self._look_for_a_hand(time_s, mode, observed)
             return self._yielding(mode, observed)
         self._allowance.recover(dt)
+        self._rests = ""
+        self._probe.forget()
         if mode is Mode.RELEASING:
             return self._releasing(dt, observed)
         waits = self._waits.get(mode)
         return waits(time_s - self._machine.entered_s, observed) if waits else None
+
+    def _look_for_a_hand(self, time_s: float, mode: Mode, observed: ControlInput) -> None:
+        """Probe before a trajectory goes on after a hand was witnessed; where one rests, the quiet
+        time begins anew."""
+        probe, machine, independent = self._probe, self._machine, observed.independent
+        led = mode is Mode.ADMITTANCE and self._witness is not None and self._witness.hand
+        if independent is None or not (led and machine.moving and self._settings.probes):
+            probe.stop()
+            self._motion.probing = probe.velocity
+            return
+        if observed.sure:
+            probe.step(self._quiet.quiet_s, observed.residual, independent.threshold)
+        else:
+            probe.pause()
+        self._motion.probing = probe.velocity
+        if self._quiet.expired and (joint := probe.hand()) is not None:
+            name = self._settings.joints[joint]
+            if name != self._rests:
+                cause = "it goes on once nothing presses, or push to lead it"
+                machine.changes.append(Change(f"something rests on {name}", cause))
+            self._rests = name
+            self._quiet.restart(time_s)
 
     def _yielding(self, mode: Mode, observed: ControlInput) -> Trigger | None:
         if bound := self._allowance.bound_reached(observed.q):

@@ -40,11 +40,12 @@ def record_trajectory(
     *,
     seconds: float | None = None,
     stop: Callable[[], bool] = lambda: False,
+    until: Callable[[State], bool] = lambda _: False,
     begun: Callable[[], None] = lambda: None,
 ) -> Recorded:
     """Write motor positions, at the link [rad], of all joints to a new CSV file until `stop()`,
-    `seconds` have passed, it is as long as a trajectory may be, or the daemon ends. `begun` is
-    called once the recording has begun.
+    `until` a State, `seconds` have passed, it is as long as a trajectory may be, or no daemon is.
+    `begun` is called once the recording has begun.
 
     Raises LogError if `path` exists or cannot be written (then it holds whole rows, or is gone),
     ControlError if there is no daemon to begin with.
@@ -73,7 +74,7 @@ def record_trajectory(
                     samples += 1
                     window = [state]
                     late = seconds is not None and last_s - first_s >= seconds
-                    if late or stop() or samples == MAX_ROWS:
+                    if late or stop() or until(state) or samples == MAX_ROWS:
                         break
         except UnreachableError as error:
             ended = str(error)

@@ -18,6 +18,7 @@ from programs.contactctl.go import go, home
 from programs.contactctl.hand import hand
 from programs.contactctl.live_states import record, touches, watch
 from programs.contactctl.payload import payload
+from programs.contactctl.playback import playback
 from programs.contactctl.replies import (
     answer,
     carry_out,
@@ -190,7 +191,7 @@ def reset(options: Options) -> None:
     carry_out(options, "reset")
 
 
-for command in (go, home, follow, gain, payload):
+for command in (go, home, follow, playback, gain, payload):
     main.add_command(command)
 
 

@@ -129,3 +129,12 @@ def test_the_arm_backs_away_from_nothing_that_only_learning_shows() -> None:
     level, stated = np.full(3, LEARNED), np.full(3, STATED)
     felt = IndependentResidual(np.array([0.3, 0.5, -0.6]), level, stated, stated)
     np.testing.assert_allclose(beyond_stated(felt), [0.0, 0.1, -0.2])
+
+
+def test_a_hand_is_remembered_until_the_arm_begins_to_yield_anew() -> None:
+    on = witness()
+    for size, seen in [(0.5, False), (-0.84, False), (-0.85, True), (0.1, True)]:
+        step(on, size, 0.0)
+        assert on.hand == seen
+    on.begin()
+    assert not on.hand

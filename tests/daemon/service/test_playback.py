@@ -2,14 +2,17 @@
 
 import re
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.modes.table import Mode
 from programs.clients.client import Client
 from programs.clients.trajectory_recorder import Recorded, record_trajectory
+from programs.contactctl import contactctl, go
 
 
 def test_what_was_led_is_played(served: ServedDaemon, tmp_path: Path) -> None:
@@ -37,6 +40,47 @@ def test_what_was_led_is_played(served: ServedDaemon, tmp_path: Path) -> None:
     assert rig.tick.controller.machine.cause == "move.csv came to its end"
     # Its link may stand elsewhere in its gap.
     assert _stands(served) == pytest.approx(left, abs=0.11)
+
+
+def test_a_lead_is_repeated_by_one_command(
+    served: ServedDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Signals reach the main thread alone, and here that ticks.
+    monkeypatch.setattr(go, "_interrupted", lambda: nullcontext(lambda: False))
+    path, rig = tmp_path / "move.csv", served.rig
+    refused = served.contactctl("playback", str(path))
+    assert refused.exit_code == 2  # not armed: nothing would lead it
+    assert not path.exists()
+    assert served.contactctl("enable").exit_code == 0
+    assert served.contactctl("arm").exit_code == 0
+    begin = _stands(served)
+    words, done = ["--socket", str(served.path), "playback", str(path), "--yes"], []
+    typed = threading.Thread(target=lambda: done.append(CliRunner().invoke(contactctl.main, words)))
+    typed.start()
+    tick, left = 0, begin
+    while typed.is_alive():
+        rig.arm.external_torque[0] = 2.5 if 30 <= tick < 110 else 0.0
+        served.tick()
+        tick += bool(served.service.control.readers)
+        left = _stands(served) if rig.mode is Mode.ADMITTANCE else left
+        typed.join(0.0005)
+    assert done[0].exit_code == 0, done[0].output
+    assert abs(left - begin) > 0.15
+    assert _stands(served) == pytest.approx(begin, abs=0.03)
+    kept = re.search(r"(\d+) of (\d+) samples, [\d.]+ s, at ([\d.]+) of its speed", done[0].stdout)
+    assert kept is not None, done[0].stdout
+    assert 3 <= int(kept[1]) < int(kept[2]) / 3
+    assert 0.0 < float(kept[3]) <= 1.0
+    _to_the_end(served)
+    assert rig.tick.controller.machine.cause == "move.csv came to its end"
+    assert _stands(served) == pytest.approx(left, abs=0.11)
+
+    again = served.contactctl("playback", str(path), "--yes", "--speed", "0.5")
+    assert again.exit_code == 0, again.output
+    assert "at 0.5 of its speed" in again.stdout
+    _to_the_end(served)
+    path.write_text("time_s,joint\n0,0.1\n1,0.1\n2,0.1\n")
+    assert served.contactctl("playback", str(path), "--yes").exit_code == 65
 
 
 def _led(served: ServedDaemon, path: Path, torque: float) -> Recorded:

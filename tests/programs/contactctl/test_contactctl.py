@@ -294,6 +294,7 @@ def test_help_is_sentences() -> None:
         "touches",
         "watch",
         "record",
+        "playback",
     }
     for name, command in contactctl.main.commands.items():
         result = CliRunner().invoke(contactctl.main, [name, "--help"])

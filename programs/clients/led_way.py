@@ -1,0 +1,62 @@
+"""Way of a lead, worth keeping: a recorded motion without the rests at its ends, smooth, and of few
+samples. Loops and pauses stay, as time does. Pure; times (m,) [s], positions (m, k) [rad]."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from daemon.motion.trajectory_file import slopes
+
+#: Motion that is none, and furthest that the kept samples leave the smoothed way [rad].
+STILL_RAD: Final = 0.005
+OFF_RAD: Final = 0.001
+#: Length of the window that smooths: what a hand trembles is faster [s].
+SMOOTHS_S: Final = 0.5
+
+
+def led_way(
+    times: Sequence[float], positions: Sequence[Sequence[float]]
+) -> tuple[list[float], list[list[float]]]:
+    """Kept samples of a recorded motion, from time 0 on; none where nothing moved."""
+    t, q = np.array(times), smoothed(np.array(times), np.array(positions))
+    away, left = (np.abs(q - end).max(axis=1) > STILL_RAD for end in (q[0], q[-1]))
+    if not away.any():
+        return [], []
+    first, last = max(int(away.argmax()) - 1, 0), len(t) - int(left[::-1].argmax())
+    t, q = t[first : last + 1] - t[first], q[first : last + 1]
+    kept = _kept(t, q)
+    return t[kept].tolist(), q[kept].tolist()
+
+
+def smoothed(t: Vector, q: Matrix) -> Matrix:
+    """Mean over SMOOTHS_S around each sample, weighted by a raised cosine; the ends go on as they
+    stand."""
+    step = float(np.median(np.diff(t)))
+    half = min(round(0.5 * SMOOTHS_S / step), len(t) - 1)
+    window = np.hanning(2 * half + 3)[1:-1]
+    padded = np.pad(q, ((half, half), (0, 0)), mode="edge")
+    columns = [np.convolve(column, window / window.sum(), "valid") for column in padded.T]
+    return np.array(columns).T
+
+
+def _kept(t: Vector, q: Matrix) -> list[int]:
+    """Rows that are kept: the worst of each piece is added until all is near enough."""
+    kept = [0, len(t) - 1]
+    while True:
+        knots, piece = t[kept], np.clip(np.searchsorted(t[kept], t, "right") - 1, 0, len(kept) - 2)
+        v = np.array(slopes(knots.tolist(), q[kept].tolist()))
+        h = np.diff(knots)[piece]
+        u = ((t - knots[piece]) / h)[:, np.newaxis]
+        a, b, h = q[kept][piece], q[kept][piece + 1], h[:, np.newaxis]
+        r = 3.0 * u**2 - 2.0 * u**3
+        between = a + r * (b - a) + h * ((u**3 - 2.0 * u**2 + u) * v[piece])
+        between += h * ((u**3 - u**2) * v[piece + 1])
+        off = np.abs(between - q).max(axis=1)
+        off[kept] = 0.0
+        far = np.unique(piece[off > OFF_RAD]).tolist()
+        worst = {int(np.argmax(np.where(piece == i, off, 0.0))) for i in far}
+        if not worst:
+            return kept
+        kept = sorted({*kept, *worst})

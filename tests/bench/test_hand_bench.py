@@ -1,0 +1,92 @@
+"""An arm in a hand that rests waits, and goes on as usual without; targets of `bench.hand`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.hand import Job, Result, targets
+from bench.rigs.arm_in_the_loop import ArmInTheLoop
+from bench.study import leading
+from bench.study.leading import Led, Rested, arm_at_work, lead, rest, robot_of
+from daemon.modes.table import Event, Mode
+
+SEED, WORK_S = 3, 10.0
+
+
+@pytest.fixture(scope="module")
+def arm() -> ArmInTheLoop:
+    return arm_at_work(robot_of(), SEED, WORK_S)
+
+
+def trial(arm: ArmInTheLoop, share: float) -> Rested:
+    found = rest(arm, share, 1500.0, np.random.default_rng(SEED))
+    assert found is not None
+    return found
+
+
+def test_a_trajectory_does_not_go_on_in_a_hand_that_rests(
+    arm: ArmInTheLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(leading, "RESTS_S", 5.0)
+    notices: list[str] = []
+    step = arm.step
+
+    def noted() -> None:
+        step()
+        notices.extend(notice.text for notice in arm.last.notices)
+
+    monkeypatch.setattr(arm, "step", noted)
+    found = trial(arm, 0.55)
+    assert not found.missed
+    assert found.let_go_s < leading.LEAVES_S  # and goes on once the hand left
+    assert len([text for text in notices if text.startswith("something rests on ")]) == 1
+
+
+def test_without_a_hand_it_goes_on_after_the_quiet_time(arm: ArmInTheLoop) -> None:
+    assert 2.0 <= trial(arm, 0.0).let_go_s < 2.2
+
+
+def test_one_that_does_not_probe_goes_on_in_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(leading, "RESTS_S", 3.0)
+    arm = arm_at_work(robot_of(probes=False), SEED, WORK_S)
+    assert trial(arm, 0.55).missed
+
+
+def test_a_joint_is_led(arm: ArmInTheLoop) -> None:
+    arm.request(Event.PAUSE)
+    while arm.mode is not Mode.HOLDING:
+        arm.step()
+    found = lead(arm, 3, 1500.0)
+    assert found is not None
+    assert found.leads_off < 6.0 < found.leads < 15.0
+    assert found.work > found.work_off > 0.0
+    assert found.coasts_rad < 0.05
+
+
+LED = Led("a", 3.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
+RESTED = Rested(0.5, "a", 300.0, 1.0, np.inf, 2.1)
+ALONE = replace(RESTED, share=0.0)
+GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE])
+
+
+@pytest.mark.parametrize(
+    ("result", "unmet"),
+    [
+        (GOOD, set()),
+        (replace(GOOD, led=[LED, replace(LED, leads=13.0)]),
+         {"leads, worst joint", "largest over smallest force"}),
+        (replace(GOOD, led=[replace(LED, sets_out=5.0)]),
+         {"sets out, worst joint"}),
+        (replace(GOOD, led=[replace(LED, work=2.0)]),
+         {"work over that of drives off, median"}),
+        (replace(GOOD, led=[replace(LED, coasts_rad=0.03, tremble=0.5)]),
+         {"coasts, furthest", "trembles"}),
+        (replace(GOOD, rested=[replace(RESTED, went_on_s=1.0, let_go_s=np.nan), ALONE]),
+         {"goes on in a hand that rests"}),
+        (replace(GOOD, rested=[replace(RESTED, let_go_s=np.inf), replace(ALONE, let_go_s=3.0)]),
+         {"waits on after it left", "goes on as usual without one"}),
+    ],
+)  # fmt: skip
+def test_the_worst_decides(result: Result, unmet: set[str]) -> None:
+    assert {target.name for target in targets([result]) if not target.met} == unmet

@@ -1,0 +1,94 @@
+"""The probe for a hand that rests: a swing that comes back, and what it takes for a hand."""
+
+import numpy as np
+import pytest
+
+from daemon.motion.probe import CYCLES, FADES_S, PERIOD_S, SHARE, SPEED, Probe
+from estimator.contact import dead_band
+
+T, QUIET_S, LEVEL = 0.01, 2.0, np.array([1.0, 0.4])
+
+
+def swung(probe: Probe, hand: float, rubs: float = 0.0, until_s: float = QUIET_S) -> np.ndarray:
+    """Velocities (ticks, 2) of a quiet time with a hand [levels] on the second joint, whose
+    friction is off by so many levels."""
+    rows = []
+    for tick in range(1, round(until_s / T) + 1):
+        felt = hand + rubs * np.sign(probe.velocity[1])
+        probe.step(tick * T, np.array([0.0, felt * LEVEL[1]]), LEVEL)
+        rows.append(probe.velocity)
+    return np.array(rows)
+
+
+def test_it_swings_at_the_end_of_the_quiet_time_and_comes_back() -> None:
+    velocity = swung(Probe(2, QUIET_S), 0.0)
+    way = T * velocity.cumsum(axis=0)
+    moves = np.flatnonzero(velocity.any(axis=1))
+    assert moves[0] * T >= QUIET_S - CYCLES * PERIOD_S - T
+    assert np.abs(velocity).max() <= SPEED
+    assert np.abs(np.diff(velocity, axis=0)).max() < 0.1 * SPEED  # no jump is felt
+    assert np.abs(way).max() == pytest.approx(SPEED * PERIOD_S / np.pi, rel=0.05)
+    assert np.abs(way[-1]).max() < 1e-4
+    assert np.all(way[:, 0] == -way[:, 1])  # joints do not add up at the tool
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("hand", "rubs", "found"),
+    [(1.1, 0.0, 1), (0.9, 0.0, None), (0.0, 0.9 / SHARE, None), (1.1, 0.5 / SHARE, 1)],
+)
+def test_what_does_not_turn_with_the_motion_is_a_hand(
+    way: float, hand: float, rubs: float, found: int | None
+) -> None:
+    probe = Probe(2, QUIET_S)
+    swung(probe, way * hand * SHARE, rubs * SHARE)
+    assert probe.hand() == found
+
+
+def test_a_pause_stands_and_changes_no_mean() -> None:
+    probe = Probe(2, QUIET_S)
+    swung(probe, 1.1 * SHARE, until_s=QUIET_S - 0.3)
+    assert probe.velocity.any()
+    probe.pause()
+    assert not probe.velocity.any()
+    for tick in range(round((QUIET_S - 0.3) / T) + 1, round(QUIET_S / T) + 1):
+        probe.step(tick * T, 1.1 * SHARE * LEVEL * [0, 1], LEVEL)
+    assert probe.hand() == 1
+
+
+def test_a_contact_on_the_way_begins_it_anew() -> None:
+    probe = Probe(2, QUIET_S)
+    swung(probe, 0.9, until_s=QUIET_S - 0.1)
+    probe.step(0.0, LEVEL, LEVEL)
+    assert not probe.velocity.any()
+    assert probe.hand() is None
+    swung(probe, 0.0)
+    assert probe.hand() is None
+
+
+@pytest.mark.parametrize(
+    ("later", "found"), [(0.95, 1), (1.2, 1), (0.6, None), (-0.9, None), (-1.1, 1)]
+)
+def test_a_hand_that_was_found_rests_until_its_mean_changes(
+    later: float, found: int | None
+) -> None:
+    probe = Probe(2, QUIET_S)
+    for _ in range(2):
+        swung(probe, 1.1 * SHARE)
+        assert probe.hand() == 1
+        probe.stop()
+    swung(probe, later * SHARE)
+    assert probe.hand() == found
+    probe.forget()
+    assert (probe.hand() is None) == (abs(later) < 1.0)
+
+
+@pytest.mark.parametrize(("quiet_s", "some"), [(FADES_S + CYCLES * PERIOD_S - 0.05, False),
+                                               (FADES_S + CYCLES * PERIOD_S + 0.05, True),
+                                               (10.0, True)])  # fmt: skip
+def test_a_short_quiet_time_has_no_room_for_it(quiet_s: float, some: bool) -> None:
+    probe = Probe(2, quiet_s)
+    velocity = swung(probe, 0.9, until_s=quiet_s)
+    assert velocity.any() == some
+    assert (probe.hand() is not None) == some
+    assert not dead_band(np.array([0.9]) * LEVEL[1], LEVEL[1:]).any()  # no level shows it
