@@ -78,6 +78,7 @@ def unhurried_drives() -> Iterator[None]:
     with (
         mock.patch("drivers.canopen.boot.boot_up.ObjectAccess", PatientAccess),
         mock.patch("drivers.canopen.boot.boot_up.STEP_TIMEOUTS", 600.0),
+        mock.patch("programs.identify.session._SETTLE_S", 600.0),
     ):
         yield
 

@@ -211,13 +211,15 @@ def test_friction_without_the_touched_stretch(states, folder):
 
 
 @pytest.mark.parametrize(
-    ("weighed", "says"),
-    [(False, "masses may be off: run `contactd identify masses`, then `friction` again"),
-     (True, ": `--seconds 600` leaves joint +-")],
+    ("weighed", "urdf_off", "says"),
+    [(False, 1.0, "masses may be off: run `contactd identify masses`, then `friction` again"),
+     (False, 0.03, ": `--seconds 600` "),
+     (True, 1.0, ": `--seconds 600` leaves joint +-")],
 )  # fmt: skip
 def test_friction_that_is_not_known_well_says_what_to_do(
-    states, folder, monkeypatch, weighed, says
+    states, folder, monkeypatch, weighed, urdf_off, says
 ):
+    monkeypatch.setattr("identification.friction_errors._BY_URDF", urdf_off)
     robot = load_robot(folder)
     if weighed:
         joint = msgspec.structs.replace(
@@ -226,7 +228,8 @@ def test_friction_that_is_not_known_well_says_what_to_do(
         c = msgspec.structs.replace(robot.configuration, joints=(joint,))
         robot = dataclasses.replace(robot, configuration=c)
     measured = from_states(states[:1400], ["joint"])
-    assert friction_outcome(robot, measured, DAY).notes == ()
+    if urdf_off < 0.1:
+        assert friction_outcome(robot, measured, DAY).notes == ()
     monkeypatch.setattr("programs.identify.friction_notes.WIDE", 0.02)
     (note,) = friction_outcome(robot, measured, DAY).notes
     assert note.startswith("friction is known of joint to +-")
