@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from common.arrays import Matrix, Vector
@@ -121,7 +122,7 @@ def gaps_over_poses(
 
 
 def _descended(
-    clearance: Clearance, rows: Vector, q: Vector, lower: Vector, upper: Vector
+    clearance: Clearance, rows: NDArray[np.int64], q: Vector, lower: Vector, upper: Vector
 ) -> float:
     """Smallest gap on the way down from a pose."""
     least, step = np.inf, STEP_RAD

@@ -75,7 +75,7 @@ def points_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoi
     """Points of all links, of the first geometry that the URDF has."""
     for kind in ("collision", "visual"):
         if source in (None, kind) and (links := list(_described(robot, kind))):
-            return kind, links  # type: ignore[return-value]
+            return kind, links
     if source in ("collision", "visual"):
         raise ConfigurationError(f"{robot.configuration.urdf}: has no {source} geometry")
     return "inertial", list(_inertial(robot))

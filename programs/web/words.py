@@ -206,7 +206,7 @@ def words(arm: int, state: State) -> Words:
         load=load(state),
         force=force(state),
         stream=phase_in_words(state.stream) if state.stream else "",
-        near=near_words(state.near) if getattr(state, "near", None) else "",
+        near=near_words(near) if (near := getattr(state, "near", None)) else "",
     )
 
 
