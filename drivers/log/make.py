@@ -1,6 +1,6 @@
 """Logs as a make of drives: what `drivers.makes` asks of one, with nothing on a bus."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,6 +17,11 @@ def problems(
 ) -> list[ProfileProblem]:
     """No problems."""
     return []
+
+
+def wrong(drive: LogDrive) -> Iterable[ProfileProblem]:
+    """No problems."""
+    return ()
 
 
 def counts(drive: LogDrive, measure: Measure) -> Counts:

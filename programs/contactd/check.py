@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from rich.console import Console
 from rich.table import Table
 
 from common import compiled
@@ -58,24 +59,13 @@ def print_check(config: Path) -> None:
             remark(console, one)
     console.print(wiring, joints, levels, travelled)
     say(TRAVEL_WORDS, dim=True)
-    alone: dict[str, list[str]] = {}
-    for name, profile in c.drives.items():
-        alone.setdefault(profile.without_us, []).append(name)
-    for without_us, names in alone.items():
-        say(f"{', '.join(names)}: {without_us}")
+    _say_alone(c)
     console.print()
     for line in sensitivity_over_poses(c, robot.model):
         say(line)
     if robot.walls is not None:
         say(robot.walls.in_words)
-    frames = frames_of(c)
-    console.print(_frames(frames, c.joint_names))
-    load = bus_load(frames, c.bus.bitrate)
-    exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
-    say(
-        f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
-        f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms"
-    )
+    _print_bus(console, c)
     # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
         if asked.too_much:
@@ -93,6 +83,26 @@ def print_check(config: Path) -> None:
     if marked := guesses(robot.text):
         say(f"{robot.path}: {marked} lines still hold guesses (CHECK)")
     say(f"{robot.path}: good")
+
+
+def _say_alone(c: Configuration) -> None:
+    """Say what drives do without us, those that do the same at once."""
+    alone: dict[str, list[str]] = {}
+    for name, profile in c.drives.items():
+        alone.setdefault(profile.without_us, []).append(name)
+    for without_us, names in alone.items():
+        say(f"{', '.join(names)}: {without_us}")
+
+
+def _print_bus(console: Console, c: Configuration) -> None:
+    frames = frames_of(c)
+    console.print(_frames(frames, c.joint_names))
+    load = bus_load(frames, c.bus.bitrate)
+    exchange_ms = 1000.0 * sum(f.bits for f in frames if f.every_tick) / c.bus.bitrate
+    say(
+        f"bus load at worst {load:.1%} of {c.bus.bitrate} bit/s (allowed {HIGHEST_LOAD:.0%}); "
+        f"one exchange takes {exchange_ms:.2f} of {c.period_ms} ms"
+    )
 
 
 def print_explanation(field: str) -> None:

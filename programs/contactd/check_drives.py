@@ -49,8 +49,8 @@ def drives_in_words(robot: Robot) -> list[Table | str]:
     for name, profile in c.drives.items():
         if isinstance(profile, CanopenProfile):
             found += _canopen(c, name, profile, setups[name])
-    is_log = any(isinstance(profile, LogProfile) for profile in c.drives.values())
-    return found or ([] if is_log else [_motors(c)])
+    motors = _motors(c)
+    return found or ([motors] if motors.row_count else [])
 
 
 def _canopen(
@@ -76,7 +76,7 @@ def _motors(c: Configuration) -> Table:
     )
     for name, profile in c.drives.items():
         drives = [drive for drive in c.joint_drives if drive.profile is profile]
-        if isinstance(profile, CanopenProfile) or not drives:
+        if isinstance(profile, CanopenProfile | LogProfile) or not drives:
             continue
         position, velocity, current = (
             1000.0 * abs(c.make.counts(drives[0], measure).gain)
