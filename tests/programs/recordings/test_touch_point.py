@@ -11,6 +11,7 @@ import pytest
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.study.hands import Hands
 from daemon.config.load import load_robot
+from daemon.config.schema import Configuration
 from daemon.modes.table import Event
 from daemon.protocol.state import Payload, Snapshot, State
 from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
@@ -130,8 +131,13 @@ def test_the_table_of_words(fields: dict[str, Any], word: str) -> None:
     assert Contact.of(Evidence(1.0, **fields)).word == word
 
 
+def goes_on(c: Configuration) -> Configuration:
+    """It goes on in a hand that rests."""
+    return msgspec.structs.replace(c, admittance=msgspec.structs.replace(c.admittance, probe=False))
+
+
 def played(*hand: AnyAct, seconds: float = 8.0) -> tuple[list[State], Snapshot]:
-    with lockstep_rig(hand=hand) as rig:
+    with lockstep_rig(hand=hand, configure=goes_on) as rig:
         rig.enable()
         rig.run(1.0)
         rig.permit("the test")
