@@ -169,6 +169,8 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
                       f"{_in_words(found)}")  # fmt: skip
         if why:
             left_out.append(LeftOut(pair=(first.name, second.name), why=why))
+    if len(left_out) == len(clearance.pairs):
+        report.append("no pair is left to guard, so nothing will be slowed")
     return left_out, report
 
 

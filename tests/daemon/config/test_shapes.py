@@ -55,6 +55,7 @@ def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
 def test_a_second_run_replaces_nothing_without_force(folder: Path) -> None:
     runs = [CliRunner().invoke(main, ["shapes", str(folder), *more]) for more in ([], ["--force"])]
     assert [run.exit_code for run in runs] == [78, 0]
+    assert "no pair is left to guard" in runs[1].output  # two neighbours alone
 
 
 def edited(folder: Path, name: str, old: str, new: str) -> None:
