@@ -52,6 +52,7 @@ NOT_RUN: Final = (
     (r"--socket (leader|follower)\.sock", "needs two arms"),
     (r" contactctl follow ", "takes real time: tests/programs/contactctl/test_follow.py"),
     (r" contactctl watch", "needs a terminal: tests/programs/contactctl/test_live_states.py"),
+    (r" contactctl touches", "goes on until Ctrl-C: tests/programs/contactctl/test_contactctl.py"),
     (r" contactctl health", "reads records of days: tests/programs/trends"),
     (r" contactctl hand ", "asks a live simulation: tests/simulator/test_hand_door.py"),
     (r" contactd plot --last-fault", "needs a fault: tests/programs/recordings/test_recomputed.py"),
