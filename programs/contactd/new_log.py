@@ -107,6 +107,8 @@ def _write(
 def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
     """Guess of the columns of a log. Raises LogError where no joint is found in it."""
     header = header_of(log)
+    if not header:
+        raise LogError(f"{log}: no line with the columns' names: it is empty")
     named = named_columns(header, [one.joint for one in ranges])
     there = f"there are {printable(', '.join(header)[:200])}; name them in {beside(log).name}"
     if ("", "time") not in named:

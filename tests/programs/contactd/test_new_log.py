@@ -117,14 +117,18 @@ def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
 
 @pytest.mark.parametrize(
     ("columns", "says"),
-    [("a,b", "no column is a time"), ("time,base_pos,elbow_cur", "no joint of arm.urdf has")],
+    [
+        ("", "is empty"),
+        ("a,b", "no column is a time"),
+        ("time,base_pos,elbow_cur", "no joint of arm.urdf has"),
+    ],
 )
 def test_what_cannot_be_guessed_leaves_nothing(
     tmp_path: Path, arm: Stranger, columns: str, says: str
 ) -> None:
     path = tmp_path / "log.csv"
-    path.write_text(f"{columns}\n" + "\n".join(",".join("12345"[: columns.count(",") + 1])
-                                               for _ in range(30)))  # fmt: skip
+    rows = [",".join("12345"[: columns.count(",") + 1])] * 30
+    path.write_text("\n".join([columns, *rows]) if columns else "")
     urdf = urdf_of(arm, tmp_path)
     result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", "--urdf",
                                        str(urdf), str(path)])  # fmt: skip
