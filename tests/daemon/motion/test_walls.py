@@ -16,9 +16,8 @@ LENGTHS = (0.4, 0.3, 0.2)
 STILL = np.zeros((2, 3))
 
 
-def arm(*obstacles) -> Clearance:
-    """Three links in a vertical plane, from the height of 0.5 m, against all of `obstacles`, and
-    the last against the first."""
+def links_of() -> tuple[list[Body], list[Capsule]]:
+    """Three links in a vertical plane, from the height of 0.5 m."""
     bodies = []
     for k in range(3):
         there = np.array([LENGTHS[k - 1], 0, 0]) if k else np.array([0, 0, 0.5])
@@ -33,6 +32,12 @@ def arm(*obstacles) -> Clearance:
         Capsule(f"link {k}", k, np.zeros(3), np.array([length, 0, 0]), 0.03)
         for k, length in enumerate(LENGTHS)
     ]
+    return bodies, links
+
+
+def arm(*obstacles) -> Clearance:
+    """These links against all of `obstacles`, and the last against the first."""
+    bodies, links = links_of()
     pairs = [(link, one) for link in links for one in obstacles]
     return Clearance(bodies, links, [*pairs, (links[2], links[0])])
 
@@ -156,3 +161,21 @@ def test_a_path_that_leads_through_is_refused_with_where() -> None:
     inside = np.array([-0.4, 0.0, 0.0])
     assert not way(inside, here)
     assert way(inside, inside - 0.2)
+
+
+def test_what_overlaps_already_hides_no_other_pair() -> None:
+    """Link 0 stands deep in the box, and comes out of it; the last one goes through the table."""
+    about = Box("box", np.array([0.1, 0, 0.5]), np.eye(3), np.full(3, 0.2))
+    one, q = walls(TABLE, about), np.zeros(3)
+    path = PosePath("pose", q, np.array([0.0, -1.3, -0.3]), np.full(3, 0.5))
+    one.clearance.at(q)
+    assert np.min(one.clearance.gap) < -0.1
+    (reason,) = leads_through(one, q, Place(path))
+    assert "link 2 through table" in reason
+
+
+def test_shapes_without_a_pair_bound_and_refuse_nothing() -> None:
+    empty, q = Walls(Clearance(*links_of(), []), ACCELERATION, REACTION_S, 0.005), np.zeros(3)
+    assert not leads_through(empty, q, Place(PosePath("pose", q, q + 0.3, q + 0.5)))
+    assert np.all(bounded(empty, q, np.ones(3)) == 1.0)
+    assert empty.nearest == -1
