@@ -54,7 +54,7 @@ class Motion:
         self.limits, self.gains, self.follower = limits, gains, follower
         self.probing = np.zeros_like(limits.lower)
         """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""
-        self._probed = self.probing
+        self._probed = self._yielding = self.probing
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
         self._loose = False  # stands with no position loop, as it backs away from nothing
@@ -187,9 +187,12 @@ class Motion:
             case Mode.HOLDING:
                 return np.zeros_like(q) if self.blind else gain * (self.reference - q)
             case Mode.ADMITTANCE:
-                yielding, self._probed = self.velocity - self._probed, self.probing
-                pushed = self._law.velocity_after(yielding, self.gains.value, push, dt)
-                return self.limits.soft_stop(q, pushed + self.probing, gain, play)
+                # A bound takes from the swing first: what it took is no push the other way.
+                low, high = np.minimum(self._probed, 0.0), np.maximum(self._probed, 0.0)
+                swung = np.minimum(np.maximum(self.velocity - self._yielding, low), high)
+                before, self._probed = self.velocity - swung, self.probing
+                self._yielding = self._law.velocity_after(before, self.gains.value, push, dt)
+                return self.limits.soft_stop(q, self._yielding + self.probing, gain, play)
             case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them
                 # back.
