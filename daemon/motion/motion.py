@@ -185,7 +185,7 @@ class Motion:
             case Mode.OFF | Mode.ENABLING | Mode.STOPPING | Mode.FAULTED:
                 return np.zeros_like(self.velocity)
             case Mode.HOLDING:
-                return np.zeros_like(q) if self.blind else gain * (self.reference - q)
+                return np.zeros_like(q) if self.blind else self._towards(self.reference, q)
             case Mode.ADMITTANCE:
                 # A bound takes from the swing first: what it took is no push the other way.
                 low, high = np.minimum(self._probed, 0.0), np.maximum(self._probed, 0.0)
@@ -212,4 +212,13 @@ class Motion:
             case _:
                 assert_never(mode)
         self.reference = wanted.q
-        return wanted.velocity + gain * (wanted.q - q)
+        return wanted.velocity + self._towards(wanted.q, q, np.abs(wanted.velocity))
+
+    def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
+        """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they
+        open: it catches up no faster than its path goes, `speed`, or than an arm goes back."""
+        velocity: Vector = self._manner.position_gain * (reference - q)
+        if self.walls is None:
+            return velocity
+        most = np.maximum(speed, self._manner.return_velocity)
+        return np.minimum(np.maximum(velocity, -most), most)

@@ -1,14 +1,21 @@
 """Walls: what approaches stops in front of them, slides along, and may leave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from daemon.motion.path import Place
+from daemon.modes.table import Mode
+from daemon.motion.admittance import AdmittanceLaw, Gains
+from daemon.motion.limits import Limits
+from daemon.motion.motion import Motion
+from daemon.motion.path import Follower, Place
 from daemon.motion.pose_path import PosePath
 from daemon.tick.refusals import leads_through
 from estimator.clearance import Box, Capsule, Clearance, Plane
 from estimator.dynamics import Body
 from estimator.walls import Walls
+from tests.ideal_arm import MANNER
 
 DT, REACTION_S = 0.01, 0.025
 ACCELERATION = np.array([4.0, 3.0, 6.0])
@@ -179,3 +186,26 @@ def test_shapes_without_a_pair_bound_and_refuse_nothing() -> None:
     assert not leads_through(empty, q, Place(PosePath("pose", q, q + 0.3, q + 0.5)))
     assert np.all(bounded(empty, q, np.ones(3)) == 1.0)
     assert empty.nearest == -1
+
+
+def test_what_a_wall_held_back_does_not_dash_when_it_opens() -> None:
+    """One joint is held at a box, until the others have gone by; its path is far ahead then."""
+    box = Box("box", np.array([0.681, 0, 0.667]), np.eye(3), np.full(3, 0.03))
+    start, goal = np.array([0.574, -1.226, -0.028]), np.array([1.349, 0.094, -1.076])
+    limits = Limits(np.full(3, -3.0), np.full(3, 3.0), np.full(3, 2.0), ACCELERATION, REACTION_S)
+    follower = Follower(Place(PosePath("pose", start, goal, np.full(3, 0.3))), 1.0)
+    law, gains = AdmittanceLaw(np.zeros(3), np.full(3, 0.5)), Gains(np.ones(3))
+    manner = replace(MANNER, release=replace(MANNER.release, ahead=np.full(3, 0.15)))
+    motion = Motion(manner, limits, law, gains, follower, walls=walls(box))
+    q, fastest, behind = start.copy(), 0.0, 0.0
+    motion.follow(q)
+    for _ in range(1200):
+        motion.step(Mode.HOLDING if follower.finished else Mode.TRACKING, q, None, 0.0 * q, DT)
+        q = q + DT * motion.velocity
+        fastest = max(fastest, float(np.abs(motion.velocity).max()))
+        behind = max(behind, float(np.abs(motion.reference - q).max()))
+        assert motion.walls is not None
+        assert motion.walls.distance > 0.004
+    assert behind > 0.5
+    assert fastest < 2.01 * 0.3
+    assert np.abs(q - goal).max() < 0.01
