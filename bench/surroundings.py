@@ -102,12 +102,12 @@ def scene(folder: Path) -> Scene:
     around = shapes.Surroundings(
         version=1,
         planes={
-            "table": shapes.PlaneEntry(point=(0.0, 0.0, -0.6 * R), normal=(0.0, 0.0, 1.0)),
-            "wall": shapes.PlaneEntry(point=(0.9 * R, 0.0, 0.0), normal=(-1.0, 0.0, 0.0)),
+            "table": shapes.PlaneEntry(point=(0.0, 0.0, -0.35 * R), normal=(0.0, 0.0, 1.0)),
+            "wall": shapes.PlaneEntry(point=(0.5 * R, 0.0, 0.0), normal=(-1.0, 0.0, 0.0)),
         },
         boxes={
             "press": shapes.BoxEntry(
-                centre=(0.7 * R, 0.5 * R, 0.1 * R), size=(0.3 * R,) * 3, rpy=(0.0, 0.0, 0.4)
+                centre=(0.3 * R, 0.4 * R, 0.1 * R), size=(0.3 * R,) * 3, rpy=(0.0, 0.0, 0.4)
             )
         },
     )
