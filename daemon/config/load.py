@@ -67,8 +67,9 @@ class Robot:
         return replace(self, configuration=msgspec.structs.replace(self.configuration, bus=bus))
 
 
-def load_robot(path: Path) -> Robot:
-    """Read `config.yaml` (or the folder that holds it) and everything it refers to.
+def load_robot(path: Path, *, walls: bool = True) -> Robot:
+    """Read `config.yaml` (or the folder that holds it) and everything it refers to; walls: its
+    shapes, too.
 
     Raises ConfigurationError; types stop at the first error, cross-checks list all.
     """
@@ -96,8 +97,8 @@ def load_robot(path: Path) -> Robot:
     except TrajectoryError as error:
         where = f"{path}:{source.line(['trajectory', 'file'])}: trajectory.file"
         raise ConfigurationError(f"{where}: {error}") from error
-    walls = read_walls(path.parent, urdf, configuration.joint_names)
-    robot = Robot(path, configuration, source.text, urdf, model, trajectory, walls)
+    found = read_walls(path.parent, urdf, configuration.joint_names) if walls else None
+    robot = Robot(path, configuration, source.text, urdf, model, trajectory, found)
     return robot if alone else _with(robot, read_yaml(identified))
 
 

@@ -16,7 +16,7 @@ import yaml
 from msgspec import Meta
 
 from common.errors import ConfigurationError
-from common.yaml_source import Source, read_yaml
+from common.yaml_source import read_yaml
 from daemon.config.convert import convert
 from drivers.settings import Name, Settings
 from estimator.clearance import Box, Capsule, Clearance, Plane
@@ -122,19 +122,19 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
     Raises ConfigurationError with file and line for content that the schema does not allow, a joint
     that is not there, a name given twice, shapes of another URDF, and surroundings without shapes.
     """
-    path, around = folder / SHAPES, folder / SURROUNDINGS
-    surroundings = _surroundings(read_yaml(around)) if around.exists() else None
+    path, surroundings = folder / SHAPES, read_surroundings(folder)
     if not path.exists():
         if surroundings is not None:
             raise ConfigurationError(
-                f"{around}: the arm has no shapes to keep away from it: `contactd shapes` first"
+                f"{folder / SURROUNDINGS}: the arm has no shapes to keep away from it: "
+                "`contactd shapes` first"
             )
         return None
     source = read_yaml(path)
     shapes = convert(source, Shapes)
     if shapes.urdf != digest_of(urdf):
         raise ConfigurationError(
-            f"{path}:{source.line(['urdf'])}: fitted to another URDF: run `contactd shapes` again"
+            f"{path}:{source.line(['urdf'])}: fitted to another URDF: `contactd shapes --force`"
         )
     names = [*surroundings.planes, *surroundings.boxes] if surroundings else []
     for k, one in enumerate(shapes.capsules):
@@ -150,7 +150,11 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
     return Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
 
 
-def _surroundings(source: Source) -> Surroundings:
+def read_surroundings(folder: Path) -> Surroundings | None:
+    """Surroundings beside a configuration; None without. Raises ConfigurationError."""
+    if not (folder / SURROUNDINGS).exists():
+        return None
+    source = read_yaml(folder / SURROUNDINGS)
     found = convert(source, Surroundings)
     for name, plane in found.planes.items():
         if math.hypot(*plane.normal) < 1e-6:

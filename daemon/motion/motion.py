@@ -54,7 +54,7 @@ class Motion:
         self.limits, self.gains, self.follower = limits, gains, follower
         self.probing = np.zeros_like(limits.lower)
         """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""
-        self._probed = self.probing
+        self._probed = self._yielding = self.probing
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
         self._loose = False  # stands with no position loop, as it backs away from nothing
@@ -185,11 +185,14 @@ class Motion:
             case Mode.OFF | Mode.ENABLING | Mode.STOPPING | Mode.FAULTED:
                 return np.zeros_like(self.velocity)
             case Mode.HOLDING:
-                return np.zeros_like(q) if self.blind else gain * (self.reference - q)
+                return np.zeros_like(q) if self.blind else self._towards(self.reference, q)
             case Mode.ADMITTANCE:
-                yielding, self._probed = self.velocity - self._probed, self.probing
-                pushed = self._law.velocity_after(yielding, self.gains.value, push, dt)
-                return self.limits.soft_stop(q, pushed + self.probing, gain, play)
+                # A bound takes from the swing first: what it took is no push the other way.
+                low, high = np.minimum(self._probed, 0.0), np.maximum(self._probed, 0.0)
+                swung = np.minimum(np.maximum(self.velocity - self._yielding, low), high)
+                before, self._probed = self.velocity - swung, self.probing
+                self._yielding = self._law.velocity_after(before, self.gains.value, push, dt)
+                return self.limits.soft_stop(q, self._yielding + self.probing, gain, play)
             case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them
                 # back.
@@ -209,4 +212,13 @@ class Motion:
             case _:
                 assert_never(mode)
         self.reference = wanted.q
-        return wanted.velocity + gain * (wanted.q - q)
+        return wanted.velocity + self._towards(wanted.q, q, np.abs(wanted.velocity))
+
+    def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
+        """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they
+        open: it catches up no faster than its path goes, `speed`, or than an arm goes back."""
+        velocity: Vector = self._manner.position_gain * (reference - q)
+        if self.walls is None:
+            return velocity
+        most = np.maximum(speed, self._manner.return_velocity)
+        return np.minimum(np.maximum(velocity, -most), most)

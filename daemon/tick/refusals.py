@@ -105,17 +105,20 @@ def leads_through(walls: Walls | None, q: Vector, place: Place) -> list[str]:
     """Reason against `start` from q (n,) [rad]: where the rest of the path leads two shapes through
     each other, at PLACES places of it, or of its first minute if it has no end. Shapes that overlap
     may come apart."""
-    if walls is None:
+    if walls is None or not walls.clearance.pairs:
         return []
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
     end = min(path.duration, s + ENDLESS_S)
+    first_rows = np.flatnonzero(np.diff(clearance.pair, prepend=-1))
     clearance.at(q)
-    least, origin = min(float(np.min(clearance.gap)), 0.0), q - path.offset(s)
+    least, origin = np.minimum.reduceat(clearance.gap, first_rows), q - path.offset(s)
+    least = np.minimum(least, 0.0) - ROUNDING
     for at_s in np.linspace(s, end, PLACES).tolist() if path.fastest(s).any() else []:
         clearance.at(origin + path.offset(at_s))
-        row = int(np.argmin(clearance.gap))
-        if (gap := clearance.gap[row]) < least - ROUNDING:
-            first, second = clearance.pairs[clearance.pair[row]]
+        gaps = np.minimum.reduceat(clearance.gap, first_rows)
+        pair = int(np.argmin(gaps - least))
+        if (gap := gaps[pair]) < least[pair]:
+            first, second = clearance.pairs[pair]
             return [
                 f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gap:.0f} mm "
                 f"deep, at {at_s:.1f} s: go there another way"

@@ -23,6 +23,7 @@ from daemon.config.shapes import (
     Walls,
     clearance_of,
     digest_of,
+    read_surroundings,
     shapes_text,
 )
 from estimator.dynamics import Body
@@ -49,11 +50,11 @@ class LinkPoints:
 def write_shapes(config: Path, source: Source | None, *, force: bool) -> None:
     """Fit capsules, sample which pairs are worth guarding, write shapes.yaml and list both. Raises
     ConfigurationError."""
-    robot = load_robot(config)
+    robot = load_robot(config, walls=False)  # whatever is wrong with those that are replaced
     path = robot.folder / SHAPES
     if path.exists() and not force:
         raise ConfigurationError(f"{path}: is there; --force replaces it, with what was added")
-    around = robot.walls.surroundings if robot.walls else Surroundings(version=1)
+    around = read_surroundings(robot.folder) or Surroundings(version=1)
     shapes, report = fitted(robot, source, around)
     path.write_text(shapes_text(shapes))
     say(f"{len(shapes.capsules)} capsules from the URDF's {shapes.source} geometry")
@@ -165,6 +166,8 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
         one, other = first.body, getattr(second, "body", -2)
         near = other in _carriers(bodies, one) or one in _carriers(bodies, other)
         why = found.why(neighbours=near)
+        if other == -2 and why != "always":
+            why = None  # poses through a table are no evidence, and it may be moved in its file
         report.append(f"{'left out' if why else 'guarded':9} {first.name} - {second.name}: "
                       f"{_in_words(found)}")  # fmt: skip
         if why:

@@ -88,6 +88,25 @@ def test_surroundings_alone_are_refused(folder: Path) -> None:
         load_robot(folder)
 
 
+def test_a_fit_replaces_what_is_refused(folder: Path) -> None:
+    (folder / SURROUNDINGS).write_text(TABLE)
+    edited(folder, SHAPES, "urdf: ", "urdf: f")
+    for force in (["--force"], []):
+        assert CliRunner().invoke(main, ["shapes", str(folder), *force]).exit_code == 0
+        assert load_robot(folder).walls is not None
+        (folder / SHAPES).unlink()
+
+
+@pytest.mark.parametrize("wall", ["point: [0, -9, 0], normal: [0, 1, 0]",
+                                  "point: [0, 0, 0], normal: [0, 1, 0]"])  # fmt: skip
+def test_what_is_out_of_reach_or_often_in_the_way_is_guarded(folder: Path, wall: str) -> None:
+    (folder / SURROUNDINGS).write_text(f"version: 1\nplanes:\n  table: {{{wall}}}\n")
+    assert CliRunner().invoke(main, ["shapes", str(folder), "--force"]).exit_code == 0
+    walls = load_robot(folder).walls
+    assert walls is not None
+    assert frozenset(("swing", "table")) not in walls.left_out
+
+
 def test_both_files_count_as_changed(folder: Path) -> None:
     files = Files.of(load_robot(folder))
     assert files.changed() == []

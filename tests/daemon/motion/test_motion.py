@@ -1,11 +1,14 @@
 """Setpoints of single modes, near the limits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
+from daemon.motion.probe import PERIOD_S, SPEED, Probe
 from tests.ideal_arm import MANNER, T, ideal_arm, tracking_arm
 
 SOFT = Reactions(ContactReaction.ADMITTANCE, ContactReaction.ADMITTANCE)
@@ -68,3 +71,18 @@ def test_a_link_that_can_fall_past_its_limit_is_not_led_further_while_it_holds()
         motion.step(Mode.HOLDING, np.full(2, 0.98), None, np.zeros(2), T, play)
     assert motion.velocity[0] == 0.0
     assert motion.velocity[1] > 0.0
+
+
+@pytest.mark.parametrize("away", [0.0, 1e-3, 3e-3])
+def test_a_swing_that_a_limit_bounds_pushes_a_heavy_arm_nowhere(away: float) -> None:
+    """It goes no faster than it swings, and no further than one swing, to the free side."""
+    motion, probe, q, way = ideal_arm().controller.motion, Probe(2, 2.0), np.ones(2) - away, []
+    motion._law = replace(motion._law, virtual_mass_s=np.full(2, 0.5))
+    for tick in range(200):
+        probe.step(tick * T, np.zeros(2), np.ones(2))
+        motion.probing = probe.velocity
+        motion.step(Mode.ADMITTANCE, q, None, np.zeros(2), T)
+        assert np.abs(motion.velocity).max() <= SPEED + 1e-9
+        q = q + motion.velocity * T
+        way.append(q)
+    assert np.abs(np.array(way) - 1.0 + away).max() < 1.2 * SPEED * PERIOD_S / np.pi

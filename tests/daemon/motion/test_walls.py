@@ -1,14 +1,21 @@
 """Walls: what approaches stops in front of them, slides along, and may leave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from daemon.motion.path import Place
+from daemon.modes.table import Mode
+from daemon.motion.admittance import AdmittanceLaw, Gains
+from daemon.motion.limits import Limits
+from daemon.motion.motion import Motion
+from daemon.motion.path import Follower, Place
 from daemon.motion.pose_path import PosePath
 from daemon.tick.refusals import leads_through
 from estimator.clearance import Box, Capsule, Clearance, Plane
 from estimator.dynamics import Body
 from estimator.walls import Walls
+from tests.ideal_arm import MANNER
 
 DT, REACTION_S = 0.01, 0.025
 ACCELERATION = np.array([4.0, 3.0, 6.0])
@@ -16,9 +23,8 @@ LENGTHS = (0.4, 0.3, 0.2)
 STILL = np.zeros((2, 3))
 
 
-def arm(*obstacles) -> Clearance:
-    """Three links in a vertical plane, from the height of 0.5 m, against all of `obstacles`, and
-    the last against the first."""
+def links_of() -> tuple[list[Body], list[Capsule]]:
+    """Three links in a vertical plane, from the height of 0.5 m."""
     bodies = []
     for k in range(3):
         there = np.array([LENGTHS[k - 1], 0, 0]) if k else np.array([0, 0, 0.5])
@@ -33,6 +39,12 @@ def arm(*obstacles) -> Clearance:
         Capsule(f"link {k}", k, np.zeros(3), np.array([length, 0, 0]), 0.03)
         for k, length in enumerate(LENGTHS)
     ]
+    return bodies, links
+
+
+def arm(*obstacles) -> Clearance:
+    """These links against all of `obstacles`, and the last against the first."""
+    bodies, links = links_of()
     pairs = [(link, one) for link in links for one in obstacles]
     return Clearance(bodies, links, [*pairs, (links[2], links[0])])
 
@@ -156,3 +168,44 @@ def test_a_path_that_leads_through_is_refused_with_where() -> None:
     inside = np.array([-0.4, 0.0, 0.0])
     assert not way(inside, here)
     assert way(inside, inside - 0.2)
+
+
+def test_what_overlaps_already_hides_no_other_pair() -> None:
+    """Link 0 stands deep in the box, and comes out of it; the last one goes through the table."""
+    about = Box("box", np.array([0.1, 0, 0.5]), np.eye(3), np.full(3, 0.2))
+    one, q = walls(TABLE, about), np.zeros(3)
+    path = PosePath("pose", q, np.array([0.0, -1.3, -0.3]), np.full(3, 0.5))
+    one.clearance.at(q)
+    assert np.min(one.clearance.gap) < -0.1
+    (reason,) = leads_through(one, q, Place(path))
+    assert "link 2 through table" in reason
+
+
+def test_shapes_without_a_pair_bound_and_refuse_nothing() -> None:
+    empty, q = Walls(Clearance(*links_of(), []), ACCELERATION, REACTION_S, 0.005), np.zeros(3)
+    assert not leads_through(empty, q, Place(PosePath("pose", q, q + 0.3, q + 0.5)))
+    assert np.all(bounded(empty, q, np.ones(3)) == 1.0)
+    assert empty.nearest == -1
+
+
+def test_what_a_wall_held_back_does_not_dash_when_it_opens() -> None:
+    """One joint is held at a box, until the others have gone by; its path is far ahead then."""
+    box = Box("box", np.array([0.681, 0, 0.667]), np.eye(3), np.full(3, 0.03))
+    start, goal = np.array([0.574, -1.226, -0.028]), np.array([1.349, 0.094, -1.076])
+    limits = Limits(np.full(3, -3.0), np.full(3, 3.0), np.full(3, 2.0), ACCELERATION, REACTION_S)
+    follower = Follower(Place(PosePath("pose", start, goal, np.full(3, 0.3))), 1.0)
+    law, gains = AdmittanceLaw(np.zeros(3), np.full(3, 0.5)), Gains(np.ones(3))
+    manner = replace(MANNER, release=replace(MANNER.release, ahead=np.full(3, 0.15)))
+    motion = Motion(manner, limits, law, gains, follower, walls=walls(box))
+    q, fastest, behind = start.copy(), 0.0, 0.0
+    motion.follow(q)
+    for _ in range(1200):
+        motion.step(Mode.HOLDING if follower.finished else Mode.TRACKING, q, None, 0.0 * q, DT)
+        q = q + DT * motion.velocity
+        fastest = max(fastest, float(np.abs(motion.velocity).max()))
+        behind = max(behind, float(np.abs(motion.reference - q).max()))
+        assert motion.walls is not None
+        assert motion.walls.distance > 0.004
+    assert behind > 0.5
+    assert fastest < 2.01 * 0.3
+    assert np.abs(q - goal).max() < 0.01
