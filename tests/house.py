@@ -79,9 +79,9 @@ def measures(root: Path = ROOT) -> list[Measure]:
     long = long_files(root)
     return [
         Measure("lines of the product", lines(PRODUCT, root), 66_150, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 14_085, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 16_194, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 66_475, 45_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 14_090, 12_500),
+        Measure("lines of bench/", lines(["bench"], root), 16_190, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 66_500, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 2, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 55_650, 50_000),
         Measure("decision records", decisions, 29, 28),
