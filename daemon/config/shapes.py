@@ -6,6 +6,7 @@ Distances in m, angles in rad; surroundings in the frame of the URDF's root.
 
 import hashlib
 import math
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -26,6 +27,8 @@ SHAPES: Final = "shapes.yaml"
 SURROUNDINGS: Final = "surroundings.yaml"
 BASE: Final = ""
 """Joint of what no joint moves."""
+MOST_PAIRS: Final = 150
+"""Pairs that a tick, and the check of a path between two, have the time for."""
 HEAD: Final = (
     "# Written by `contactd shapes`: capsules about the links, each in the frame of its joint (an\n"
     "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
@@ -147,7 +150,22 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         if one.name in names:
             raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
         names.append(one.name)
-    return Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
+    walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
+    if (pairs := _guarded(walls)) > MOST_PAIRS:
+        raise ConfigurationError(
+            f"{path}:{source.line(['capsules'])}: {pairs} pairs to guard; at most {MOST_PAIRS} "
+            "leave a tick its time: fewer capsules, planes or boxes, or more under left_out"
+        )
+    return walls
+
+
+def _guarded(walls: Walls) -> int:
+    """Number of pairs that are guarded."""
+    capsules, around = walls.shapes.capsules, walls.surroundings
+    pairs = [(a.name, b.name) for a, b in combinations(capsules, 2) if a.joint != b.joint]
+    obstacles = [*around.planes, *around.boxes]
+    pairs += [(a.name, name) for a in capsules if a.joint != BASE for name in obstacles]
+    return sum(frozenset(pair) not in walls.left_out for pair in pairs)
 
 
 def read_surroundings(folder: Path) -> Surroundings | None:

@@ -81,6 +81,16 @@ def test_refused_with_file_and_line(folder: Path, name: str, old: str, new: str)
         load_robot(folder)
 
 
+def test_more_pairs_than_a_tick_has_time_for_are_refused(folder: Path) -> None:
+    planes = [f"  p{k}: {{point: [0, 0, -{k + 1}], normal: [0, 0, 1]}}\n" for k in range(75)]
+    (folder / SURROUNDINGS).write_text("version: 1\nplanes:\n" + "".join(planes))
+    assert load_robot(folder).walls is not None
+    with (folder / SURROUNDINGS).open("a") as file:
+        file.write("  one_more: {point: [0, 0, -9], normal: [0, 0, 1]}\n")
+    with pytest.raises(ConfigurationError, match="152 pairs to guard; at most 150"):
+        load_robot(folder)
+
+
 def test_surroundings_alone_are_refused(folder: Path) -> None:
     (folder / SURROUNDINGS).write_text(TABLE)
     (folder / SHAPES).unlink()
