@@ -15,6 +15,7 @@ from drivers.damiao.frames import ANSWERS
 from drivers.plausibility import Plausibility
 from drivers.robstride.frames import Kind, kind_of, sender_of
 from tests.drivers.damiao.test_arm import Filter
+from tests.drivers.damiao.test_false_feedback import furthest
 
 JOINT = {OPENARM: 3, BEAM: 1}  # which bears a load
 LOAD = {OPENARM: 0.0, BEAM: 4.0}  # [Nm]
@@ -67,16 +68,6 @@ def held(request: pytest.FixtureRequest) -> Iterator[tuple[Rig, Falsified, int]]
         rig.arm.external_torque[JOINT[request.param]] = LOAD[request.param]
         rig.run(1.0)
         yield rig, wires[0], JOINT[request.param]
-
-
-def furthest(rig: Rig, seconds: float) -> float:
-    begun, most = rig.arm.plant.q.copy(), [0.0]
-
-    def each() -> None:
-        most[0] = max(most[0], float(np.abs(rig.arm.plant.q - begun).max()))
-
-    rig.run(seconds, each)
-    return most[0]
 
 
 @pytest.mark.parametrize("velocity", [2.0, -6.0])

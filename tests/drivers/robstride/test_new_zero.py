@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import can
-import numpy as np
 import pytest
 
 from bench.rigs.lines import LockstepBus
@@ -17,6 +16,7 @@ from drivers.can.wire import IDENTIFIER
 from drivers.robstride.frames import Kind, identifier
 from simulator.robstride.motor import RUN
 from tests.drivers.damiao.test_arm import cause
+from tests.drivers.damiao.test_false_feedback import furthest
 from tests.drivers.robstride.test_arm import without_the_daemon
 
 JOINT = 1
@@ -41,16 +41,6 @@ def held_at(rig: Rig, at: float) -> None:
 def zero(rig: Rig) -> None:
     with LockstepBus(rig.line.channel) as other:
         other.send(can.Message(0.0, ZERO, True, data=b"\x01" + bytes(7)))
-
-
-def furthest(rig: Rig, seconds: float) -> float:
-    begun, most = rig.arm.plant.q.copy(), [0.0]
-
-    def each() -> None:
-        most[0] = max(most[0], float(np.abs(rig.arm.plant.q - begun).max()))
-
-    rig.run(seconds, each)
-    return most[0]
 
 
 @pytest.mark.parametrize("at", [0.5, -1.0])

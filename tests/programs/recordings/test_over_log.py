@@ -62,11 +62,11 @@ def test_residual_and_contact_of_a_csv_are_those_of_the_daemon(tmp_path, states)
     path = saved(tmp_path / "log.csv", states)
     result = replayed(path, "--json")
     assert result.exit_code == 0, result.output
-    told = json.loads(result.output)
+    listed = json.loads(result.output)
     notices = [n for s in states for n in s.notices if n.kind == "contact"]
-    assert len(told["contacts"]) >= 1
+    assert len(listed["contacts"]) >= 1
     assert len(notices) >= 1
-    (first, *_) = told["contacts"]
+    (first, *_) = listed["contacts"]
     begun = states[0].time_s
     (felt,) = [s for s in states if any(n.kind == "contact" for n in s.notices)][:1]
     assert first["joint"] == "joint"
@@ -74,7 +74,7 @@ def test_residual_and_contact_of_a_csv_are_those_of_the_daemon(tmp_path, states)
     assert first["peak"] == pytest.approx(PUSH, rel=0.3)
     assert 0.3 < first["duration_s"] < 1.5
     largest = max(abs(s.residual[0]) for s in states)
-    assert told["largest"] == pytest.approx([largest], rel=0.05)
+    assert listed["largest"] == pytest.approx([largest], rel=0.05)
     said = replayed(path).output
     assert "residual  joint" in said
     assert "Nm at most, beyond" in said
@@ -133,8 +133,8 @@ def test_it_is_plotted_and_asked_like_a_recording(tmp_path, states):
              "--set", "estimator.gain=20", "-o", str(curves), "--json"]  # fmt: skip
     result = CliRunner().invoke(main, asked)
     assert result.exit_code == 0, result.output
-    (told,) = json.loads(result.output)["recordings"]
-    assert told["file"] == str(path)
+    (listed,) = json.loads(result.output)["recordings"]
+    assert listed["file"] == str(path)
     (curve, *_) = json.loads(result.output)["curves"]
     assert [point["found"] for point in curve["points"]] == [1, 1, 0]
     assert curves.exists()
