@@ -1,7 +1,7 @@
 """Replies of the motors in a tick: feedback and output encoders, and the samples made of them.
 
 A motor answers in the order of its commands, so that feedback on last tick's setpoint comes before
-that on this tick's request.
+that on this tick's request. Where the setpoint is the request, its feedback is both.
 """
 
 import math
