@@ -89,8 +89,8 @@ class Language(ABC):
         ]
         """Setpoint of each motor, whose data `pack` writes anew."""
         self.requests = [frame for drive in drives for frame in self.requests_to(drive)]
-        """Request of a tick to each motor that is not asked by its setpoint. It commands nothing, and
-        brings one feedback, and an `Output` where there are any. The first begins the tick."""
+        """Request of a tick to each motor that is not asked by its setpoint. It commands nothing,
+        and brings one feedback, and an `Output` where there are any. The first begins the tick."""
         self.steps = [steps_of(profile, self.bits) for profile in self.profiles]
         """Value of one count, by joint."""
         self.middle = [float((1 << bits - 1) - 1) for bits in self.bits]
