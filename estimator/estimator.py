@@ -22,8 +22,10 @@ from estimator.contact import Contact
 from estimator.dynamics import Dynamics
 from estimator.estimate import Estimate, EstimateRows, Flag, LearnedFriction, SampleRows
 from estimator.kernel import Kernel
+from estimator.levels_at import levels_at
 from estimator.model import Model
 from estimator.payload import Payload
+from estimator.rows import step_through
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
@@ -75,7 +77,7 @@ class Estimator:
         self._wrench = np.asarray(k.wrench.shown)
         self.residuals: Matrix = np.asarray(k.residual.corrected)
         """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
-        self.given_up, self.met = np.asarray(k.given_up), np.asarray(k.doubt.met)
+        self.given_up, self.met = np.asarray(k.adaptation.given_up), np.asarray(k.doubt.met)
         self.interrupted = np.asarray(k.doubt.interrupted)
         """how often the friction that was learned was given up, and one place interrupted (n,);
         those of now, not a copy"""
@@ -159,9 +161,10 @@ class Estimator:
         residuals[0] = [last.residual, *(last.beside[name] for _, name in self._beside)]
         link = self._link_names.index(last.touched_link)
         words[0] = last.flags, -1 if link == no_link else link
-        self._kernel.run(
-            rows, came, samples.interval_s, after, shown, residuals, side, wrench, words
-        )
+        step_through(
+            self._kernel, rows, came, samples.interval_s, after, shown, residuals, side, wrench,
+            words,
+        )  # fmt: skip
         self._last = self._estimate_of(
             shown[N], residuals[N], side[N], wrench[N], words[N].tolist()
         )
@@ -178,7 +181,7 @@ class Estimator:
     def levels_at(self, speed: Vector) -> Vector:
         """Contact levels (n,) [Nm] that would be in force at motor speeds (n,) [rad/s], with the
         present knowledge of friction and gaps. Changes nothing."""
-        return np.array([self._kernel.level_at(i, abs(speed[i])) for i in range(self.model.n)])
+        return levels_at(self._kernel, np.abs(speed))
 
     def reset(self) -> None:
         """Forget external torque and contacts: r = 0. Positions and velocities are kept, so that
@@ -201,11 +204,12 @@ class Estimator:
                 payload.mass,
                 self.model.in_joint(np.array(payload.com, dtype=np.float64)),
             )
-        self._kernel.carry(row)
+        kernel = self._kernel
+        kernel.torques.carry(row, kernel.alignment.aligned, kernel.going)
 
     def freeze_learning(self, frozen: bool) -> None:
         """Learn nothing from the next tick on, at the stated levels, or learn again."""
-        self._kernel.frozen = int(frozen)
+        self._kernel.adaptation.frozen = int(frozen)
 
     def place(self, i: int) -> float:
         """Middle of the place at which joint i was interrupted last [rad]."""

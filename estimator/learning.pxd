@@ -2,27 +2,24 @@
 
 cimport cython
 
+from estimator.needed_level cimport NeededLevel
+
 cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
 cdef Py_ssize_t _CONSTANT, _VISCOUS, _COULOMB, _LOAD, _COLUMNS
-cdef double _STANDS_S, _RESTS_S, _RESTING
+cdef double _STANDS_S, _RESTING, _DOUBTED, _RELEARNS, _SETTLES_S
 cdef double _NOISE, _NOISE_S, _OFF, _LOAD_OFF, _REMAINS, _FREEZES, _THAWS, _FROZEN_S
-cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _LASTS_S, _GROWS, _LARGEST, _LEANS_S, _DOUBTED, _RELEARNS, _SETTLES_S, _PASSES_S
 
 cdef class Learning:
     cdef double[:, ::1] _variance, _lowest, _highest
-    cdef double[::1] _noise, _forgets_s, _x, _least, _load_may_be, _load_error
+    cdef double[::1] _noise, _forgets_s, _x, _load_may_be, _load_error
+    cdef readonly NeededLevel needed
     cdef readonly double[:, :, ::1] covariance
     cdef readonly double[:, ::1] columns, shares
-    cdef readonly double[::1] coulomb_left, viscous_left, calm_s, quiet_s, loud_s, still_s, correction, unknown
-    cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen, lean, settled, passing
+    cdef readonly double[::1] coulomb_left, viscous_left, calm_s, still_s, settled, correction, unknown
 
     cpdef void reset(self, Py_ssize_t i) noexcept
-    @cython.locals(share=double, peak=double)
-    cpdef double level(self, Py_ssize_t i) noexcept
-    @cython.locals(least=double)
-    cpdef double crossing_level(self, Py_ssize_t i) noexcept
     cpdef double friction(self, Py_ssize_t i) noexcept
     cpdef double load(self, Py_ssize_t i) noexcept
     cpdef double error(self, Py_ssize_t i) noexcept
@@ -47,16 +44,6 @@ cdef class Learning:
         self, Py_ssize_t i, double residual, double level, double usual, double friction, double raised,
         double doubt, bint rubs, bint moving, bint suspended, double dt
     ) noexcept
-    @cython.locals(size=double, needed=double, most=double, quiet=bint)
-    cdef void _note(
-        self, Py_ssize_t i, double corrected, double level, double usual, double friction, double raised,
-        bint moving, double dt
-    ) noexcept
-    @cython.locals(fade=double, size=double, alone=double, known=double, square=double, peak=double)
-    cdef void _measure(
-        self, Py_ssize_t i, double corrected, double usual, double friction, double dt
-    ) noexcept
-    @cython.locals(fade=double)
     cdef void _rest(self, Py_ssize_t i, double dt) noexcept
     @cython.locals(moved=double)
     cdef bint _relearns(self, Py_ssize_t i, double usual) noexcept

@@ -17,9 +17,8 @@ at rest and inside a gap, nothing, and in hours of rest what is known fades. Nea
 friction may be anything, what shows is believed less. No share goes beyond its bound.
 
 What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
-would make there, reduced as the joint shows its friction. What is known sinks them: `level(i)` is
-the share of the configured level that the corrected residual has needed in the last minutes of
-motion; never more than all of it.
+would make there, reduced as the joint shows its friction. What is known sinks them: the corrected
+residual shows what level its joint needs (`needed_level`).
 
 Ordinary Python, which runs as it is; `learning.pxd` names the types for the compiler.
 """
@@ -29,6 +28,7 @@ from math import sqrt
 import numpy as np
 
 from common.arrays import Vector
+from estimator.needed_level import NeededLevel
 from estimator.thresholds import Thresholds
 
 # What is followed; and how long each is remembered [s], of motion but for b.
@@ -49,28 +49,14 @@ _LOAD_SPREADS, _LOAD_OFF = 2.0, 0.3
 # expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
 # another, up to _THAWS of it teach.
 _FREEZES, _THAWS, _FROZEN_S = 0.5, 0.9, 0.3
-# A gear that has stood for _STANDS_S cools down: what its joint needed is forgotten in _RESTS_S,
-# and its friction _RESTING times as slowly as in motion.
-_STANDS_S, _RESTS_S, _RESTING = 60.0, 7200.0, 12.0
-
-# Of the level is needed what was _OF_RMS root mean squares, over _RMS_S of motion that began with
-# _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud
-# for longer than _LASTS_S may be a person, and does not count.
-_OF_RMS, _RMS_S, _AT_FIRST_S = 2.9, 300.0, 10.0
-_OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 300.0, 1.0
-# While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
-# so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
-_OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7
-# One peak raises the level by no more than this: it may have been a person all the same.
-_GROWS = 1.1
-# Mean of the residual over so much motion [s]: what leans on the arm, and raises no level. Nor does
-# anything while so much of what was learned is in doubt.
-_LEANS_S, _DOUBTED = 5.0, 0.1
-# While its friction is so much of its level from where it was in so much motion before [s], only
-# peaks raise it, and fade in _PASSES_S.
-_RELEARNS, _SETTLES_S, _PASSES_S = 0.05, 10.0, 15.0
-# Of the configured level: whatever is larger shows a sample that was none, and must not last.
-_LARGEST = 10.0
+# A gear that has stood for _STANDS_S cools down: its friction is forgotten _RESTING times as slowly
+# as in motion.
+_STANDS_S, _RESTING = 60.0, 12.0
+# Nothing shows what level is needed while so much of what was learned is in doubt.
+_DOUBTED = 0.1
+# Friction is learned anew while it is so much of its level from where it was in so much motion
+# before [s].
+_RELEARNS, _SETTLES_S = 0.05, 10.0
 
 
 class Learning:
@@ -83,7 +69,7 @@ class Learning:
         load_friction_error (n,): see `Transmission`."""
         contact = thresholds.contact
         n = len(contact)
-        self._least: Vector = thresholds.least_share.copy()
+        self.needed = NeededLevel(thresholds.least_share)
         spread = np.repeat(_SPREAD, n).reshape(_COLUMNS, n)
         spread[_CONSTANT] *= contact
         known = load_friction_error > 0.0
@@ -103,17 +89,9 @@ class Learning:
         self.covariance = np.zeros((n, _COLUMNS, _COLUMNS))
         # Of the standard deviation of both kinds of friction before anything was learned.
         self.coulomb_left, self.viscous_left = np.ones((2, n))
-        self.calm_s, self.quiet_s, self.loud_s, self.still_s = np.zeros((4, n))
+        self.calm_s, self.still_s = np.zeros((2, n))
         self.correction, self.unknown = np.zeros((2, n))
-        # Of the corrected residual in motion, over the configured level: its square, and the time
-        # over which that was integrated; and what of it no raise explained, at most.
-        self.squares_s, self.moved_s = np.full(n, _AT_FIRST_S / _OF_RMS**2), np.full(n, _AT_FIRST_S)
-        self.peak, self.crossing_peak = np.zeros(n), np.ones(n)
-        # Those that count when it was quiet after them: a contact begins below the level, too.
-        self.peak_seen, self.crossing_seen = np.zeros((2, n))
-        self.lean = np.zeros(n)  # mean of the corrected residual in motion [Nm]
-        # Share of Coulomb friction, smoothed; and peaks while it is learned anew.
-        self.settled, self.passing = np.zeros((2, n))
+        self.settled = np.zeros(n)  # share of Coulomb friction, smoothed
         self._x = np.zeros(_COLUMNS)
         for i in range(n):
             self._forget(i)
@@ -123,19 +101,8 @@ class Learning:
         for k in range(_COLUMNS):
             self.columns[i, k] = 0.0
         self.correction[i] = self.unknown[i] = 0.0
-        self.calm_s[i] = self.quiet_s[i] = self.loud_s[i] = 0.0
-        self.peak_seen[i] = self.crossing_seen[i] = 0.0
-
-    def level(self, i: int) -> float:
-        """Share of the configured level that joint i needs in motion."""
-        share = _OF_RMS * sqrt(self.squares_s[i] / self.moved_s[i])
-        peak = max(self.peak[i], self.passing[i])
-        return float(min(max(share, _OF_PEAK * peak, self._least[i]), 1.0))
-
-    def crossing_level(self, i: int) -> float:
-        """Share of the configured level that joint i needs while it crosses its gap."""
-        least = max(_LEAST_CROSSING, self._least[i])
-        return float(min(max(_OF_CROSSING * self.crossing_peak[i], least), 1.0))
+        self.calm_s[i] = 0.0
+        self.needed.reset(i)
 
     def friction(self, i: int) -> float:
         """Friction of joint i over what was identified."""
@@ -221,7 +188,10 @@ class Learning:
         corrected = residual - self.correction[i]
         size = abs(corrected)
         if doubt < _DOUBTED:
-            self._note(i, corrected, level, usual, friction, raised, moving, dt)
+            self.needed.note(
+                i, corrected, level, usual, self.unknown[i], friction, raised,
+                self._relearns(i, usual), moving, dt,
+            )  # fmt: skip
         freezes = _THAWS if rubs else _FREEZES
         b = self.shares[i, _CONSTANT] * self.columns[i, _CONSTANT]
         surprise = abs(residual - self.correction[i] - b)
@@ -238,65 +208,17 @@ class Learning:
             self.settled[i] += dt / _SETTLES_S * (self.shares[i, _COULOMB] - self.settled[i])
 
     def _relearns(self, i: int, usual: float) -> bool:
-        """True while friction of joint i is learned anew: what shows of it is over soon, and no
-        level is for it."""
+        """True while friction of joint i is learned anew."""
         moved = abs(self.shares[i, _COULOMB] - self.settled[i]) * abs(self.columns[i, _COULOMB])
         return bool(moved > _RELEARNS * usual)
 
-    def _note(
-        self, i: int, corrected: float, level: float, usual: float, friction: float, raised: float,
-        moving: bool, dt: float,
-    ) -> None:  # fmt: skip
-        """Note what level joint i needs, from its corrected residual [Nm]."""
-        size = abs(corrected)
-        quiet = size <= _FREEZES * level  # NaN is not
-        self.quiet_s[i] = self.quiet_s[i] + dt if quiet else 0.0
-        self.loud_s[i] = 0.0 if quiet else self.loud_s[i] + dt
-        if not size <= level:
-            self.loud_s[i] += _LASTS_S  # what is left of a contact is none of the arm, either
-        if self.loud_s[i] > _LASTS_S:
-            self.peak_seen[i] = self.crossing_seen[i] = 0.0
-        elif moving:
-            self.passing[i] -= dt / _PASSES_S * self.passing[i]
-            if raised > _CROSSING * usual:
-                needed = (size - friction) / (usual + self.unknown[i])
-                self.crossing_peak[i] -= dt / _CROSSING_S * self.crossing_peak[i]
-                self.crossing_seen[i] = max(self.crossing_seen[i], needed)
-            else:
-                self._measure(i, corrected, usual, friction, dt)
-        if self.quiet_s[i] > _FROZEN_S:
-            most = _GROWS * self.level(i) / _OF_PEAK
-            if self._relearns(i, usual):
-                self.passing[i] = max(self.passing[i], min(self.peak_seen[i], most))
-            else:
-                self.peak[i] = max(self.peak[i], min(self.peak_seen[i], most))
-            self.crossing_peak[i] = max(self.crossing_peak[i], self.crossing_seen[i])
-            self.peak_seen[i] = self.crossing_seen[i] = 0.0
-
-    def _measure(self, i: int, corrected: float, usual: float, friction: float, dt: float) -> None:
-        """Put the size of a corrected residual [Nm], and what it needed, both over the configured
-        level, to those before. What leans on the arm raises neither."""
-        fade, size = dt / _RMS_S, abs(corrected)
-        alone = size - min(max(self.lean[i] if corrected > 0.0 else -self.lean[i], 0.0), size)
-        self.lean[i] += dt / _LEANS_S * (corrected - self.lean[i])
-        known = sqrt(self.squares_s[i] / self.moved_s[i]) * usual
-        if abs(self.lean[i]) <= known and not self._relearns(i, usual):
-            square = min(max(alone, min(size, known)) / usual, _LARGEST)
-            self.squares_s[i] += dt * square * square - fade * self.squares_s[i]
-            self.moved_s[i] += dt - fade * self.moved_s[i]
-        self.peak[i] -= dt / _PEAK_S * self.peak[i]
-        peak = max(alone, min(size, self.level(i) / _OF_PEAK * usual))
-        self.peak_seen[i] = max(self.peak_seen[i], (peak - friction) / (usual + self.unknown[i]))
-
     def _rest(self, i: int, dt: float) -> None:
-        """Know less of joint i after dt [s] in which its motion told nothing."""
-        fade = dt / _RESTS_S
+        """Know less of joint i after dt [s] in which its motion showed nothing."""
         self._drift(i, _VISCOUS, dt / _RESTING)
         self._drift(i, _COULOMB, dt / _RESTING)
         self._drift(i, _LOAD, dt / _RESTING)
         self._say_what_is_left(i)
-        self.squares_s[i] += fade * (_AT_FIRST_S / _OF_RMS**2 - self.squares_s[i])
-        self.moved_s[i] += fade * (_AT_FIRST_S - self.moved_s[i])
+        self.needed.rest(i, dt)
 
     def _drift(self, i: int, column: int, dt: float) -> None:
         """Know less of one share of joint i, after dt [s]: a process of Ornstein and Uhlenbeck."""

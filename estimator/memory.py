@@ -1,6 +1,7 @@
 """Internal state of an estimator as plain lists and back: recordings replay bit-identically.
 
-The state are numbers and arrays of the kernel and of its parts, by their names.
+The state are numbers and arrays of the kernel and of its parts, by their names; what is within a
+part stands under its last name.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -27,9 +28,9 @@ _STATE: dict[str, tuple[str, ...]] = {
     # Where it learns:
     "learning": (
         *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
-        *("calm_s", "quiet_s", "loud_s", "still_s", "correction", "unknown"),
-        *("squares_s", "moved_s"),
-        *("peak", "crossing_peak", "peak_seen", "crossing_seen", "lean", "settled", "passing"),
+        *("calm_s", "needed.quiet_s", "needed.loud_s", "still_s", "correction", "unknown"),
+        *("needed.squares_s", "needed.moved_s", "needed.peak", "needed.crossing_peak"),
+        *("needed.peak_seen", "needed.crossing_seen", "needed.lean", "settled", "needed.passing"),
     ),
     "doubt": (
         *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s"),
@@ -41,7 +42,7 @@ _STATE: dict[str, tuple[str, ...]] = {
 # Only in recordings from since there is a force at the tool.
 _WRENCH = ("peak", "peak_seen", "quiet_s", "lag", "shown")
 # Only where something is carried, or learning stands still; else the memory is as it ever was.
-_CARRIED = ("payload", "frozen")
+_CARRIED = ("torques.payload", "adaptation.frozen")
 
 #: Of any number in it: samples of 1e9 of any unit are no samples.
 _LARGEST = 1e12
@@ -80,11 +81,11 @@ _RANGES = {
 def dump(kernel: Kernel) -> dict[str, Any]:
     """Copy of the complete state, by part and name: arrays as nested lists."""
     extra = {"wrench"}
-    if bool(kernel.frozen) or any(np.asarray(kernel.payload).tolist()):
+    if bool(kernel.adaptation.frozen) or any(np.asarray(kernel.torques.payload).tolist()):
         extra.add("carried")
     return {
-        part: {name: np.asarray(getattr(owner, name)).tolist() for name in names}
-        for part, names, owner in _parts(kernel, extra)
+        part: {name: np.asarray(getattr(owner, name)).tolist() for name, owner in values}
+        for part, values in _parts(kernel, extra)
     }
 
 
@@ -93,34 +94,44 @@ def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
     changes nothing then."""
     extra = {"wrench", "carried"} & (state.keys() if isinstance(state, Mapping) else set())
     parts = list(_parts(kernel, extra))
-    _check_names("an estimator", state, [part for part, _, _ in parts])
+    _check_names("an estimator", state, [part for part, _ in parts])
     read = []
-    for part, names, owner in parts:
-        _check_names(part, state[part], names)
-        for name in names:
+    for part, values in parts:
+        _check_names(part, state[part], [name for name, _ in values])
+        for name, owner in values:
             old = np.asarray(getattr(owner, name))
             what = f"{'kernel' if part == 'carried' else part}.{name}"
             read.append((owner, name, old, _array_like(old, state[part][name], what)))
-    kernel.frozen = 0
-    kernel.put_on(np.zeros(4))
+    kernel.adaptation.frozen = 0
+    kernel.torques.put_on(np.zeros(4))
     for owner, name, old, new in read:
         if old.ndim:
             old[...] = new  # in place: others hold views of it
         else:
             setattr(owner, name, new.item())
-    kernel.put_on(np.array(kernel.payload))
+    kernel.torques.put_on(np.array(kernel.torques.payload))
     kernel.resume()
 
 
-def _parts(kernel: Kernel, extra: Collection[str]) -> Iterator[tuple[str, tuple[str, ...], Any]]:
+def _parts(kernel: Kernel, extra: Collection[str]) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
+    """Parts of the memory: of each its name, and those of its values with their owners."""
     for part, names in _STATE.items():
         if part in ("learning", "doubt") and not kernel.learns:
             continue
-        yield part, names, kernel if part == "kernel" else getattr(kernel, part)
+        yield (
+            part,
+            [_found(kernel if part == "kernel" else getattr(kernel, part), x) for x in names],
+        )
     if "wrench" in extra:
-        yield "wrench", _WRENCH, kernel.wrench
+        yield "wrench", [(name, kernel.wrench) for name in _WRENCH]
     if "carried" in extra:
-        yield "carried", _CARRIED, kernel
+        yield "carried", [_found(kernel, name) for name in _CARRIED]
+
+
+def _found(part: Any, path: str) -> tuple[str, Any]:
+    """Name of a value, and the object within a part that has it."""
+    within, _, name = path.rpartition(".")
+    return name, getattr(part, within) if within else part
 
 
 def _check_names(what: str, given: Mapping[str, Any], names: Any) -> None:

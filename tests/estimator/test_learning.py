@@ -63,7 +63,7 @@ class Joint:
             self.learning.step(0, rubs, drags, loaded, DT, POLE, SHARE)
             corrected = self.raw - self.learning.correction[0]
             moving = touched and abs(theta_dot) > 0.05
-            level = self.learning.level(0) * (LEVEL + self.learning.unknown[0])
+            level = self.learning.needed.level(0) * (LEVEL + self.learning.unknown[0])
             self.beyond += abs(corrected) > level
             self.learning.learn(
                 0, self.raw, LEVEL, LEVEL, doubt, 0.0, 0.0, False, moving, False, DT
@@ -187,19 +187,19 @@ def test_what_was_learned_is_forgotten_in_a_night() -> None:
     joint = Joint()
     joint.swing(600.0, coulomb=1.4, noise=0.05)
     learning = joint.learning
-    learned, left, level = learning.friction(0), learning.coulomb_left[0], learning.level(0)
+    learned, left, level = learning.friction(0), learning.coulomb_left[0], learning.needed.level(0)
     assert (learned, left) == (pytest.approx(1.4, abs=0.05), pytest.approx(0.1, abs=0.1))
     joint.rest(60.0)
-    kept = (learning.friction(0), learning.coulomb_left[0], learning.level(0))
+    kept = (learning.friction(0), learning.coulomb_left[0], learning.needed.level(0))
     assert kept == (learned, left, level)
     joint.rest(1800.0)
     assert 1.25 < learning.friction(0) < learned
     assert left < learning.coulomb_left[0] < 0.8
-    assert learning.level(0) < 1.5 * level
+    assert learning.needed.level(0) < 1.5 * level
     joint.rest(34200.0)
     assert learning.friction(0) == pytest.approx(1.0, abs=0.02)
     assert learning.coulomb_left[0] > 0.99
-    assert learning.level(0) > 2.0 * level
+    assert learning.needed.level(0) > 2.0 * level
 
 
 @pytest.mark.parametrize("hours", [0.5, 8.0])
@@ -209,7 +209,7 @@ def test_a_gear_that_cooled_down_makes_no_false_contact(
 ) -> None:
     joint = Joint()
     joint.swing(600.0, coulomb=warm, noise=0.05)
-    assert (joint.beyond, joint.learning.level(0)) == (0, pytest.approx(0.2, abs=0.05))
+    assert (joint.beyond, joint.learning.needed.level(0)) == (0, pytest.approx(0.2, abs=0.05))
     joint.rest(3600.0 * hours)
     joint.swing(120.0, coulomb=cold, noise=0.05)
     assert joint.beyond == 0
@@ -249,7 +249,7 @@ def test_what_is_too_large_to_be_solved_is_forgotten() -> None:
     joint = Joint()
     learning = joint.learning
     learning.step(0, 1e200, 1e200, 0.0, DT, POLE, SHARE)
-    learning.quiet_s[0] = 1.0
+    learning.needed.quiet_s[0] = 1.0
     learning.learn(0, 0.0, LEVEL, LEVEL, 0.0, 0.0, 0.0, False, True, False, DT)
     learning.reset(0)
     assert learning.error(0) == pytest.approx(0.65)
@@ -293,13 +293,17 @@ def test_compiled_and_plain_are_the_same_to_the_last_bit() -> None:
         joint.swing(30.0, coulomb=1.3, viscous=0.7, noise=0.1)
         names = (
             *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
-            *("unknown", "squares_s", "moved_s", "peak", "crossing_peak", "quiet_s", "loud_s"),
+            "unknown",
         )
+        needed = ("squares_s", "moved_s", "peak", "crossing_peak", "quiet_s", "loud_s")
         state = {name: np.asarray(getattr(joint.learning, name)) for name in names}
-        ends.append([values.tobytes() for values in state.values()] + [joint.learning.level(0)])
+        state |= {name: np.asarray(getattr(joint.learning.needed, name)) for name in needed}
+        ends.append(
+            [values.tobytes() for values in state.values()] + [joint.learning.needed.level(0)]
+        )
         for name in ("shares", "peak", "unknown"):
             assert np.any(state[name]), name
-        assert 0.2 < joint.learning.level(0) < 1.0
+        assert 0.2 < joint.learning.needed.level(0) < 1.0
     assert ends[0] == ends[1]
 
 
@@ -355,12 +359,12 @@ def test_its_levels_sink_to_what_it_needs(days: dict[str, Recording]) -> None:
     """And no motion with nobody there goes beyond them."""
     estimator, found = estimated(days["free"])
     learning, levels = estimator._kernel.learning, estimator.detector.levels
-    share = np.array([learning.level(i) for i in range(7)])
+    share = np.array([learning.needed.level(i) for i in range(7)])
     np.testing.assert_array_equal(levels.share, share)
-    crossing = np.array([learning.crossing_level(i) for i in range(7)])
+    crossing = np.array([learning.needed.crossing_level(i) for i in range(7)])
     np.testing.assert_array_equal(levels.crossing, crossing)
     has_gap = np.array([joint.half_gap > 0.0 for joint in load_robot(ROMEO).configuration.joints])
-    assert (np.asarray(learning.crossing_peak) < 1.0)[has_gap].all()
+    assert (np.asarray(learning.needed.crossing_peak) < 1.0)[has_gap].all()
     assert (share >= 0.2).all()
     assert (share[:4] < 0.8).all(), share
     fastest = estimator.levels_at(np.full(7, 0.5))

@@ -45,31 +45,33 @@ def needed(seconds: float, size: float) -> float:
 @pytest.mark.parametrize("size", [0.05, 0.15, 0.3, -0.3])
 def test_the_level_sinks_as_quiet_motion_goes_on(size: float) -> None:
     learning, before = Learning(LEVELS, NONE, NONE), 1.0
-    assert learning.level(0) == pytest.approx(1.0)
+    assert learning.needed.level(0) == pytest.approx(1.0)
     for minute in range(1, 12):
         shown(60.0, size, learning)
-        assert learning.level(0) == pytest.approx(max(needed(60.0 * minute, size), 0.2), rel=1e-3)
-        assert 0.2 <= learning.level(0) <= before
-        before = learning.level(0)
+        assert learning.needed.level(0) == pytest.approx(
+            max(needed(60.0 * minute, size), 0.2), rel=1e-3
+        )
+        assert 0.2 <= learning.needed.level(0) <= before
+        before = learning.needed.level(0)
 
 
 def test_it_is_never_less_than_a_fifth_nor_more_than_all_of_it() -> None:
     learning = shown(3600.0, 0.0)
-    assert learning.level(0) == 0.2
+    assert learning.needed.level(0) == 0.2
     shown(1200.0, 0.9, learning, level=2.0, friction=1.0, flips=True)
-    assert 2.9 * np.sqrt(learning.squares_s[0] / learning.moved_s[0]) > 1.5
-    assert learning.level(0) == 1.0
-    assert shown(1.0, 1.9, level=2.0).level(0) == 1.0
-    assert shown(0.0, 0.0).level(0) <= 1.0
+    assert 2.9 * np.sqrt(learning.needed.squares_s[0] / learning.needed.moved_s[0]) > 1.5
+    assert learning.needed.level(0) == 1.0
+    assert shown(1.0, 1.9, level=2.0).needed.level(0) == 1.0
+    assert shown(0.0, 0.0).needed.level(0) <= 1.0
 
 
 def test_a_peak_raises_it_a_little_when_it_is_over() -> None:
     learning = shown(1800.0, 0.0)
     shown(DT, 0.6, learning)
     shown(0.29, 0.0, learning)
-    assert learning.level(0) == 0.2
+    assert learning.needed.level(0) == 0.2
     shown(0.05, 0.0, learning)
-    assert learning.level(0) == pytest.approx(1.1 * 0.2, rel=1e-3)
+    assert learning.needed.level(0) == pytest.approx(1.1 * 0.2, rel=1e-3)
 
 
 def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> None:
@@ -77,38 +79,38 @@ def test_peaks_that_return_raise_it_to_what_they_need_which_fades_slowly() -> No
     learning, level = shown(1800.0, 0.0), 0.2
     for _ in range(30):
         shown(0.5, 0.0, shown(DT, 0.6, learning))
-        assert learning.level(0) <= 1.1 * level + 1e-9
-        level = learning.level(0)
+        assert learning.needed.level(0) <= 1.1 * level + 1e-9
+        level = learning.needed.level(0)
     assert level == pytest.approx(1.5 * 0.6, rel=2e-2)
     for minutes in (2.5, 5):
         shown(150.0, 0.0, learning)
-        assert learning.level(0) == pytest.approx(level * np.exp(-minutes / 5), rel=2e-3)
+        assert learning.needed.level(0) == pytest.approx(level * np.exp(-minutes / 5), rel=2e-3)
     shown(DT, 0.2, learning)  # a smaller one is no matter
-    assert learning.level(0) == pytest.approx(level * np.exp(-1.0), rel=2e-3)
+    assert learning.needed.level(0) == pytest.approx(level * np.exp(-1.0), rel=2e-3)
 
 
 def test_a_peak_that_ends_in_a_contact_is_none_of_the_arm() -> None:
     learning = shown(1800.0, 0.0)
-    before = learning.level(0)
+    before = learning.needed.level(0)
     shown(DT, 0.6, shown(0.2, 0.6, learning, raised=0.3))
     shown(DT, 1.01, learning)
-    assert (learning.peak_seen[0], learning.crossing_seen[0]) == (0.0, 0.0)
-    squares = learning.squares_s[0]
+    assert (learning.needed.peak_seen[0], learning.needed.crossing_seen[0]) == (0.0, 0.0)
+    squares = learning.needed.squares_s[0]
     shown(0.2, 0.9, learning)  # as it ends
-    assert learning.peak_seen[0] == 0.0
-    assert learning.squares_s[0] == squares
+    assert learning.needed.peak_seen[0] == 0.0
+    assert learning.needed.squares_s[0] == squares
     shown(1.0, 0.0, learning)
-    assert learning.level(0) == before
-    assert learning.peak[0] < 1e-3
+    assert learning.needed.level(0) == before
+    assert learning.needed.peak[0] < 1e-3
 
 
 def test_of_a_peak_counts_what_friction_near_rest_does_not_explain() -> None:
     learning = shown(DT, 0.7, level=2.0, friction=0.4)
-    assert learning.peak_seen[0] == pytest.approx(0.3)
+    assert learning.needed.peak_seen[0] == pytest.approx(0.3)
     learning = Learning(LEVELS, NONE, NONE)
     learning.unknown[0] = 0.5 * LEVEL  # which raises by as much, times the share that is needed
     shown(DT, 0.6, learning)
-    assert learning.peak_seen[0] == pytest.approx(0.4)
+    assert learning.needed.peak_seen[0] == pytest.approx(0.4)
 
 
 def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
@@ -118,20 +120,25 @@ def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
         shown(seconds, 0.9, shown(1800.0, 0.1, flips=True)) for seconds in (1.0, 60.0)
     )
     for name in names:
-        np.testing.assert_array_equal(getattr(lasting, name), getattr(first, name), name)
+        np.testing.assert_array_equal(
+            getattr(lasting.needed, name), getattr(first.needed, name), name
+        )
     brief = shown(0.5, 0.9, shown(1800.0, 0.1, flips=True))
-    assert (brief.peak_seen[0], lasting.peak_seen[0]) == (pytest.approx(0.9, rel=1e-2), 0.0)
+    assert (brief.needed.peak_seen[0], lasting.needed.peak_seen[0]) == (
+        pytest.approx(0.9, rel=1e-2),
+        0.0,
+    )
     shown(0.35, 0.1, brief)
     shown(0.35, 0.1, lasting)
-    assert brief.peak[0] > 0.19
-    assert lasting.peak[0] < 0.11
-    moved_s = float(lasting.moved_s[0])
+    assert brief.needed.peak[0] > 0.19
+    assert lasting.needed.peak[0] < 0.11
+    moved_s = float(lasting.needed.moved_s[0])
     shown(DT, 0.4, lasting)
-    assert lasting.moved_s[0] == moved_s, "as long as it may lean"
+    assert lasting.needed.moved_s[0] == moved_s, "as long as it may lean"
     shown(15.0, 0.1, lasting, flips=True)
-    assert lasting.moved_s[0] > moved_s
+    assert lasting.needed.moved_s[0] > moved_s
     shown(DT, 0.95, lasting)
-    assert 0.7 < lasting.peak_seen[0] <= 0.95  # less what leaned
+    assert 0.7 < lasting.needed.peak_seen[0] <= 0.95  # less what leaned
 
 
 @pytest.mark.parametrize(
@@ -150,10 +157,10 @@ def test_what_is_loud_for_long_may_be_a_person_and_does_not_count() -> None:
 def test_what_is_not_counted(size: float, how: dict[str, Any]) -> None:
     learning = shown(600.0, 0.1)
     names = ("squares_s", "moved_s", "peak", "crossing_peak")
-    before = {name: np.array(getattr(learning, name)) for name in names}
+    before = {name: np.array(getattr(learning.needed, name)) for name in names}
     shown(0.9, size, learning, **how)
     for name, values in before.items():
-        np.testing.assert_array_equal(getattr(learning, name), values, name)
+        np.testing.assert_array_equal(getattr(learning.needed, name), values, name)
 
 
 # --- while a gap is crossed ----------------------------------------------------------------------
@@ -164,47 +171,47 @@ def test_what_is_needed_while_a_gap_is_crossed_is_found_apart(size: float) -> No
     """1.8 peaks, from one of a whole level on, which fades in 20 s of that; 0.7 at least."""
     learning = shown(600.0, 0.1)
     names = ("squares_s", "moved_s", "peak")
-    before = {name: np.array(getattr(learning, name)) for name in names}
-    assert learning.crossing_level(0) == 1.0
+    before = {name: np.array(getattr(learning.needed, name)) for name in names}
+    assert learning.needed.crossing_level(0) == 1.0
     for seconds in range(4, 80, 4):
         shown(4.0, size, learning, raised=0.06)
         peak = max(np.exp(-seconds / 20.0), size)
         level = min(max(1.8 * peak, 0.7), 1.0)
-        assert learning.crossing_level(0) == pytest.approx(level, rel=0.01)
+        assert learning.needed.crossing_level(0) == pytest.approx(level, rel=0.01)
     for name, values in before.items():
-        np.testing.assert_array_equal(getattr(learning, name), values, name)
+        np.testing.assert_array_equal(getattr(learning.needed, name), values, name)
 
 
 def test_that_is_over_when_little_is_left_of_its_raise() -> None:
     learning = shown(60.0, 0.1, raised=0.3)
-    crossing, moved_s = learning.crossing_level(0), learning.moved_s[0]
+    crossing, moved_s = learning.needed.crossing_level(0), learning.needed.moved_s[0]
     shown(60.0, 0.4, learning, raised=0.04)
-    assert learning.crossing_level(0) == crossing
-    assert learning.moved_s[0] > moved_s
+    assert learning.needed.crossing_level(0) == crossing
+    assert learning.needed.moved_s[0] > moved_s
 
 
 def test_of_that_counts_what_friction_near_rest_does_not_explain() -> None:
     learning = shown(600.0, 0.0, raised=0.3)
     shown(DT, 0.7, learning, level=2.0, friction=0.4, raised=0.3)
-    assert learning.crossing_peak[0] == pytest.approx(0.3)
+    assert learning.needed.crossing_peak[0] == pytest.approx(0.3)
     learning.unknown[0] = 0.5 * LEVEL
     shown(DT, 0.9, learning, raised=0.3)
-    assert learning.crossing_seen[0] == pytest.approx(0.6)
+    assert learning.needed.crossing_seen[0] == pytest.approx(0.6)
     shown(0.35, 0.0, learning, raised=0.3)
-    assert learning.crossing_peak[0] == pytest.approx(0.6, rel=0.02)
-    assert learning.crossing_level(0) == 1.0
+    assert learning.needed.crossing_peak[0] == pytest.approx(0.6, rel=0.02)
+    assert learning.needed.crossing_level(0) == 1.0
 
 
 def test_reset_keeps_the_level_that_was_found() -> None:
     learning = shown(0.5, 0.9, shown(20.0, 0.1, shown(600.0, 0.1), raised=0.3))
     names = ("squares_s", "moved_s", "peak", "crossing_peak")
-    before = {name: np.array(getattr(learning, name)) for name in names}
-    assert learning.loud_s[0] == pytest.approx(0.5)
+    before = {name: np.array(getattr(learning.needed, name)) for name in names}
+    assert learning.needed.loud_s[0] == pytest.approx(0.5)
     learning.reset(0)
-    assert (learning.loud_s[0], learning.quiet_s[0]) == (0.0, 0.0)
-    assert (learning.peak_seen[0], learning.crossing_seen[0]) == (0.0, 0.0)
+    assert (learning.needed.loud_s[0], learning.needed.quiet_s[0]) == (0.0, 0.0)
+    assert (learning.needed.peak_seen[0], learning.needed.crossing_seen[0]) == (0.0, 0.0)
     for name, values in before.items():
-        np.testing.assert_array_equal(getattr(learning, name), values, name)
+        np.testing.assert_array_equal(getattr(learning.needed, name), values, name)
 
 
 @pytest.mark.parametrize("size", [1e3, 1e160, 1e300])
@@ -212,46 +219,52 @@ def test_a_sample_that_is_none_does_not_last(size: float) -> None:
     """One that is finite inflates the level in force, too, so that what it shows is within it; its
     square is not even finite."""
     learning = shown(1800.0, 0.1)
-    before = learning.level(0)
+    before = learning.needed.level(0)
     shown(DT, size, learning, level=2.0 * size)
-    assert np.isfinite(learning.squares_s[0])
+    assert np.isfinite(learning.needed.squares_s[0])
     learning.reset(0)
     shown(1800.0, 0.1, learning)
-    assert learning.level(0) == pytest.approx(before, rel=0.05)
+    assert learning.needed.level(0) == pytest.approx(before, rel=0.05)
 
 
 @pytest.mark.parametrize("minutes", [5.0, 15.0])
 def test_a_hand_that_leans_raises_no_level(minutes: float) -> None:
     """With 0.8 of the level in force; noise and turns make it loud and quiet by turns."""
     learning, rng = shown(1800.0, 0.12, flips=True), np.random.default_rng(3)
-    before = learning.level(0)
+    before = learning.needed.level(0)
     for _ in range(round(60.0 * minutes / 0.2)):
         shown(0.2, before * (0.8 + 0.25 * rng.normal()), learning, level=before)
-    assert learning.level(0) <= 1.25 * before
-    leaned = float(learning.squares_s[0]), float(learning.moved_s[0])
+    assert learning.needed.level(0) <= 1.25 * before
+    leaned = float(learning.needed.squares_s[0]), float(learning.needed.moved_s[0])
     shown(600.0, 0.8 * before, learning, level=before)
-    assert (learning.squares_s[0], learning.moved_s[0]) == leaned, "nor does it sink by what leans"
+    assert (learning.needed.squares_s[0], learning.needed.moved_s[0]) == leaned, (
+        "nor does it sink by what leans"
+    )
     shown(120.0, 0.12, learning, level=before, flips=True)
-    assert learning.level(0) <= 1.2 * before
+    assert learning.needed.level(0) <= 1.2 * before
 
 
 def test_what_leaned_from_the_beginning_keeps_its_level() -> None:
     """Masses that are off: the level sinks no further than they need."""
     learning = shown(1800.0, 0.2)
-    assert learning.level(0) == pytest.approx(2.9 * 0.2, rel=0.02)
+    assert learning.needed.level(0) == pytest.approx(2.9 * 0.2, rel=0.02)
 
 
 def test_in_doubt_nothing_is_measured() -> None:
     learning = shown(600.0, 0.1, flips=True)
-    before = (learning.squares_s[0], learning.moved_s[0], learning.peak[0])
+    before = (learning.needed.squares_s[0], learning.needed.moved_s[0], learning.needed.peak[0])
     for _ in range(1000):
         learning.learn(0, 0.6 * LEVEL, LEVEL, LEVEL, 0.0, 0.0, 1.0, False, True, False, DT)
-    assert (learning.squares_s[0], learning.moved_s[0], learning.peak[0]) == before
-    assert learning.peak_seen[0] == 0.0
+    assert (
+        learning.needed.squares_s[0],
+        learning.needed.moved_s[0],
+        learning.needed.peak[0],
+    ) == before
+    assert learning.needed.peak_seen[0] == 0.0
 
 
 def test_a_level_that_a_person_states_is_a_floor() -> None:
     stated = Thresholds(np.array([LEVEL]), np.array([6 * LEVEL]), least_share=np.array([0.6]))
     learning = shown(3600.0, 0.0, Learning(stated, NONE, NONE))
-    assert learning.level(0) == 0.6
-    assert learning.crossing_level(0) >= 0.6
+    assert learning.needed.level(0) == 0.6
+    assert learning.needed.crossing_level(0) >= 0.6

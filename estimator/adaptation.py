@@ -1,0 +1,158 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Adaptation to what a joint shows: learned friction and level put to use, with the doubt in them.
+
+Learned friction is taken off the residual and reaches the gap test; the level that a joint needs
+lowers the one in force. Where a contact raised doubt, both return to what was stated.
+
+Ordinary Python, which runs as it is; `adaptation.pxd` names the types for the compiler.
+"""
+
+import numpy as np
+
+from common.elementary import smooth_sign
+from estimator.contact_detector import ContactDetector
+from estimator.doubt import FRICTION, GRAZED, Doubt
+from estimator.interval import Interval
+from estimator.learning import Learning
+from estimator.levels import Levels
+from estimator.link_velocity import Alignment
+from estimator.motor_position import MotorPosition
+from estimator.residual import Residual
+from estimator.torques import Torques
+from estimator.transmission import REST_VELOCITY
+
+_REST_VELOCITY = REST_VELOCITY
+_SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
+_THETA_DOT, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION = 3, 6, 7, 10  # `interval.TERMS`
+_GRAZED, _FRICTION = GRAZED, FRICTION
+
+
+class Adaptation:
+    """`learning` and `doubt` of an arm's joints, and their effect on its other parts; without
+    `learns`, none."""
+
+    def __init__(
+        self,
+        learns: bool,
+        learning: Learning,
+        doubt: Doubt,
+        alignment: Alignment,
+        interval: Interval,
+        torques: Torques,
+        motor_position: MotorPosition,
+        residual: Residual,
+        levels: Levels,
+        detector: ContactDetector,
+    ) -> None:
+        self._learns, self.learning, self.doubt = learns, learning, doubt
+        self._alignment, self._interval, self._torques = alignment, interval, torques
+        self._motor_position, self._residual = motor_position, residual
+        self._levels, self._detector = levels, detector
+        self.frozen = 0  # 1: nothing is learned, whatever the residuals say
+        n = self._n = len(np.asarray(torques.coulomb))
+        self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
+
+    def unknown(self, i: int) -> float:
+        """Uncertainty of the friction of joint i [Nm]; doubt adds the part that the raise near rest
+        does not contain already."""
+        if not self._learns:
+            return 0.0
+        learning, doubt = self.learning, self._doubted(i)
+        if doubt <= 0.0:
+            return float(learning.unknown[i])
+        doubted = learning.doubted_at(i, doubt) - self._levels.friction[i]
+        return float(max(learning.unknown[i], doubted))
+
+    def unknown_at(self, i: int, speed: float, transmitted: float) -> float:
+        """Uncertainty of the friction of joint i [Nm] at a motor speed [rad/s], while its gear
+        transmits so much [Nm]."""
+        if not self._learns:
+            return 0.0
+        torques, slides = self._torques, smooth_sign(speed * self._torques.per_width)
+        coulomb, load = torques.coulomb[i] * slides, abs(transmitted) * slides
+        return float(self.learning.unknown_at(i, coulomb, torques.viscous[i] * speed, load))
+
+    def load_friction(self, i: int, tau_M: float) -> float:
+        """Friction that is known to come with what the gear of joint i transmits [Nm], at most:
+        near rest its own friction may hold a part of the motor's torque."""
+        own = self._torques.coulomb[i] * self._motor_position.friction[i]
+        share = self._torques.load[i] + self.learning.load(i)
+        return float(share * (abs(tau_M) + own))
+
+    def learn(
+        self, i: int, dt: float, theta_dot: float, load: float, level: float, acts: bool
+    ) -> None:
+        """Correct the residual of joint i by what was learned of friction, and learn, over its
+        interval of dt [s]. load: impulse of what its gear transmits, by the sign of its motion;
+        level: in force [Nm]; acts: friction and load did on the link."""
+        if not self._learns:
+            return
+        x, learning, residual = self._interval.impulse, self.learning, self._residual
+        viscous = self._torques.viscous[i] * x[_THETA_DOT]
+        coulomb = x[_MOTOR_FRICTION] + x[_ENGAGED_LINK_FRICTION] + x[_STICTION]
+        coulomb -= viscous + self._torques.load[i] * load
+        some = 1.0 if acts else 0.0
+        learning.step(
+            i, some * coulomb, some * viscous, some * load, dt, residual.pole, residual.share
+        )
+        residual.correct(i, learning.correction[i])
+        levels, speed = self._levels, abs(theta_dot)
+        moving = acts and speed > _REST_VELOCITY
+        self.doubt.moving[i] = moving
+        if speed > _SETS_OUT and learning.stood(i):
+            self.doubt.raise_all(i)
+        doubt = self._doubted(i)
+        learning.learn(
+            i, residual.values[0, i], level / (1.0 + self.doubt.margin[i]), levels.usual(i, speed),
+            levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0,
+            moving, self.frozen != 0, dt,
+        )  # fmt: skip
+        self.apply(i)
+
+    def compare(self, i: int, dt: float) -> None:
+        """Hold the residual of joint i against what was learned; doubt that where they differ."""
+        if not self._learns:
+            return
+        learning, levels, doubt = self.learning, self._levels, self.doubt
+        q, velocity = self._alignment.aligned[0, i], self._alignment.aligned[3, i]
+        corrected, raw = self._residual.corrected[0, i], self._residual.values[0, i]
+        agree = corrected * raw > 0.0 or corrected == raw
+        believed = min(abs(corrected), abs(raw)) if agree else 0.0
+        usual = levels.usual(i, abs(velocity))
+        unknown = self.unknown(i)
+        above = levels.raised[i] + levels.friction[i]
+        lowered = above + learning.needed.level(i) * (usual + learning.unknown[i])
+        stated = above + usual + unknown + learning.identified(i)
+        verdict = doubt.step(
+            i, self._detector.streak[0, i] != 0, q, velocity, corrected, believed,
+            lowered, stated, dt,
+        )  # fmt: skip
+        if verdict == _FRICTION:
+            learning.unsettle(i)
+            if abs(raw) < abs(corrected):
+                learning.give_up(i)
+                self.given_up[i] += 1
+        if verdict == _GRAZED:
+            # What a load or a cable changes of one joint, it may change of all.
+            for k in range(self._n):
+                doubt.widen(k, k == i)
+
+    def apply(self, i: int) -> None:
+        """Let the other parts know what was learned of joint i."""
+        if not self._learns:
+            return
+        self._motor_position.friction[i] = self.learning.friction(i)
+        self._motor_position.friction_error[i] = self.learning.error(i)
+        # While learning is suspended, levels are the stated ones: the lowered ones are of an arm
+        # without the load that was recognised.
+        doubt = 1.0 if self.frozen else self._doubted(i)
+        needed = self.learning.needed
+        share = min(needed.level(i) * (1.0 + self.doubt.margin[i]), 1.0)
+        crossing = needed.crossing_level(i)
+        self._levels.share[i] = share + doubt * (1.0 - share)
+        self._levels.crossing[i] = crossing + doubt * (1.0 - crossing)
+
+    def _doubted(self, i: int) -> float:
+        """Doubt of joint i where it is, 0 to 1."""
+        return float(self.doubt.at(i, self._alignment.aligned[0, i]))
