@@ -51,11 +51,16 @@ define refuse-strange-robot
   { echo "ROBOT=$(ROBOT): no config.yaml is there; it is the folder of one robot"; exit 1; }
 endef
 
-$(STAMP): requirements.lock requirements-web.lock requirements-ros.lock requirements-dev.lock pyproject.toml
+LOCKS := requirements.lock requirements-web.lock requirements-ros.lock requirements-dev.lock
+# One line of progress from pip's many; fails where pip does.
+COUNT := '/^Collecting/ {printf "\r%d packages", ++n} /^Installing/ {printf ", installing them"} \
+  {fflush()} /^failed$$/ {bad = 1} END {print ""; exit bad}'
+
+$(STAMP): $(LOCKS) pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
 	@echo "installing the packages of the lock files, some minutes the first time"
-	@$(BIN)/pip install --disable-pip-version-check --no-deps -r requirements.lock -r requirements-web.lock -r requirements-ros.lock -r requirements-dev.lock | grep -E '^(Collecting|Installing|Successfully)'
+	@{ $(BIN)/pip install --disable-pip-version-check --no-deps $(LOCKS:%=-r %) || echo failed; } | awk $(COUNT)
 	@command -v gcc >/dev/null || command -v cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
