@@ -28,6 +28,11 @@ BESIDE: Final = (
     Variant(friction=False),
 )
 LEVELS: Final = Thresholds(conftest.CONTACT, 6 * conftest.CONTACT, per_speed=np.array(0.05))
+TRANSMISSION: Final = conftest.transmission(
+    gap_coulomb=0.1 * conftest.COULOMB, gap_viscous=0.05 * conftest.VISCOUS,
+    contact_stiffness=9.0 * (conftest.ALPHA > 0.0),
+    contact_damping=0.2 * (conftest.ALPHA > 0.0),
+)  # fmt: skip
 EXACT = ("side", "sensing")
 CLOSE = ("q", "q_dot", "theta", "phi_sigma", "tau_M", "residual", "threshold", "thresholded")
 EVERY: Final = 30  # ticks from one row of arrays to the next; flags and contacts are of all
@@ -122,7 +127,7 @@ def rows(run: Run, answers: Sequence[Estimate]) -> dict[str, np.ndarray]:
 def of(run: Run, samples: np.ndarray) -> dict[str, np.ndarray]:
     """Answers of today's estimator."""
     like = conftest.estimator(beside=BESIDE, **dict(run.settings))
-    parts = like.model, like.transmission, like.settings, LEVELS, like.period_s
+    parts = like.model, TRANSMISSION, like.settings, LEVELS, like.period_s
     return rows(run, estimates(run, samples, Estimator(*parts)))
 
 
