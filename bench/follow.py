@@ -3,10 +3,8 @@
     python -m bench.follow [--minutes N] [--arms N] [--hours H] [--jobs N] [--seed N] [--json]
 
 Both arms of `configs/` follow sines and the reaches of a hand, sent at 20, 50, 100 and 200 Hz, with
-10 ms of jitter and 5 % lost, for --minutes each: beside Ruckig, where it is installed, with the
-targets as they come and behind the daemon's playout, and beside a low-pass of 40 ms. The error is
-that beside the constant delay that fits best. "Beyond" is the delay of each moment in motion less
-the one that the stream reports.
+10 ms of jitter and 5 % lost, for --minutes each. The error is that beside the constant delay that
+fits best. "Beyond" is the delay of each moment in motion less the one that the stream reports.
 
 A stream ends by itself when it is silent; false stops are counted in --hours of living senders at
 each rate. Deaths, of Romeo arms of the world's width: silence, targets that come ever later,
@@ -38,14 +36,12 @@ from bench.study.monte_carlo import spread
 from bench.study.stream_contacts import work
 from bench.study.stream_deaths import DEATHS, death
 from bench.study.stream_quality import Quality, beyond_limits, false_stops, quality
-from bench.study.stream_rivals import RIVALS, rival
 from bench.study.streamed import MOTIONS, RATES_HZ, arrivals, track
 from daemon.config.load import load_robot
 from daemon.config.vectors import limits_of
 from programs.command_line.options import Range
 
 ROBOTS: Final = (ROMEO, DESK_ARM)
-OURS: Final = "contactd"
 WILD: Final = 500
 """streams of wild targets to each robot"""
 DYING: Final = 20
@@ -58,13 +54,12 @@ WAYS: Final = ("trajectory", "stream")
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """One motion at one rate, by contactd and its rivals; None: not installed."""
+    """One motion at one rate."""
 
     robot: str
     motion: str
     rate_hz: float
-    by: dict[str, Quality | None]
-    longest_us: dict[str, float]
+    quality: Quality
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +99,8 @@ def _followed(job: Job) -> Followed:
     limits, period_s = limits_of(robot.configuration), robot.configuration.period_s
     motion = MOTIONS[job.what](limits, job.seconds, job.seed)
     coming = arrivals(motion, job.rate_hz, job.seconds, job.seed)
-    seconds = job.seconds - 1.0
-    by: dict[str, Quality | None] = {OURS: quality(track(robot, coming, seconds), motion, period_s)}
-    longest: dict[str, float] = {}
-    for name in RIVALS:
-        found = rival(name, limits, coming, seconds, period_s)
-        by[name] = None if found is None else quality(found[0], motion, period_s)
-        longest[name] = math.nan if found is None else 1e6 * found[1]
-    return Followed(robot.configuration.name, job.what, job.rate_hz, by, longest)
+    found = quality(track(robot, coming, job.seconds - 1.0), motion, period_s)
+    return Followed(robot.configuration.name, job.what, job.rate_hz, found)
 
 
 def jobs(minutes: float, arms: int, hours: float, seed: int) -> list[Job]:
@@ -140,9 +129,9 @@ def jobs(minutes: float, arms: int, hours: float, seed: int) -> list[Job]:
 def targets(done: Sequence[tuple[Job, Any]]) -> list[Target]:
     """Figures against their limits."""
     of = partial(_of, done)
-    ours = [f.by[OURS] for f in of("quality")]
+    ours = [f.quality for f in of("quality")]
     stands_s = max(d.stands_s for d in of("death"))
-    at_100 = [f.by[OURS].reported_ms for f in of("quality") if f.rate_hz == 100.0]
+    at_100 = [f.quality.reported_ms for f in of("quality") if f.rate_hz == 100.0]
     felt = {what: np.array([s for w in of("touches", what) for s in w.felt_s]) for what in WAYS}
     found = [
         Target("p50 beyond the delay, worst", max(q.beyond[0] for q in ours), 1.5, "ticks"),
@@ -197,14 +186,12 @@ def in_words(done: Sequence[tuple[Job, Any]]) -> dict[str, Any]:
             "p50_ms": round(1e3 * percentile(delays, 50)),
             "p95_ms": round(1e3 * percentile(delays, 95)),
         }
-    longest = [f.longest_us for f in _of(done, "quality")]
     held = [d.held_rad for d in _of(done, "death")]
     return {
         "held_after_a_death_rad": {"p50": float(np.median(held)), "worst": max(held)},
         "stalls": {f"{rate:.0f} Hz": count for rate, (_, count) in stops.items()},
         "felt": felt,
         "tick_p99_ratio": tick_ratio(done),
-        "longest_us": {name: float(np.median([one[name] for one in longest])) for name in RIVALS},
     }
 
 

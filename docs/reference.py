@@ -1,16 +1,14 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`contactctl.md` from the commands' own help; `schemas/`, and `messages.py` and `requests.py` of
-`contactd_client/`, from the messages of the socket; `concepts/` from `drawings.py`;
-`programs/zenoh/type_hashes.py` from the definitions of ROS 2; the page's `troubleshooting.html`
-from the document of that name. `faults.md`, `modes.md`, `mistakes.md`, `recording.md` and
-`rehearsing.md` are written by hand but for the parts between two markers, which come from what the
-program runs on.
+`schemas/` and the types of `contactd_client/` from the messages of the socket; `concepts/` from
+`drawings.py`; `programs/zenoh/type_hashes.py` from the definitions of ROS 2; the
+page's `troubleshooting.html` from the document of that name. `faults.md`, `modes.md`,
+`mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts between two
+markers, which come from what the program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
-import copy
 import inspect
 import re
 import sys
@@ -18,7 +16,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import click
 import msgspec
 from msgspec import inspect as types
 
@@ -30,7 +27,6 @@ from daemon.faults.table import TABLE
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
 from daemon.protocol.state import Snapshot, State
-from programs.contactctl.contactctl import main
 from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
@@ -52,29 +48,11 @@ file, line, field, value and what is allowed. Unknown keys are refused. SI units
 unless a name says otherwise. A field without a default must be given.
 """
 
-COMMON = frozenset(one.name for one in main.params)
-CONTACTCTL = """
-# Reference of `contactctl`
-
-The commands' own help. Every command takes `--socket` and `--json`, too. What commands mean for the
-arm: [operating](operating.md).
-"""
-
 
 def configuration_page() -> str:
     """docs/configuration.md."""
     sections = [_section(cls, fields) for cls, fields in structs_of(Configuration)]
     return "\n".join([MADE.rstrip() + CONFIGURATION, *sections])
-
-
-def contactctl_page() -> str:
-    """docs/contactctl.md."""
-    parts = [MADE.rstrip() + CONTACTCTL, _help(main, "contactctl")]
-    for name, command in main.commands.items():
-        own = copy.copy(command)
-        own.params = [one for one in command.params if one.name not in COMMON]
-        parts.append(f"\n## {name}\n\n{_help(own, f'contactctl {name}')}")
-    return "\n".join(parts)
 
 
 def faults_page() -> str:
@@ -247,18 +225,6 @@ def _mistakes() -> str:
     return _table(("what is written", "reported at"), *rows)
 
 
-# --- contactctl -----------------------------------------------------------------------------------
-
-
-def _help(command: click.Command, name: str) -> str:
-    context = click.Context(command, info_name=name, terminal_width=80, max_content_width=80)
-    context.help_option_names = []
-    text = command.get_help(context).replace("\b", "").rstrip()
-    # The commands of a group are the sections that follow.
-    text = re.sub(r"\n\nCommands:\n.*", "", text, flags=re.DOTALL)
-    return f"```\n{text}\n```"
-
-
 # --- the schema -----------------------------------------------------------------------------------
 
 
@@ -337,7 +303,6 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
 
 PAGES = {
     "configuration": configuration_page,
-    "contactctl": contactctl_page,
     "faults": faults_page,
     "modes": modes_page,
     "recording": recording_page,

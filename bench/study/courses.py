@@ -10,11 +10,8 @@ A course is a table of q_d and its velocity, a row for each tick; each part begi
 where the part before left the arm.
 """
 
-import re
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -22,7 +19,6 @@ from numpy.typing import NDArray
 
 from bench.rigs.arm_without_bus import Course
 from common.arrays import Vector
-from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 
 CLEARANCE: Final = 0.1  # [rad] between a course and the joint limits
@@ -160,20 +156,6 @@ def joined(parts: list[Course]) -> Course:
         np.concatenate([part.q for part in parts]),
         np.concatenate([part.velocity for part in parts]),
     )
-
-
-def folder_with(course: Course, robot: Robot, folder: Path) -> Path:
-    """A copy of a robot's folder whose trajectory is a file of this course."""
-    shutil.copytree(robot.folder, folder, dirs_exist_ok=True)
-    c, file = robot.configuration, "course.csv"
-    rows = [f"{c.period_s * k:.2f}," + ",".join(f"{q:.5f}" for q in course.q[k])
-            for k in range(0, len(course.q), 5)]  # fmt: skip
-    (folder / file).write_text("\n".join(["time_s," + ",".join(c.joint_names), *rows, ""]))
-    path, new = folder / "config.yaml", f"trajectory: {{file: {file}, from_here: true}}\n"
-    text, count = re.subn(r"^trajectory:\n(  .*\n)+", new, path.read_text(), flags=re.MULTILINE)
-    assert count == 1
-    path.write_text(text)
-    return folder
 
 
 def day(

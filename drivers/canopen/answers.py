@@ -1,7 +1,6 @@
 """Answers of the drives to SYNC: TPDOs received so far, and the samples made of them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from drivers.api import DriveStatus, Event, Kind, Samples
 from drivers.awaited import Awaited, Freshness
@@ -12,31 +11,19 @@ from drivers.canopen.ids import NODE
 from drivers.canopen.settings import CanopenDrive
 
 
-@dataclass(slots=True)
-class Counters:
-    """Counters of irregular frames and failures on the bus."""
-
-    unknown_frames: int = 0
-    short_frames: int = 0
-    late_frames: int = 0
-    missing_frames: int = 0
-    error_frames: int = 0
-    send_errors: int = 0
-    dropped_events: int = 0
-
-
 class Answers:
     """TPDOs in, samples out."""
 
     def __init__(
         self,
         drives: Sequence[CanopenDrive],
-        counters: Counters,
         report: Callable[[Fact], None],
         period_s: float,
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
-        self._counters, self._report = counters, report
+        self._report = report
+        self.late_frames = 0
+        """TPDOs that were not awaited when they came"""
         self._nodes = tuple(drive.node for drive in drives)
         self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
@@ -77,11 +64,10 @@ class Answers:
             return False
         bit, start, stop, layout = slot
         if len(data) < layout.size:
-            self._counters.short_frames += 1
             return True
         self._raw[start:stop] = layout.unpack_from(data)
         if not self.awaited.take(bit):
-            self._counters.late_frames += 1
+            self.late_frames += 1
             if self.punctuality.unawaited(bit):
                 text = "answers later than a whole period"
                 self._report(Fact(Kind.DISTURBED, (cob_id & NODE,), text))
@@ -89,7 +75,6 @@ class Answers:
 
     def finish(self, events: tuple[Event, ...]) -> Samples:
         """Make the samples of this tick from the frames received so far, with `events`."""
-        self._counters.missing_frames += self.awaited.missing.bit_count()
         self._decoder.decode()
         self.samples = self._samples(self.awaited.finish(), events)
         return self.samples

@@ -38,7 +38,6 @@ class CanopenArm(CanopenDrives):
         self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
     ) -> None:
         """Begin to tick, as `CanopenDrives.start`, with what the boot heard meanwhile."""
-        self.counters.dropped_events += self.boot.heard.dropped
         super().start(now, renewed, [*self.boot.heard.take(), *heard])
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:

@@ -12,7 +12,6 @@ from functools import partial
 from common.arrays import Vector
 from drivers.api import Event, Kind, Objection, PowerTarget, Samples
 from drivers.can.wire import Frame, Wire
-from drivers.canopen.answers import Counters
 from drivers.canopen.emergencies import Emergencies
 from drivers.canopen.event_queue import EventQueue
 from drivers.canopen.events import Fact, crossing
@@ -44,17 +43,16 @@ class CanopenDrives:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self.names = tuple(drive.name for drive in drives)
         self.nodes = tuple(drive.node for drive in drives)
-        self.counters = Counters()
         self._clock, self._now = clock, 0.0
         self._joints = dict(zip(self.nodes, self.names, strict=True))
-        self._events = EventQueue(self.counters)
+        self._events = EventQueue()
         self._report = self._events.report
         self._presence = Presence(least_patience_s(drives), period_s)
-        self._outbox = Outbox(wire, drives, master_node, self.counters, self._report)
+        self._outbox = Outbox(wire, drives, master_node, self._report)
         self._setpoints = self._outbox.setpoints
         self._inbox = Inbox(
             *(wire, drives, period_s, bitrate, self._outbox.masters_own),
-            *(self.counters, self._report),
+            self._report,
             on_sdo=self._hear_sdo,
             on_node=self._address,
             on_bus_off=self._presence.lost,
@@ -90,7 +88,7 @@ class CanopenDrives:
             if renewed is not None:
                 self._stops.take_over(before)
         self._answers.awaited.start_anew()
-        self._inbox.traffic.begin(now, self.counters.late_frames)
+        self._inbox.traffic.begin(now, self._inbox.answers.late_frames)
         self._sdo_watch.forget()
         if renewed is None:
             self._inbox.read_queued(now)
@@ -190,7 +188,7 @@ class CanopenDrives:
             inbox.take(*frame, self._now)
             frames_left -= 1
         answers.judge()
-        self._inbox.traffic.step(self._now, self.counters.late_frames)
+        self._inbox.traffic.step(self._now, self._inbox.answers.late_frames)
         if loaded := self._inbox.traffic.loaded:
             self._report(Event(Kind.LOADED, loaded.text))
         events = self._events.take()

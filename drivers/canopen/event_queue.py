@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Final
 
-from drivers.canopen.answers import Counters
 from drivers.canopen.events import BusEvent
 
 #: Bound of one tick: a flooded bus must not take the memory.
@@ -13,21 +12,17 @@ Report = Callable[[BusEvent | None], None]
 
 
 class EventQueue:
-    """Queue of one arm; what finds no room is counted."""
+    """Queue of one arm; what finds no room is lost."""
 
-    def __init__(self, counters: Counters) -> None:
-        self._counters = counters
+    def __init__(self) -> None:
         self._events: list[BusEvent] = []
 
     def report(self, *events: BusEvent | None) -> None:
         """Keep events for the next samples; None is ignored."""
         for event in events:
-            if event is None or event in self._events:
-                continue
-            if len(self._events) < EVENTS_PER_TICK:
+            room = len(self._events) < EVENTS_PER_TICK
+            if room and event is not None and event not in self._events:
                 self._events.append(event)
-            else:
-                self._counters.dropped_events += 1
 
     def take(self) -> tuple[BusEvent, ...]:
         """All events so far, which are then forgotten here."""

@@ -11,7 +11,7 @@ from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
 from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, Frame, Wire
-from drivers.canopen.answers import Answers, Counters
+from drivers.canopen.answers import Answers
 from drivers.canopen.emergency_codes import OF_COMMUNICATION
 from drivers.canopen.event_queue import Report
 from drivers.canopen.events import Emergency, Fact
@@ -34,7 +34,6 @@ class Inbox:
         period_s: float,
         bitrate: int,
         masters_own: set[int],
-        counters: Counters,
         report: Report,
         on_sdo: Callable[[int, bytes | bytearray], None],
         on_node: Callable[[], None],
@@ -43,11 +42,11 @@ class Inbox:
         """masters_own: identifiers that only we may send. on_sdo takes a node's answer; on_node is
         called when the state of a node has changed, on_bus_off when nothing goes out any more.
         Raises ConfigurationError if a PDO layout does not fit."""
-        self.answers = Answers(drives, counters, report, period_s)
-        self.nodes = NodeWatches(drives, counters)
+        self.answers = Answers(drives, report, period_s)
+        self.nodes = NodeWatches(drives)
         self.traffic = Traffic(frames(drives, period_s), period_s, bitrate)
         self._wire, self._masters_own = wire, masters_own
-        self._counters, self._report = counters, report
+        self._report = report
         self._on_sdo, self._on_node, self._on_bus_off = on_sdo, on_node, on_bus_off
 
     def receive(self, timeout: float) -> Frame | None:
@@ -92,13 +91,12 @@ class Inbox:
         if self.answers.take(can_id, data):
             return
         if can_id & ERROR:
-            self._counters.error_frames += 1
             event = error_frame(can_id & ~ERROR, data)
             if event.kind is Kind.OFF_BUS:
                 self._on_bus_off()
             self._report(event)
             return
-        unknown = self._counters.unknown_frames
+        unknown = self.nodes.unknown_frames
         if can_id & ~NODE == SDO_ANSWER:  # 11-bit identifiers: a flag makes it another number
             self._on_sdo(can_id & NODE, data)
         elif can_id in self._masters_own:
@@ -107,4 +105,4 @@ class Inbox:
             if not isinstance(found, Emergency):
                 self._on_node()
             self._report(found)
-        self.traffic.take(can_id, len(data), unknown=self._counters.unknown_frames > unknown)
+        self.traffic.take(can_id, len(data), unknown=self.nodes.unknown_frames > unknown)

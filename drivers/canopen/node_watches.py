@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.canopen.answers import Counters
 from drivers.canopen.cia402 import DriveState
 from drivers.canopen.emergency_codes import OF_COMMUNICATION, PROTOCOL_ERROR, UNKNOWN_CODE
 from drivers.canopen.events import BusEvent, Emergency
@@ -30,8 +29,8 @@ class _Node:
 class NodeWatches:
     """One watch for each drive, in the order of the joints."""
 
-    def __init__(self, drives: Sequence[CanopenDrive], counters: Counters) -> None:
-        self._drives, self._counters = tuple(drives), counters
+    def __init__(self, drives: Sequence[CanopenDrive]) -> None:
+        self._drives, self.unknown_frames = tuple(drives), 0
         self.joint_of = {drive.node: joint for joint, drive in enumerate(drives)}
         self._nodes = [self._watched(drive, 0.0) for drive in drives]
 
@@ -51,10 +50,8 @@ class NodeWatches:
         """Take a heartbeat or an emergency; any other frame is counted."""
         joint, service = self.joint_of.get(can_id & NODE), can_id & ~NODE
         if joint is None or service not in (HEARTBEAT, EMERGENCY):
-            self._counters.unknown_frames += 1
+            self.unknown_frames += 1
             return None
-        if len(data) < (1 if service == HEARTBEAT else 3):
-            self._counters.short_frames += 1
         node = self._nodes[joint]
         if service == HEARTBEAT:
             return node.beat.hear(data[0], now) if data else None

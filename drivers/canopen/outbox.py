@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure
 from drivers.can.wire import Frame, Wire
-from drivers.canopen.answers import Counters
 from drivers.canopen.event_queue import Report
 from drivers.canopen.expedited_stop import expedited_quick_stops
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, HEARTBEAT, NMT, OPERATIONAL, START_NODE, SYNC
@@ -26,13 +25,12 @@ class Outbox:
         wire: Wire,
         drives: Sequence[CanopenDrive],
         master_node: int,
-        counters: Counters,
         report: Report,
     ) -> None:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self.setpoints = Setpoints(drives)
         self.heartbeat: Frame = (HEARTBEAT + master_node, bytes([OPERATIONAL]))
-        self._wire, self._counters, self._report = wire, counters, report
+        self._wire, self._report = wire, report
         self._nodes = tuple(drive.node for drive in drives)
         self._stops_by_sdo = expedited_quick_stops(drives)
 
@@ -47,7 +45,6 @@ class Outbox:
         try:
             self._wire.send(frames)
         except BUS_FAILURES as error:
-            self._counters.send_errors += 1
             self._report(bus_failure("sending", error))
             return False
         return True

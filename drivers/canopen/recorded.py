@@ -7,7 +7,7 @@ import numpy as np
 
 from common.arrays import Vector
 from drivers.api import Samples
-from drivers.canopen.answers import Answers, Counters
+from drivers.canopen.answers import Answers
 from drivers.canopen.codec import link_side, receive_pdos
 from drivers.canopen.ids import SYNC
 from drivers.canopen.settings import CanopenDrive
@@ -17,7 +17,7 @@ class CanopenTicks:
     """Samples and setpoints of frames, one after the other; a tick begins with SYNC."""
 
     def __init__(self, drives: Sequence[CanopenDrive], period_s: float) -> None:
-        self._answers = Answers(drives, Counters(), lambda event: None, period_s)
+        self._answers = Answers(drives, lambda event: None, period_s)
         self.velocity: Vector = np.zeros(len(drives))
         """Target velocities that were sent last (n,) [rad/s]."""
         self._slots: dict[int, tuple[int, struct.Struct, int, float, float]] = {}

@@ -8,7 +8,6 @@ from types import ModuleType
 import pytest
 
 from daemon.config.schema import Configuration, JointLimits
-from programs.contactctl import contactctl
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -61,9 +60,3 @@ def test_every_key_and_every_link_is_there(reference: ModuleType) -> None:
     assert re.findall(r"^\| `(\w+)` \|", first, re.MULTILINE) == list(
         Configuration.__struct_fields__
     )
-
-
-def test_every_command_is_there(reference: ModuleType) -> None:
-    page = reference.contactctl_page()
-    assert re.findall(r"^## (\w+)", page, re.MULTILINE) == list(contactctl.main.commands)
-    assert "--lease S" in page

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.description import ArmDescription
-from simulator.servo import Servo
+from simulator.servo import SERVO_PERIOD_S, Servo
 
 LINK = np.full(7, 0.01)
 AT_REST = np.zeros(7)
@@ -84,3 +84,13 @@ def test_gains_can_be_others(servo: Servo) -> None:
         servo.update(AT_REST)
         currents.append(float(servo.current[0]))
     assert currents == pytest.approx([0.5 * 0.2 + 10.0 * 0.001 * 0.2 * k for k in (1, 2, 3)])
+
+
+def test_a_stop_is_held_by_a_spring_and_a_damper(servo: Servo, romeo: ArmDescription) -> None:
+    servo.energise(0, 0.0)
+    for _ in range(50):
+        servo.update(np.full(7, -0.01))
+    turned = 0.01 * 50 * SERVO_PERIOD_S
+    held = servo.stiffness[0] * turned + servo.damping[0] * 0.01
+    assert servo.current[0] * romeo.joints[0].torque_constant == pytest.approx(held)
+    assert servo.stiffness[0] == pytest.approx(20.0 * servo.damping[0])

@@ -20,8 +20,6 @@ class HeardFrames:
     """
 
     def __init__(self) -> None:
-        self.dropped = 0
-        """Frames for which there was no room, since the last `take`."""
         self._frames: dict[tuple[int, bytes], None] = {}
 
     def put(self, frame: Frame) -> None:
@@ -32,7 +30,6 @@ class HeardFrames:
         key = can_id, bytes(data)
         known = key in self._frames
         if not known and len(self._frames) >= MOST:
-            self.dropped += 1
             return
         if known:
             del self._frames[key]
@@ -42,5 +39,4 @@ class HeardFrames:
         """Frames heard so far, which are then forgotten here."""
         frames: list[Frame] = list(self._frames)
         self._frames.clear()
-        self.dropped = 0
         return frames

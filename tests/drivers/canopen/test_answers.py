@@ -40,7 +40,6 @@ def test_a_joint_is_fresh_when_all_its_tpdos_are_in(scripted, drives):
         assert list(samples.fresh) == [i != 2 for i in range(N)]
         assert list(samples.age_s) == [age * PERIOD_S if i == 2 else 0 for i in range(N)]
         np.testing.assert_array_equal(samples.link_position, position)
-    assert drives.counters.missing_frames == 2
     samples = tick(drives, scripted, everything(), 4 * PERIOD_S)
     assert samples.fresh.all()
     assert not samples.age_s.any()
@@ -53,7 +52,6 @@ def test_a_late_tpdo_does_not_pass_for_the_next(scripted, drives):
     samples = tick(drives, scripted, everything()[1:], 3 * PERIOD_S)
     assert not samples.fresh[0]
     assert list(samples.age_s[:2]) == [2 * PERIOD_S, 0]
-    assert drives.counters.late_frames == 1
 
 
 def test_the_arm_recovers_at_once_from_drives_that_were_late(scripted, drives):
@@ -65,12 +63,10 @@ def test_the_arm_recovers_at_once_from_drives_that_were_late(scripted, drives):
         if late:
             scripted.incoming += everything()
     assert fresh == [True] * 10 + [False] * 10 + [True] * 10
-    assert drives.counters.late_frames == drives.counters.missing_frames == 10 * 2 * N
 
 
-def test_short_frames_are_counted_and_not_believed(scripted, drives):
+def test_short_frames_are_not_believed(scripted, drives):
     samples = tick(drives, scripted, [frame(0x181, b"\x27"), frame(0x703)])
-    assert drives.counters.short_frames == 2
     assert samples.drives[0].condition is DriveCondition.UNKNOWN
     assert samples.events == ()
 
@@ -87,7 +83,6 @@ def test_an_emergency_that_is_cut_short_is_one(scripted, drives, data, code, wor
     samples = tick(drives, scripted, [frame(0x83, data)])
     assert samples.events == crossed(Emergency(3, code, 0))
     assert samples.events[0].text.endswith(f": {words}")
-    assert drives.counters.short_frames == 1
 
 
 def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, drives):
@@ -107,7 +102,6 @@ def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, drives):
 def test_what_came_before_the_first_sync_is_nobodys_late_answer(scripted, drives):
     scripted.incoming += everything()
     assert tick(drives, scripted, everything()).events == ()
-    assert drives.counters.late_frames == 2 * N
 
 
 def test_a_bus_that_returns_with_old_frames_gives_no_sample_of_before(scripted, drives):
@@ -118,7 +112,6 @@ def test_a_bus_that_returns_with_old_frames_gives_no_sample_of_before(scripted, 
     samples = tick(drives, scripted, everything(0x08), 3 * PERIOD_S)
     assert samples.fresh.all()
     assert {drive.condition for drive in samples.drives} == {DriveCondition.FAILED}
-    assert drives.counters.late_frames == 40 * 2 * N + 2 * N
 
 
 def test_a_drive_on_its_way_is_awaited_for_a_while_and_its_samples_age(scripted, drives):

@@ -1,10 +1,8 @@
-"""Client against a daemon, and against sockets that serve none."""
+"""Client of contactd's own types. Its connection is that of `test_contactd_client`."""
 
 import os
 import socket
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -26,22 +24,6 @@ def listener(tmp_path: Path) -> Iterator[socket.socket]:
         yield opened
 
 
-def script(listener: socket.socket, *packets: bytes | None) -> threading.Thread:
-    """Accept one client in a thread; per packet read a request (None: do not) and send it."""
-
-    def serve() -> None:
-        accepted, _ = listener.accept()
-        with accepted:
-            for packet in packets:
-                if packet is not None:
-                    accepted.recv(4096)
-                    accepted.send(packet)
-
-    thread = threading.Thread(target=serve)
-    thread.start()
-    return thread
-
-
 def test_requests(fake_daemon: Any) -> None:
     with Client(fake_daemon.path) as client:
         assert client.request("enable").message == "enable done"
@@ -54,12 +36,15 @@ def test_requests(fake_daemon: Any) -> None:
 
 def test_a_demand_raises_with_every_reason(fake_daemon: Any) -> None:
     fake_daemon.refusals |= {"arm": ["too early", "too late"], "status": ["never"]}
+    fake_daemon.refusals["subscribe"] = ["not now"]
     with Client(fake_daemon.path) as client:
         assert client.demand("enable").message == "enable done"
         with pytest.raises(ControlError, match=r"^arm is refused; too early; too late$"):
             client.demand("arm")
         with pytest.raises(ControlError, match=r"^status is refused; never$"):
             client.ask_status()
+        with pytest.raises(ControlError, match=r"^subscribe is refused; not now$"):
+            client.subscribe()
         del fake_daemon.refusals["status"]
         assert client.ask_status().pid == 4711
     assert Reply(ok=False, reasons=["why"]).refusal == "refused; why"
@@ -73,21 +58,6 @@ def test_states_keep_every_bit(fake_daemon: Any, make_state: Callable[..., State
     assert taken[0].tick == snapshot.tick + 1
     for state in taken:
         assert state == make_state(state.tick)
-
-
-def test_refused_subscription(fake_daemon: Any) -> None:
-    fake_daemon.refusals["subscribe"] = ["too early", "too late"]
-    with (
-        Client(fake_daemon.path) as client,
-        pytest.raises(ControlError, match="subscribe is refused; too early; too late"),
-    ):
-        client.subscribe()
-
-
-def test_no_daemon(tmp_path: Path) -> None:
-    with pytest.raises(UnreachableError, match="no contactd serves") as caught:
-        Client(tmp_path / "control")
-    assert caught.value.exit_code == 69
 
 
 def test_dead_daemon(tmp_path: Path) -> None:
@@ -126,26 +96,6 @@ def test_who_may_not_use_the_socket_is_told_how_to_be_let_in(
     assert "usermod -aG root" not in str(caught.value)
 
 
-def test_daemon_that_never_answers(listener: socket.socket) -> None:
-    with (
-        Client(Path(listener.getsockname()), timeout_s=0.05) as client,
-        pytest.raises(UnreachableError, match="does not answer"),
-    ):
-        client.request("status")
-
-
-def test_late_answer_is_not_taken_for_the_next(listener: socket.socket) -> None:
-    with Client(Path(listener.getsockname()), timeout_s=0.05) as client:
-        accepted, _ = listener.accept()
-        with accepted:
-            with pytest.raises(UnreachableError, match="does not answer"):
-                client.request("arm")
-            with suppress(BrokenPipeError):
-                accepted.send(b'{"ok": true, "message": "armed"}')
-            with pytest.raises(UnreachableError, match="connect again"):
-                client.request("disarm")
-
-
 def test_daemon_that_never_accepts(listener: socket.socket) -> None:
     path = Path(listener.getsockname())
     with (
@@ -154,16 +104,6 @@ def test_daemon_that_never_accepts(listener: socket.socket) -> None:
         pytest.raises(UnreachableError, match="busy"),
     ):
         Client(path, timeout_s=0.05)
-
-
-def test_daemon_that_hangs_up(listener: socket.socket) -> None:
-    thread = script(listener, None)
-    with (
-        Client(Path(listener.getsockname())) as client,
-        pytest.raises(UnreachableError, match="closed"),
-    ):
-        client.request("status")
-    thread.join()
 
 
 def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -> None:
@@ -203,21 +143,11 @@ def test_stream_that_stops_is_noticed(fake_daemon: Any, make_state: Callable[...
     assert ticks[-1] < end
 
 
-def test_stream_of_a_daemon_that_ends(fake_daemon: Any) -> None:
-    with Client(fake_daemon.path) as client:
-        _, states = client.subscribe()
-        next(states)
-        fake_daemon.stopped.set()
-        with pytest.raises(UnreachableError, match="the daemon closed the connection"):
-            list(states)
-
-
 @pytest.mark.parametrize("packet", [b"hello", b"[]", b'{"message": "no ok"}', b"\xff"])
 def test_answer_that_is_not_understood(listener: socket.socket, packet: bytes) -> None:
-    thread = script(listener, packet)
-    with (
-        Client(Path(listener.getsockname())) as client,
-        pytest.raises(ControlError, match="another version"),
-    ):
-        client.request("status")
-    thread.join()
+    with Client(Path(listener.getsockname())) as client:
+        accepted, _ = listener.accept()
+        with accepted:
+            accepted.send(packet)
+            with pytest.raises(ControlError, match="another version"):
+                client.request("status")
