@@ -27,7 +27,8 @@ _GRAVITY: Final = 0.01  # least deviation of gravity: the rotor's inertia hides 
 _SURE: Final = 0.1  # relative error of a constant that shows
 _SHOWN: Final = 0.05  # least of the links in the signal
 _SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
-_HEADROOM: Final = 1.5  # over the largest in the log
+_HEADROOM: Final = 1.5  # over the fastest in the log
+_STRONGEST: Final = 4.0  # times the largest current in the log: another may carry more
 _FASTEST: Final = (0.05, 20.0)  # limits.velocity [rad/s]
 _PERIOD_MS: Final = (4, 100)
 
@@ -127,8 +128,8 @@ estimator: {{motor_position: {measured}, current_delay_ms: 0}}
 
 
 def _joint(i: int, one: JointRange, log: MotionLog, constant: float, why: str) -> str:
-    largest = _HEADROOM * max(float(np.abs(log.current[:, i]).max()), 1e-3)
-    torque = constant * largest
+    largest = _STRONGEST * max(float(np.abs(log.current[:, i]).max()), 1e-3)
+    torque = constant * largest * _HEADROOM / _STRONGEST
     fastest = float(np.abs(log.motor_velocity[:, i]).max())
     velocity = float(np.clip(_HEADROOM * fastest, *_FASTEST))
     q = log.link_position[:, i]
@@ -138,7 +139,7 @@ def _joint(i: int, one: JointRange, log: MotionLog, constant: float, why: str) -
     return f"""\
   - name: {quoted(one.joint)}
     wiring: {{node: {i + 1}, profile: logs, gear: 1, rated_current_A: {f(largest)}, \
-max_current_A: {f(largest)}}}   {MARK}: {_HEADROOM:g} x the largest in the log
+max_current_A: {f(largest)}}}   {MARK}: {_STRONGEST:g} x the largest in the log
     torque_constant: {f(constant)}   {MARK}: {why}
     rotor_inertia: 0
     half_gap: {gap:g}   {MARK}: {"`contactd identify gap`" if gap else "no second position"}
