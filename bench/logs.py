@@ -37,7 +37,7 @@ from programs.contactd.contactd import main as contactd
 from programs.identify.log_names import beside
 
 STEPS = ("gap", "masses", "friction", "thresholds")
-SECONDS, LOAD_KG = 60.0, 0.2
+SECONDS, LOAD_KG, SLOWEST_HZ = 60.0, 0.2, 12.5
 LACKS = {
     "no torque": (Style(without=("cur",)), "a torque or current"),
     "no position": (Style(without=("pos", "motor_pos")), "has a position"),
@@ -115,6 +115,9 @@ def examine(job: tuple[int, int]) -> Found:
         begun = time.monotonic()
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
         given = ("--config", arm, "--log", log)
+        if not lacks and not arm.exists():
+            found.refused, found.asked = [said], 2 * of.log.n
+            return found
         if load_kg:
             found.style += f", {load_kg} kg"
             with beside(log).open("a") as names:
@@ -133,14 +136,18 @@ def examine(job: tuple[int, int]) -> Found:
             said += typed(found, "identify", step, *given) if arm.exists() else ""
             found.cause_named = LACKS[lacks][1] in " ".join(said.split())
             return found
+        slow = False
         look_up(arm / "config.yaml", of, rng, torque=style.torque)
         for step in STEPS:
             if step != "gap" or "motor_pos" not in style.without:
                 said = typed(found, "identify", step, *given)
+                slow = slow or "log faster" in said
                 found.refused += re.findall(r"^  (\w+: .*)$", said, re.MULTILINE)
         typed(found, "plot", log, "--config", arm, "-o", folder / "page.html")
         found.seconds = time.monotonic() - begun
         found.shown = style.vibration[0] == 0.0
+        if style.rate_Hz < SLOWEST_HZ:
+            found.lacks, found.cause_named = "a fast log", slow
         score(found, arm, of)
     return found
 

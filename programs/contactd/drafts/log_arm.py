@@ -31,6 +31,7 @@ _HEADROOM: Final = 1.5  # over the fastest in the log
 _STRONGEST: Final = 4.0  # times the largest current in the log: another may carry more
 _FASTEST: Final = (0.05, 20.0)  # limits.velocity [rad/s]
 _PERIOD_MS: Final = (4, 100)
+_SLOWLY_MS: Final = 60  # of a period: the usual gain makes its residual swing
 
 
 def loosened(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
@@ -111,6 +112,7 @@ def log_draft(
         _joint(i, one, log, *constant)
         for i, (one, constant) in enumerate(zip(ranges, constants, strict=True))
     )
+    slow = f", gain: {figure(1.5e3 / period_ms)}" if period_ms > _SLOWLY_MS else ""
     measured = "integrated" if log.motor_position is None else "measured"
     return f"""\
 # Draft by `contactd new --log-only`, for logs alone: no drive can be run with it. Lines with CHECK
@@ -123,7 +125,7 @@ bus: {{interface: virtual, channel: none}}
 drives: {{logs: {{make: log}}}}
 joints:
 {joints}
-estimator: {{motor_position: {measured}, current_delay_ms: 0}}
+estimator: {{motor_position: {measured}, current_delay_ms: 0{slow}}}
 """
 
 
