@@ -95,7 +95,7 @@ def _assumed(path: Path, joints: Sequence[str]) -> tuple[str, ...]:
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     """Columns that any step may need, by name, in SI."""
     named = read_names(path)
-    header, rows = read_rows(path, named.topic if named else "") if is_mcap(path) else _rows(path)
+    header, rows = _rows(path, named.topic if named else "")
     conversions, which = _conversions(path, joints, header, named)
     columns = sorted({one.column for one in conversions.values() if one.column})
     columns += [which.column] if which else []
@@ -115,13 +115,13 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
 
 def header_of(path: Path) -> list[str]:
     """Names of the columns of a CSV. Raises LogError."""
-    return _rows(path)[0]
+    return _rows(path, "")[0]
 
 
-def numbers_of(path: Path, columns: Sequence[str], time: str) -> dict[str, Vector]:
-    """Columns of a CSV as they stand there; `time` names the one that may be times of day. Raises
+def numbers_of(path: Path, columns: Sequence[str], time: str, topic: str = "") -> dict[str, Vector]:
+    """Columns of a log as they stand there; `time` names the one that may be times of day. Raises
     LogError."""
-    return dict(zip(columns, _values(path, *_rows(path), columns, time).T, strict=True))
+    return dict(zip(columns, _values(path, *_rows(path, topic), columns, time).T, strict=True))
 
 
 def _values(
@@ -134,7 +134,17 @@ def _values(
     at = [header.index(name) for name in columns]
     stamp = columns.index(time) if time in columns else -1
     values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
-    return np.array(values, dtype=np.float64).reshape(-1, len(at))
+    table = np.array(values, dtype=np.float64).reshape(-1, len(at))
+    if not is_mcap(path):
+        return table
+    lacking = np.isnan(table)
+    # A message without any of them is that of another sender.
+    others = np.delete(lacking, stamp, axis=1).all(axis=1) if len(at) > 1 else lacking[:, 0]
+    if (short := lacking.any(axis=1) & ~others).any():
+        number = int(np.argmax(short))
+        lacks = columns[int(np.argmax(lacking[number]))]
+        raise LogError(f"{path}: message {number + 1} has no number {printable(lacks)}")
+    return table[~others]
 
 
 def is_mcap(path: Path) -> bool:
@@ -142,9 +152,11 @@ def is_mcap(path: Path) -> bool:
     return path.suffix == ".mcap"
 
 
-def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
-    """Names of a CSV's columns, and its rows with their line. Raises LogError, also while rows are
-    read."""
+def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequence[str | float]]]]:
+    """Names of the columns of a CSV, or of a topic, and its rows with their line or number. Raises
+    LogError, also while rows are read."""
+    if is_mcap(path):
+        return read_rows(path, topic)
 
     def lines() -> Iterator[tuple[int, list[str]]]:
         rows = None

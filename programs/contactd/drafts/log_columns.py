@@ -63,10 +63,11 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of a log: its time, and of each joint by quantity."""
+    """Columns of a log: its time, and of each joint by quantity; the topic of an MCAP."""
 
     time: Column
     joints: Mapping[str, Mapping[str, Column]]
+    topic: str = ""
 
     def scaled(self, factors: Mapping[str, tuple[float, str]]) -> "Columns":
         """The same with other scales of torques or currents, by joint, and reasons."""
@@ -74,11 +75,12 @@ class Columns:
         for joint, (factor, why) in factors.items():
             (name,) = {"torque", "current"} & joints[joint].keys()
             joints[joint][name] = replace(joints[joint][name], scale=factor, doubt=why)
-        return Columns(self.time, joints)
+        return replace(self, joints=joints)
 
     def text(self) -> str:
         """File of names."""
         lines = [f"# Columns guessed by `contactd new`. Lines with {MARK[2:]} are to be looked at.",
+                 *([f"topic: {quoted(self.topic)}"] if self.topic else []),
                  f"time: {self.time.line()}", "joints:"]  # fmt: skip
         for joint, quantities in self.joints.items():
             lines.append(f"  {quoted(joint)}:")
