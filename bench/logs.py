@@ -15,7 +15,7 @@ is in the file of --kept is not asked again.
 import re
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,7 @@ from programs.contactd.contactd import main as contactd
 from programs.identify.log_names import beside
 
 STEPS = ("gap", "masses", "friction", "thresholds")
-SECONDS, LOAD_KG, SLOWEST_HZ = 60.0, 0.2, 12.5
+SECONDS, LOAD_KG, LOADED = 60.0, 0.2, 0.25
 LACKS = {
     "no torque": (Style(without=("cur",)), "a torque or current"),
     "no position": (Style(without=("pos", "motor_pos")), "has a position"),
@@ -46,6 +46,15 @@ LACKS = {
     "a load": (Style(), "looks like a load of"),
 }
 """What a log lacks, and words of the answer that name it."""
+
+MOTIONS: dict[str, tuple[Callable[[Style, Stranger], bool], str]] = {
+    "a fast log": (lambda style, _: style.rate_Hz < 12.5, "log faster"),
+    "a steady arm": (
+        lambda _, of: bool((np.percentile(np.abs(of.log.motor_velocity), 99, axis=0) > 1.0).any()),
+        "swing by themselves",
+    ),
+}
+"""What shows no friction, though the rest may be answered, and words of the answer."""
 
 
 @dataclass(slots=True)
@@ -104,52 +113,56 @@ def examine(job: tuple[int, int]) -> Found:
     rng = np.random.default_rng((seed, k))
     lacks = list(LACKS)[k // 5 % len(LACKS)] if k % 5 == 4 else ""
     style = LACKS[lacks][0] if lacks else style_of(rng, k)
-    found = Found(k, str(style), lacks=lacks)
+    load_kg = LOAD_KG * bool(not lacks and rng.random() < LOADED)
+    found = Found(k, f"{style}, {load_kg} kg", lacks=lacks)
     with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        arm, number = folder / "arm", 1000 * seed + k
-        load_kg = LOAD_KG * bool(not lacks and rng.random() < 0.25)
+        folder, number = Path(made), 1000 * seed + k
         seconds = 4.0 if lacks == "too short" else SECONDS
         of = stranger(number, seconds, folder / "truth", load_kg=load_kg)
-        log = write_csv(of, style, folder / "log.csv")
+        log, arm = write_csv(of, style, folder / "log.csv"), folder / "arm"
         begun = time.monotonic()
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
         given = ("--config", arm, "--log", log)
-        if not lacks and not arm.exists():
-            found.refused, found.asked = [said], 2 * of.log.n
+        if lacks:
+            loaded = None
+            if lacks == "a load":
+                loaded = stranger(number, SECONDS, folder / "loaded", load_kg=LOAD_KG)
+            said += lacking(found, given, loaded and write_csv(loaded, style, folder / "later.csv"))
+            found.cause_named = LACKS[lacks][1] in " ".join(said.split())
+            return found
+        found.asked = 2 * of.log.n  # friction and levels; whether a motion shows a gap is its own
+        if not arm.exists():
+            found.refused = [said]
             return found
         if load_kg:
-            found.style += f", {load_kg} kg"
             with beside(log).open("a") as names:
                 names.write(f"payload: {load_kg}\n")
-        if lacks == "a load":
-            for step in ("friction", "thresholds"):
-                typed(found, "identify", step, *given)
-            loaded = stranger(number, SECONDS, folder / "loaded", load_kg=LOAD_KG)
-            carrying = write_csv(loaded, style, folder / "carrying.csv")
-            beside(carrying).write_text(beside(log).read_text())
-            said = typed(found, "replay", carrying, "--config", arm)
-            found.cause_named = LACKS[lacks][1] in " ".join(said.split())
-            return found
-        if lacks:
-            step = "gap" if lacks == "one position" else "friction"
-            said += typed(found, "identify", step, *given) if arm.exists() else ""
-            found.cause_named = LACKS[lacks][1] in " ".join(said.split())
-            return found
-        slow = False
         look_up(arm / "config.yaml", of, rng, torque=style.torque)
-        for step in STEPS:
-            if step != "gap" or "motor_pos" not in style.without:
-                said = typed(found, "identify", step, *given)
-                slow = slow or "log faster" in said
-                found.refused += re.findall(r"^  (\w+: .*)$", said, re.MULTILINE)
+        said = "".join(typed(found, "identify", step, *given) for step in STEPS)
+        found.refused = re.findall(r"^  (\w+: .*)$", said, re.MULTILINE)
         typed(found, "plot", log, "--config", arm, "-o", folder / "page.html")
         found.seconds = time.monotonic() - begun
         found.shown = style.vibration[0] == 0.0
-        if style.rate_Hz < SLOWEST_HZ:
-            found.lacks, found.cause_named = "a fast log", slow
+        for motion, (is_such, words) in MOTIONS.items():
+            if is_such(style, of):
+                found.lacks, found.cause_named = motion, words in " ".join(said.split())
         score(found, arm, of)
     return found
+
+
+def lacking(found: Found, given: tuple[str | Path, ...], loaded: Path | None) -> str:
+    """Answers about a log that lacks something, or, `loaded`, about a later one of the same arm
+    with a load."""
+    arm, log = Path(given[1]), Path(given[3])
+    if not arm.exists():
+        return ""
+    step = "gap" if found.lacks == "one position" else "friction"
+    said = typed(found, "identify", step, *given)
+    if loaded is None:
+        return said
+    typed(found, "identify", "thresholds", *given)
+    beside(loaded).write_text(beside(log).read_text())
+    return typed(found, "replay", loaded, "--config", arm)
 
 
 def examine_real(data: Path) -> Found:
@@ -182,7 +195,6 @@ def friction_error(entry: FrictionEntry, true: float) -> float:
 def score(found: Found, arm: Path, of: Stranger) -> None:
     """Compare what is identified with the truth."""
     identified = load_robot(arm).identified
-    found.asked = 2 * of.log.n  # friction and levels; whether a motion shows a gap is its own
     for i, name in enumerate(of.log.joints):
         joint = identified.joints.get(name) if identified else None
         if joint is None:

@@ -25,6 +25,7 @@ _ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
 _WIDE = 0.5  # half the interval over alpha, at most
 _MUTE = 0.01  # [Nm]: no gear carries less; what says so has another unit
 _APART, _PLACES = 0.08, 24  # [rad] between places of a map, and their number at most
+_LARGEST = 0.015  # [rad] from end to end of a map
 _UNSURE = 0.1  # of what the gear bends: friction does not quite keep its size
 _SCATTERED = ("scatter of phi at the borders", "interval of alpha")
 _ONE_BORDER = "only one border was met, or there is no gap: move the link by hand"
@@ -132,9 +133,11 @@ def _mapped(name: str, seen: _Seen, q: Vector, repeats: Matrix, enough: int) -> 
     unsure = 2.0 * np.sqrt(believed) * error + abs(shown - more) + _UNSURE * (USUAL + more)
     unseen = float(unsure) * seen.size + 2.0 * (USUAL + more) * seen.off
     found = _judged(name, fit, unseen, enough, _WIDE)
-    size = float(np.ptp(np.column_stack(hats) @ fit.solution[4 : 3 + count]))
-    return replace(found, reason=f"{found.reason}; without errors of {1e3 * size:.2g} mrad that "
-                   "repeat with the position")  # fmt: skip
+    size = float(np.ptp(columns @ fit.solution[4:]))
+    found = replace(found, reason=f"{found.reason}; without errors of {1e3 * size:.2g} mrad that "
+                    "repeat with the position")  # fmt: skip
+    map_ = Limit("these errors", 1e3 * size, 1e3 * _LARGEST, "mrad", "no encoder's: by hand")
+    return refused(found, GapVerdict.UNCLEAR, [map_]) if found.limit is None else found
 
 
 def _fitted(seen: _Seen, further: Matrix) -> _Fit:
