@@ -124,10 +124,11 @@ def examine(job: tuple[int, int]) -> Found:
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
         given = ("--config", arm, "--log", log)
         if lacks:
-            loaded = None
+            later = None
             if lacks == "a load":
-                loaded = stranger(number, SECONDS, folder / "loaded", load_kg=LOAD_KG)
-            said += lacking(found, given, loaded and write_csv(loaded, style, folder / "later.csv"))
+                carrying = stranger(number, SECONDS, folder / "carrying", load_kg=LOAD_KG)
+                later = write_csv(carrying, style, folder / "later.csv")
+            said += lacking(found, given, later)
             found.cause_named = LACKS[lacks][1] in " ".join(said.split())
             return found
         found.asked = 2 * of.log.n  # friction and levels; whether a motion shows a gap is its own
