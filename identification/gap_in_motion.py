@@ -70,8 +70,8 @@ def from_motion(
     if torque is None:
         return found
     if found.limit is None:
-        mute = Limit("least that a gear carries over the torque", _MUTE / max(seen.size, 1e-9), 1.0,
-                     "", "it is not this motor's, or has another unit")  # fmt: skip
+        mute = Limit("what a gear carries at least, over its torque", _MUTE / max(seen.size, 1e-4),
+                     1.0, "", "that is not this motor's, or has another unit")  # fmt: skip
         return refused(found, GapVerdict.UNCLEAR, [mute])
     if found.limit.name not in _SCATTERED:
         return found

@@ -51,10 +51,13 @@ def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
     for change in changes:
         say(f"{folder / urdf.name}: {change}")
     all_of = " ".join(f"--log {log}" for log in logs)
-    click.echo(f"""next, once the columns are right:
-  contactd identify friction --config {folder} {all_of}
-  contactd identify thresholds --config {folder} {all_of}
-  contactd plot {logs[0]} --config {folder}""")
+    steps = ["masses", "friction", "thresholds"]
+    if "half_gap: 0.002" in draft:
+        steps.insert(0, "gap")
+    click.echo("next, once the columns are right:")
+    for step in steps:
+        click.echo(f"  contactd identify {step} --config {folder} {all_of}")
+    click.echo(f"  contactd plot {logs[0]} --config {folder}")
 
 
 def _write(

@@ -30,6 +30,7 @@ from programs.recordings.row_cache import content_digest
 
 _APART_S: Final = 10.0  # between logs, so that they are stretches
 _ALIKE: Final = 0.02  # of the period
+_FASTER: Final = 0.6  # of the configuration's period
 _SMOOTH_S: Final = 0.05  # half of a window, for the acceleration of a load
 _LAYOUT: Final = 2  # of the recordings in the cache
 
@@ -45,6 +46,8 @@ def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog,
     """Log of all joints without skew, vibration and the load that its file of names states, and
     notes. Raises LogError."""
     log, notes = read_csv(path, c.joint_names, constants_of(c))
+    if log.period_s < _FASTER * c.period_s:  # no more shows in all of them
+        log = on_raster(log, log.stretches(2.5 * log.period_s), c.period_s)
     load = _payload(path, model)
     if load is not None:
         log = _carrying(log, load, c, model, -1.0)

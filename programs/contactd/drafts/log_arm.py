@@ -88,7 +88,7 @@ def _scale(
     columns: Matrix = np.stack([moves, np.tanh(velocity / slow), velocity, acceleration], axis=1)
     columns -= columns.mean(axis=0)
     spread = columns.std(axis=0)
-    if not (spread > 0.0).all():
+    if not ((spread > 0.0).all() and signal.any()):
         return Scale(0.0)
     columns /= spread
     found, *_ = np.linalg.lstsq(columns, signal - signal.mean(), rcond=None)

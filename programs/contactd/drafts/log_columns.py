@@ -34,7 +34,7 @@ _ASKED: Final = _any("target desired des cmd command commanded ref reference goa
 _NEVER: Final = _any("error err std acc accel acceleration qdd temp temperature voltage limit ext "
                      "external gravity")  # fmt: skip
 _MOTOR: Final = _any("motor rotor")
-_TIMES: Final = _any("time t timestamp stamp sec secs seconds clock")
+_TIMES: Final = _any("time t timestamp stamp sec secs seconds clock date datetime")
 _STEPS_S: Final = (3e-4, 0.3)  # between samples
 _OUTSIDE: Final = 0.05  # of the limits [rad]
 _SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
@@ -55,6 +55,8 @@ class Column:
 
     def line(self) -> str:
         """Its entry in a file of names."""
+        if not self.column:
+            return f"{{value: 0}}   {MARK}: {self.doubt}"
         scale = "" if self.scale == 1.0 else f", scale: {figure(self.scale)}"
         scale += "" if self.offset == 0.0 else f", offset: {figure(self.offset)}"
         about = f": {self.doubt}" if self.doubt else ""
@@ -74,7 +76,8 @@ class Columns:
         joints = {joint: dict(each) for joint, each in self.joints.items()}
         for joint, (factor, why) in factors.items():
             (name,) = {"torque", "current"} & joints[joint].keys()
-            joints[joint][name] = replace(joints[joint][name], scale=factor, doubt=why)
+            if joints[joint][name].column:
+                joints[joint][name] = replace(joints[joint][name], scale=factor, doubt=why)
         return replace(self, joints=joints)
 
     def text(self) -> str:
@@ -145,8 +148,8 @@ def _quantity(words: Sequence[str]) -> str:
 def guessed(
     named: Mapping[tuple[str, str], str], table: Mapping[str, Vector], ranges: Sequence[JointRange]
 ) -> Columns:
-    """Units, signs and gears of named columns from their numbers (N,). Joints without a position,
-    or without torque or current, are left out."""
+    """Units, signs and gears of named columns from their numbers (N,). Joints without a position
+    are left out, and all of them where none has a torque or current."""
     column = named["", "time"]
     time = _time(column, table[column])
     its: dict[str, dict[str, str]] = {}
@@ -154,8 +157,10 @@ def guessed(
         each = {quantity: name for (joint, quantity), name in named.items() if joint == one.joint}
         if "link_position" not in each and "motor_position" in each:
             each["link_position"] = each.pop("motor_position")
-        if "link_position" in each and ("torque" in each or "current" in each):
+        if "link_position" in each:
             its[one.joint] = each
+    if not any({"torque", "current"} & each.keys() for each in its.values()):
+        its = {}
     there = [one for one in ranges if one.joint in its]
     angle = _angle([(table[its[one.joint]["link_position"]], one) for one in there])
     most = max((float(np.abs(table[each["current"]]).max())
@@ -212,6 +217,8 @@ def _of_joint(
 
 
 def _effort(its: Mapping[str, str], *, milli: bool) -> dict[str, Column]:
+    if not {"torque", "current"} & its.keys():
+        return {"torque": Column("", "Nm", doubt="none in the log: others need its motion alone")}
     if "torque" in its:
         return {"torque": Column(its["torque"], "Nm")}
     return {"current": Column(its["current"], "mA" if milli else "A")}
