@@ -44,7 +44,7 @@ LACKS = {
     "no position": (Style(without=("pos", "motor_pos")), "has a position"),
     "one position": (Style(without=("motor_pos",)), "no column motor_position"),
     "too short": (Style(), "of motion"),
-    "a load": (Style(), "looks like a load of"),
+    "a load": (Style(), "`contactctl payload"),
 }
 """What a log lacks, and words of the answer that name it."""
 
@@ -127,7 +127,7 @@ def examine(job: tuple[int, int]) -> Found:
         if lacks:
             later = None
             if lacks == "a load":
-                carrying = stranger(number, SECONDS, folder / "carrying", load_kg=LOAD_KG)
+                carrying = stranger(number, SECONDS, folder / "carrying", load_kg=2.0 * LOAD_KG)
                 later = write_csv(carrying, style, folder / "later.csv")
             said += lacking(found, given, later)
             found.cause_named = LACKS[lacks][1] in " ".join(said.split())
@@ -162,11 +162,11 @@ def lacking(found: Found, given: tuple[str | Path, ...], loaded: Path | None) ->
     arm, log = Path(given[1]), Path(given[3])
     if not arm.exists():
         return ""
-    step = "gap" if found.lacks == "one position" else "friction"
-    said = typed(found, "identify", step, *given)
     if loaded is None:
-        return said
-    typed(found, "identify", "thresholds", *given)
+        step = "gap" if found.lacks == "one position" else "friction"
+        return typed(found, "identify", step, *given)
+    for step in ("gap", "friction", "thresholds"):
+        typed(found, "identify", step, *given)
     beside(loaded).write_text(beside(log).read_text())
     return typed(found, "replay", loaded, "--config", arm)
 
