@@ -11,13 +11,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from common.arrays import Matrix, Vector
+from common.arrays import Matrix
 from common.yaml_source import quoted
 from daemon.config.problem import figure
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.urdf import JointRange
-from identification.log_intervals import intervals
+from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
 from programs.contactd.drafts.motor import MARK
 
@@ -26,6 +26,7 @@ TURNS: Final = 12.57  # limits of a joint without any, either way [rad]
 _GRAVITY: Final = 0.01  # least deviation of gravity: the rotor's inertia hides that of links [Nm]
 _SURE: Final = 0.1  # relative error of a constant that shows
 _SHOWN: Final = 0.05  # least of the links in the signal
+_GAIN: Final = 8.0  # of the filter on both sides [1/s]
 _SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 _HEADROOM: Final = 1.5  # over the fastest in the log
 _STRONGEST: Final = 4.0  # times the largest current in the log: another may carry more
@@ -67,26 +68,24 @@ class Scale:
     def __str__(self) -> str:
         if not self.constant:
             return "the URDF's masses do not show it in the log"
-        return f"by the URDF's masses, which may be off, +- {self.error:.0%}"
+        return f"by the URDF's masses, which may be off, +- {max(self.error, 0.01):.0%}"
 
 
 def scales(log: MotionLog, model: Model) -> list[Scale]:
     """Torque per unit of each joint's column by the URDF's masses. Raises LogError."""
     settings = EstimatorSettings(motor_position="integrated")
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
-    return [
-        _scale(rows.current[:, i], rows.inertial[:, i], rows.theta_dot[:, i],
-               rows.theta_ddot[:, i], weighs=rows.gravity[:, i].std() > _GRAVITY)
-        for i in range(log.n)
-    ]  # fmt: skip
+    return [_scale(rows, i) for i in range(log.n)]
 
 
-def _scale(
-    signal: Vector, moves: Vector, velocity: Vector, acceleration: Vector, *, weighs: bool
-) -> Scale:
-    slow = _SLOW * float(np.percentile(np.abs(velocity), 90.0)) or 1.0
-    columns: Matrix = np.stack([moves, np.tanh(velocity / slow), velocity, acceleration], axis=1)
-    columns -= columns.mean(axis=0)
+def _scale(rows: Intervals, i: int) -> Scale:
+    """Scale of joint i; what accelerations of noise hide of the links is filtered from both sides,
+    or too little of them would show, and a torque seem too small."""
+    v, weighs = rows.theta_dot[:, i], rows.gravity[:, i].std() > _GRAVITY
+    slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
+    parts = [rows.inertial[:, i], np.tanh(v / slow), v, rows.theta_ddot[:, i], rows.current[:, i]]
+    smooth: Matrix = low_pass(np.stack(parts, axis=1), rows, _GAIN)
+    columns, signal = smooth[:, :-1] - smooth[:, :-1].mean(axis=0), smooth[:, -1]
     spread = columns.std(axis=0)
     if not ((spread > 0.0).all() and signal.any()):
         return Scale(0.0)

@@ -132,6 +132,16 @@ def test_a_joint_without_a_torque_moves_in_the_model(tmp_path: Path, arm: Strang
     assert elbow is None or (elbow.friction is None and elbow.gap is None)
 
 
+@pytest.mark.parametrize("rate", [200.0, 500.0])
+def test_noise_of_fast_samples_makes_no_torque_seem_too_small(
+    tmp_path: Path, arm: Stranger, rate: float
+) -> None:
+    """Their accelerations are mostly noise: links showed 1 / 1.6 of themselves."""
+    style = Style(rate_Hz=rate, torque=True, eccentric=0.0015)
+    assert drafted(tmp_path, arm, style).exit_code == 0
+    assert "scale" not in beside(tmp_path / "log.csv").read_text()
+
+
 def test_ten_samples_a_second_make_a_configuration(tmp_path: Path, arm: Stranger) -> None:
     assert drafted(tmp_path, arm, Style(rate_Hz=10.0)).exit_code == 0
     given = ["--config", str(tmp_path / "arm"), "--log", str(tmp_path / "log.csv")]
