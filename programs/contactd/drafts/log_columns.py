@@ -38,6 +38,7 @@ _TIMES: Final = _any("time t timestamp stamp sec secs seconds clock date datetim
 _STEPS_S: Final = (3e-4, 0.3)  # between samples
 _OUTSIDE: Final = 0.05  # of the limits [rad]
 _SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
+_AS_IT_IS: Final = 0.3  # of a scale of 1: noise of velocities, as no gear is so little
 _MOST_A: Final = 80.0  # of an arm's motor
 _WHOLE: Final = 0.015  # of a gear: nearer to a whole number it is one
 _FOLLOWS: Final = 0.7  # correlation of what is the same
@@ -235,7 +236,8 @@ def _following(
     if abs(scale) * float(values.std()) < _FOLLOWS * float(about.std()) or not scale:
         return replace(first, doubt="it does not follow the link's position: CHECK what it is")
     nearest = min(units, key=lambda one: abs(np.log(abs(scale) / units[one])))
-    if abs(abs(scale) / units[nearest] - 1.0) < _SAME:
+    same = _SAME if units[nearest] != 1.0 else _AS_IT_IS
+    if abs(abs(scale) / units[nearest] - 1.0) < same:
         way = "as" if scale > 0.0 else "against"
         return Column(name, nearest, float(np.sign(scale)), f"changes {way} the link's")
     gear = units[first.unit] / scale
