@@ -14,7 +14,7 @@ from common.regular_file import open_text
 from daemon.protocol.text import printable
 from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from programs.identify.log_names import Conversion, NamedLog, Rows, beside, read_names
-from programs.identify.mcap_log import read_rows
+from programs.identify.mcap_log import of_one_sender, read_rows
 from programs.recordings.raster import on_raster
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
@@ -135,16 +135,7 @@ def _values(
     stamp = columns.index(time) if time in columns else -1
     values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
     table = np.array(values, dtype=np.float64).reshape(-1, len(at))
-    if not is_mcap(path):
-        return table
-    lacking = np.isnan(table)
-    # A message without any of them is that of another sender.
-    others = np.delete(lacking, stamp, axis=1).all(axis=1) if len(at) > 1 else lacking[:, 0]
-    if (short := lacking.any(axis=1) & ~others).any():
-        number = int(np.argmax(short))
-        lacks = columns[int(np.argmax(lacking[number]))]
-        raise LogError(f"{path}: message {number + 1} has no number {printable(lacks)}")
-    return table[~others]
+    return of_one_sender(path, table, columns, stamp) if is_mcap(path) else table
 
 
 def is_mcap(path: Path) -> bool:

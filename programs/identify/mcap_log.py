@@ -7,14 +7,16 @@ is, protobuf and ROS 2's CDR by the libraries of the extra `logs`.
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
+import numpy as np
 from mcap.decoder import DecoderFactory
 from mcap.records import Channel, Message, Schema
 
+from common.arrays import Matrix
 from common.errors import LogError
 from common.regular_file import open_regular
 from daemon.protocol.text import printable
@@ -38,6 +40,18 @@ def read_rows(path: Path, topic: str) -> tuple[list[str], Iterator[tuple[int, li
     rows = ([message.get(name, float("nan")) for name in header]
             for message in itertools.chain(first, messages))  # fmt: skip
     return header, enumerate(rows, start=1)
+
+
+def of_one_sender(path: Path, table: Matrix, columns: Sequence[str], stamp: int) -> Matrix:
+    """Rows (M, k) of these columns without those of other senders, which have none of them but
+    `stamp`. Raises LogError for a row that lacks one."""
+    lacking = np.isnan(table)
+    others = np.delete(lacking, stamp, axis=1).all(axis=1)
+    if (short := lacking.any(axis=1) & ~others).any():
+        number = int(np.argmax(short))
+        lacks = columns[int(np.argmax(lacking[number]))]
+        raise LogError(f"{path}: message {number + 1} has no number {printable(lacks)}")
+    return table[~others]
 
 
 def headers(path: Path) -> dict[str, list[str]]:
