@@ -283,7 +283,7 @@ lock:  ## resolve the dependencies anew and write the lock files (names and vers
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock > requirements-web.lock
 	build/lock/bin/pip install --quiet ".[ros,web]"
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock > requirements-ros.lock
-	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,ros,web]" hatchling
+	build/lock/bin/pip install --quiet ".[bench,cluster,dev,foxglove,logs,ros,web]" hatchling
 	build/lock/bin/pip freeze --exclude contactd | grep -vxFf requirements.lock -f requirements-web.lock -f requirements-ros.lock > requirements-dev.lock
 
 clean:  ## remove the environment and everything that was built

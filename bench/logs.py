@@ -1,44 +1,61 @@
 """Logs of strangers' arms, from a CSV to levels: what is answered, how right it is, and what not.
 
-    python -m bench.logs [--logs N] [--seed S] [--json]
+    python -m bench.logs [--logs N] [--seed S] [--real FOLDER] [--kept FILE] [--json]
 
-Each log is of a generated arm, written by another program: 25 to 500 Hz, columns up to 10 ms late
+Each log is of a generated arm, written by another program: 10 Hz to 1 kHz, columns up to 10 ms late
 or early, jitter, pauses, in degrees or rad, currents or torques, without velocities or motor
-positions, with eccentric encoders or vibration. `contactd new --log-only`, then `identify` gap,
-friction, masses and thresholds, as a person types them; torque constants are looked up, and right
-within 2 %. `inside`: truths within the stated interval of what is good; `off`: beyond two of them.
-Every fifth log lacks what friction needs, and has to be refused for that.
+positions, with eccentric encoders, soft gears, vibration, or a load that is stated. `contactd new
+--log-only`, then `identify` gap, friction, masses and thresholds, as a person types them; torque
+constants are looked up, and right within 2 %. `inside`: truths within the stated interval of what
+is good; `off`: beyond two of them. Every fifth log lacks what friction needs, or holds a load that
+is not stated, which has to be said. --real: a folder of measured logs with published figures. What
+is in the file of --kept is not asked again.
 """
 
 import re
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
 import numpy as np
 from click.testing import CliRunner
 
 from bench.options import JOBS, SEED, command
 from bench.report import Target, print_report
 from bench.rigs.foreign_logs import Stranger, Style, stranger, urdf_of, write_csv
+from bench.rigs.real_logs import real_logs
 from bench.study.monte_carlo import spread
+from daemon.config.identified import FrictionEntry
 from daemon.config.load import load_robot
 from identification.regression import NORMAL_95
 from programs.contactd.contactd import main as contactd
+from programs.identify.log_names import beside
 
 STEPS = ("gap", "masses", "friction", "thresholds")
-SECONDS = 60.0
+SECONDS, LOAD_KG, LOADED = 60.0, 0.2, 0.25
+MASSES = 4  # logs for one whose masses are asked for: they take as long as all else
 LACKS = {
     "no torque": (Style(without=("cur",)), "a torque or current"),
     "no position": (Style(without=("pos", "motor_pos")), "has a position"),
     "one position": (Style(without=("motor_pos",)), "no column motor_position"),
     "too short": (Style(), "of motion"),
+    "a load": (Style(), "`contactctl payload"),
 }
 """What a log lacks, and words of the answer that name it."""
+
+MOTIONS: dict[str, tuple[Callable[[Style, Stranger], bool], str]] = {
+    "a fast log": (lambda style, _: style.rate_Hz < 12.5, "log faster"),
+    "a steady arm": (
+        lambda _, of: bool((np.percentile(np.abs(of.log.motor_velocity), 99, axis=0) > 1.0).any()),
+        "swing by themselves",
+    ),
+}
+"""What shows no friction, though the rest may be answered, and words of the answer."""
 
 
 @dataclass(slots=True)
@@ -62,7 +79,7 @@ def style_of(rng: np.random.Generator, seed: int) -> Style:
     late = [float(rng.uniform(-0.01, 0.01)) * bool(rng.integers(2)) for _ in range(2)]
     without = (("vel",), ("motor_pos",), (), (), ())[int(rng.integers(5))]
     return Style(
-        rate_Hz=float(rng.choice([25.0, 50.0, 100.0, 200.0, 500.0])),
+        rate_Hz=float(rng.choice([10.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0])),
         late_s={"motor_velocity": late[0], "current": late[1]},
         jitter=float(rng.choice([0.0, 0.0, 0.1, 0.3])),
         pauses=int(rng.choice([0, 0, 2])),
@@ -97,35 +114,93 @@ def examine(job: tuple[int, int]) -> Found:
     rng = np.random.default_rng((seed, k))
     lacks = list(LACKS)[k // 5 % len(LACKS)] if k % 5 == 4 else ""
     style = LACKS[lacks][0] if lacks else style_of(rng, k)
-    found = Found(k, str(style), lacks=lacks)
+    load_kg = LOAD_KG * bool(not lacks and rng.random() < LOADED)
+    found = Found(k, f"{style}, {load_kg} kg", lacks=lacks)
     with tempfile.TemporaryDirectory() as made:
-        folder = Path(made)
-        of = stranger(1000 * seed + k, 4.0 if lacks == "too short" else SECONDS, folder / "truth")
+        folder, number = Path(made), 1000 * seed + k
+        seconds = 4.0 if lacks == "too short" else SECONDS
+        of = stranger(number, seconds, folder / "truth", load_kg=load_kg)
         log, arm = write_csv(of, style, folder / "log.csv"), folder / "arm"
         begun = time.monotonic()
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
         given = ("--config", arm, "--log", log)
         if lacks:
-            step = "gap" if lacks == "one position" else "friction"
-            said += typed(found, "identify", step, *given) if arm.exists() else ""
+            later = None
+            if lacks == "a load":
+                carrying = stranger(number, SECONDS, folder / "carrying", load_kg=2.0 * LOAD_KG)
+                later = write_csv(carrying, style, folder / "later.csv")
+            said += lacking(found, given, later)
             found.cause_named = LACKS[lacks][1] in " ".join(said.split())
             return found
+        found.asked = 2 * of.log.n  # friction and levels; whether a motion shows a gap is its own
+        if not arm.exists():
+            found.refused = [said]
+            return found
+        if load_kg:
+            with beside(log).open("a") as names:
+                names.write(f"payload: {load_kg}\n")
         look_up(arm / "config.yaml", of, rng, torque=style.torque)
-        for step in STEPS:
-            if step != "gap" or "motor_pos" not in style.without:
-                said = typed(found, "identify", step, *given)
-                found.refused += re.findall(r"^  (\w+: .*)$", said, re.MULTILINE)
+        said = "".join(
+            typed(found, "identify", step, *given)
+            for step in STEPS
+            if step != "masses" or k % MASSES == 0
+        )
+        found.refused = re.findall(r"^  (\w+: .*)$", said, re.MULTILINE)
         typed(found, "plot", log, "--config", arm, "-o", folder / "page.html")
         found.seconds = time.monotonic() - begun
         found.shown = style.vibration[0] == 0.0
+        for motion, (is_such, words) in MOTIONS.items():
+            if is_such(style, of):
+                found.lacks, found.cause_named = motion, words in " ".join(said.split())
         score(found, arm, of)
     return found
+
+
+def lacking(found: Found, given: tuple[str | Path, ...], loaded: Path | None) -> str:
+    """Answers about a log that lacks something, or, `loaded`, about a later one of the same arm
+    with a load."""
+    arm, log = Path(given[1]), Path(given[3])
+    if not arm.exists():
+        return ""
+    if loaded is None:
+        step = "gap" if found.lacks == "one position" else "friction"
+        return typed(found, "identify", step, *given)
+    for step in ("gap", "friction", "thresholds"):
+        typed(found, "identify", step, *given)
+    beside(loaded).write_text(beside(log).read_text())
+    return typed(found, "replay", loaded, "--config", arm)
+
+
+def examine_real(data: Path) -> Found:
+    """Ask about measured logs what is published of them."""
+    found = Found(-1, "measured by others")
+    with tempfile.TemporaryDirectory() as made:
+        for one in real_logs(data, Path(made)):
+            if one.urdf:
+                typed(found, "new", one.arm, "--log-only", "--urdf", one.urdf, one.path)
+            said = typed(found, "identify", *one.asks, "--config", one.arm, "--log", one.path)
+            found.refused.append(said)
+            identified = load_robot(one.arm).identified
+            for name, true in one.truths.items():
+                joint = identified.joints.get(name) if identified else None
+                if one.quantity == "gap" and joint and joint.gap and joint.gap.confidence:
+                    error = (joint.gap.half_gap - true) / joint.gap.confidence
+                    found.errors.append(("gap", name, float(np.nan_to_num(error, nan=9.0))))
+                if one.quantity == "friction" and joint and joint.friction:
+                    found.errors.append(("friction", name, friction_error(joint.friction, true)))
+    found.commands = 0
+    return found
+
+
+def friction_error(entry: FrictionEntry, true: float) -> float:
+    """Error of Coulomb friction over its interval."""
+    total = entry.friction.motor_coulomb + entry.friction.link_coulomb - true
+    return float(total / (NORMAL_95 * entry.errors["K_theta_s"]))
 
 
 def score(found: Found, arm: Path, of: Stranger) -> None:
     """Compare what is identified with the truth."""
     identified = load_robot(arm).identified
-    found.asked = 2 * of.log.n  # friction and levels; whether a motion shows a gap is its own
     for i, name in enumerate(of.log.joints):
         joint = identified.joints.get(name) if identified else None
         if joint is None:
@@ -134,10 +209,8 @@ def score(found: Found, arm: Path, of: Stranger) -> None:
             error = (joint.gap.half_gap - of.truth.half_gap[i]) / joint.gap.confidence
             found.errors.append(("gap", name, float(error)))
         if joint.friction is not None:
-            f = joint.friction
-            total = f.friction.motor_coulomb + f.friction.link_coulomb - of.friction[i]
-            error = total / (NORMAL_95 * f.errors["K_theta_s"])
-            found.errors.append(("friction", name, float(error)))
+            error = friction_error(joint.friction, float(of.friction[i]))
+            found.errors.append(("friction", name, error))
         if joint.thresholds is not None:
             found.errors.append(("levels", name, 0.0))
 
@@ -149,7 +222,7 @@ def shares(found: list[Found]) -> Iterator[Target]:
         inside = 100.0 * float((sizes <= 1.0).mean()) if len(sizes) else float("nan")
         yield Target(f"{quantity}: truths inside what is good", inside, 95.0, "%", "higher")
         yield Target(f"{quantity}: good, and off by two intervals", float((sizes > 2.0).sum()), 0)
-    whole = [one for one in found if not one.lacks]
+    whole = [one for one in found if not one.lacks and one.log >= 0]
     shown = [one for one in whole if one.shown]
     answers = sum(q in {"friction", "levels"} for one in shown for q, _, _ in one.errors)
     asked = sum(one.asked for one in shown)
@@ -164,10 +237,23 @@ def shares(found: list[Found]) -> Iterator[Target]:
 
 @command(__doc__)
 @click.option("--logs", type=click.IntRange(min=5), default=60)
+@click.option("--real", type=click.Path(path_type=Path, exists=True))
+@click.option("--kept", type=click.Path(path_type=Path), help="Answers, a line each, added to.")
 @JOBS
 @SEED
-def main(logs: int, processes: int, seed: int, as_json: bool) -> None:
-    found = list(spread(examine, [(seed, k) for k in range(logs)], processes, f"{logs} logs"))
+def main(
+    logs: int, real: Path | None, kept: Path | None, processes: int, seed: int, as_json: bool
+) -> None:
+    lines = kept.read_bytes().splitlines() if kept and kept.exists() else []
+    found = [msgspec.json.decode(line, type=Found) for line in lines]
+    jobs = [(seed, k) for k in range(logs) if k not in {one.log for one in found}]
+    for one in spread(examine, jobs, processes, f"{len(jobs)} logs"):
+        found.append(one)
+        if kept:
+            with kept.open("ab") as stream:
+                stream.write(msgspec.json.encode(one) + b"\n")
+    if real:
+        found.append(examine_real(real))
     rows: list[dict[str, Any]] = [
         {"log": one.log, "style": one.style, "lacks": one.lacks, "errors": one.errors,
          "refused": one.refused, "seconds": one.seconds, "cause_named": one.cause_named}

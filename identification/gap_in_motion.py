@@ -1,13 +1,13 @@
 """The half-gap and the skew between the encoders, from a motion of motor and link."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
-from identification.bending import USUAL, USUALLY
-from identification.encoder_errors import Harmonic, Turns, turns
+from identification.bending import SOFTEST, STIFFEST, USUAL, USUALLY
+from identification.encoder_errors import turns
 from identification.gap_result import (
     CLEAR,
     CROSSINGS,
@@ -23,6 +23,12 @@ _RARE = 0.03  # share of the time in motion; a border met more rarely is not bel
 _RESTS = 50  # fewest samples
 _ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
 _WIDE = 0.5  # half the interval over alpha, at most
+_MUTE = 0.01  # [Nm]: no gear carries less; what says so has another unit
+_APART, _PLACES = 0.08, 24  # [rad] between places of a map, and their number at most
+_LARGEST = 0.015  # [rad] from end to end of a map
+_UNSURE = 0.1  # of what the gear bends: friction does not quite keep its size
+_SCATTERED = ("scatter of phi at the borders", "interval of alpha")
+_ONE_BORDER = "only one border was met, or there is no gap: move the link by hand"
 
 
 def from_motion(
@@ -38,6 +44,9 @@ def from_motion(
     """phi = c + c' t +- alpha - skew * velocity - kappa tau + what repeats with a turn of either
     encoder, of the samples at which phi rests; the half-gap where there were `enough` crossings.
 
+    Where that scatters too much, the error is a map over the link's position, and kappa what phi
+    shows of it, as far as that is surer than what is usual.
+
     gear: turns of the motor for one of the link, 0 where it is not known; torque (N,) [Nm] of the
     motor, by which a usual gear bends (kappa tau): without it that is taken for gap.
     """
@@ -51,9 +60,22 @@ def from_motion(
         about = "phi is never at rest while the joint moves"
         return GapResult(joint=name, verdict=GapVerdict.UNCLEAR, reason=about)
     load, off = (np.zeros_like(q), 0.0) if torque is None else _load(torque, q, speed, rests)
-    fit = _fitted(time_s, q - theta + USUAL * load, speed, repeats, rests)
-    unseen = 2.0 * USUALLY * float(np.median(np.abs(load[rests]))) + USUAL * off
-    return _judged(name, fit, unseen, enough)
+    phi = q - theta + USUAL * load
+    seen = _Seen(time_s[rests], phi[rests], speed[rests], load[rests], off)
+    fit = _fitted(seen, repeats.columns[rests])
+    found = replace(
+        _judged(name, fit, 2.0 * USUALLY * seen.size + USUAL * off, enough),
+        harmonics=repeats.harmonics(fit.solution[4:], fit.errors[4:], repeats.columns[rests]),
+    )
+    if torque is None:
+        return found
+    if found.limit is None:
+        mute = Limit("what a gear carries at least, over its torque", _MUTE / max(seen.size, 1e-4),
+                     1.0, "", "that is not this motor's, or has another unit")  # fmt: skip
+        return refused(found, GapVerdict.UNCLEAR, [mute])
+    if found.limit.name not in _SCATTERED:
+        return found
+    return _mapped(name, seen, q[rests], repeats.columns[rests], enough)
 
 
 def _load(
@@ -69,23 +91,59 @@ def _load(
 
 
 @dataclass(frozen=True, slots=True)
+class _Seen:
+    """Rests of phi in motion, (M,) each; phi without what a usual gear bends."""
+
+    time_s: Vector
+    phi: Vector
+    speed: Vector
+    load: Vector
+    off: float
+    """that the load may be off by [Nm]"""
+
+    @property
+    def size(self) -> float:
+        """Median of the load's size [Nm]."""
+        return float(np.median(np.abs(self.load)))
+
+
+@dataclass(frozen=True, slots=True)
 class _Fit:
-    alpha: float
-    skew: float
+    solution: Vector
+    """c, c', alpha, skew, and of further columns"""
     errors: Vector
-    """standard errors of c, c', alpha and skew"""
-    harmonics: tuple[Harmonic, ...]
+    """standard errors of these"""
     side: Vector
     """+-1, (M,)"""
     scatter: float
 
 
-def _fitted(
-    time_s: Vector, phi: Vector, speed: Vector, repeats: Turns, rests: NDArray[np.bool_]
-) -> _Fit:
-    x, t, v = phi[rests], time_s[rests] - time_s.mean(), speed[rests]
-    plain = [np.ones_like(t), t / max(np.ptp(t), 1.0), np.zeros_like(t), -v]
-    columns = np.column_stack([*plain, repeats.columns[rests]])
+def _mapped(name: str, seen: _Seen, q: Vector, repeats: Matrix, enough: int) -> GapResult:
+    """Result with a map of errors over q (M,) and with the gear's own compliance."""
+    count = int(np.clip(round(float(np.ptp(q)) / _APART), 3, _PLACES))
+    places = np.linspace(q.min(), q.max(), count)
+    hats = [np.interp(q, places, row) for row in np.eye(count)[1:]]
+    columns = np.column_stack([*hats, repeats])
+    free = _fitted(seen, np.column_stack([columns, seen.load]))
+    error = float(free.errors[-1])
+    believed = USUALLY**2 / (USUALLY**2 + error**2)
+    shown = believed * float(free.solution[-1])
+    more = float(np.clip(shown, STIFFEST - USUAL, SOFTEST - USUAL))
+    fit = _fitted(replace(seen, phi=seen.phi - more * seen.load), columns)
+    unsure = 2.0 * np.sqrt(believed) * error + abs(shown - more) + _UNSURE * (USUAL + more)
+    unseen = float(unsure) * seen.size + 2.0 * (USUAL + more) * seen.off
+    found = _judged(name, fit, unseen, enough, _WIDE)
+    size = float(np.ptp(columns @ fit.solution[4:]))
+    found = replace(found, reason=f"{found.reason}; without errors of {1e3 * size:.2g} mrad that "
+                    "repeat with the position")  # fmt: skip
+    map_ = Limit("these errors", 1e3 * size, 1e3 * _LARGEST, "mrad", "no encoder's: by hand")
+    return refused(found, GapVerdict.UNCLEAR, [map_]) if found.limit is None else found
+
+
+def _fitted(seen: _Seen, further: Matrix) -> _Fit:
+    x, t = seen.phi, seen.time_s - seen.time_s.mean()
+    plain = [np.ones_like(t), t / max(np.ptp(t), 1.0), np.zeros_like(t), -seen.speed]
+    columns = np.column_stack([*plain, further])
     others = [k for k in range(columns.shape[1]) if k != 2]
     solution = np.zeros(columns.shape[1])
     solution[0] = 0.5 * float(np.percentile(x, 1) + np.percentile(x, 99))
@@ -96,44 +154,36 @@ def _fitted(
         if np.allclose(before, solution, rtol=1e-9, atol=1e-12):
             break
     left = x - columns @ solution
-    period = float(np.median(np.diff(time_s)))
-    errors = _block_errors(columns, left, rests, period)
-    return _Fit(
-        alpha=abs(float(solution[2])),
-        skew=float(solution[3]),
-        errors=errors,
-        harmonics=repeats.harmonics(solution[4:], errors[4:], columns[:, 4:]),
-        side=columns[:, 2],
-        scatter=1.4826 * float(np.median(np.abs(left))),
-    )
+    errors = _block_errors(columns, left, seen.time_s)
+    return _Fit(solution, errors, columns[:, 2], 1.4826 * float(np.median(np.abs(left))))
 
 
-def _judged(name: str, fit: _Fit, unseen: float, enough: int) -> GapResult:
-    """Result of a fit; unseen: what the gear may have bent otherwise [rad]."""
+def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEAR) -> GapResult:
+    """Result of a fit; unseen: what the gear may have bent otherwise [rad]; most: scatter over
+    alpha."""
+    alpha = abs(float(fit.solution[2]))
     crossings = int(np.count_nonzero(np.diff(fit.side)))
     found = GapResult(
         joint=name,
         verdict=GapVerdict.CLEAR,
         reason=f"{crossings} crossings in motion, phi scatters by {1e3 * fit.scatter:.2g} mrad",
-        half_gap=fit.alpha,
+        half_gap=alpha,
         # A link that bounces rests inside its gap, never beyond: scatter is no mere noise.
         confidence=1.96 * float(fit.errors[2]) + fit.scatter + unseen,
-        skew_s=fit.skew,
+        skew_s=float(fit.solution[3]),
         crossings=crossings,
-        harmonics=fit.harmonics,
     )
     # A load that never changes its sign keeps the joint at one border.
     rarer = float(min((fit.side > 0).mean(), (fit.side < 0).mean()))
-    one_border = "only one border was met, or there is no gap: move the link by hand"
     limits = [
         Limit("share of the time at the more frequent border", 1.0 - rarer, 1.0 - _RARE, "",
-              one_border),
-        Limit("smallest gap that shows over alpha", SMALLEST / max(fit.alpha, 1e-9), 1.0, "",
-              one_border),
-        Limit("scatter of phi at the borders", 1e3 * fit.scatter, 1e3 * CLEAR * fit.alpha, "mrad",
+              _ONE_BORDER),
+        Limit("smallest gap that shows over alpha", SMALLEST / max(alpha, 1e-9), 1.0, "",
+              _ONE_BORDER),
+        Limit(_SCATTERED[0], 1e3 * fit.scatter, 1e3 * most * alpha, "mrad",
               "an elastic gear, or encoders with errors that repeat otherwise than 1 or 2 x per "
               "turn"),
-        Limit("interval of alpha", 1e3 * found.confidence, 1e3 * _WIDE * fit.alpha, "mrad",
+        Limit(_SCATTERED[1], 1e3 * found.confidence, 1e3 * _WIDE * alpha, "mrad",
               "gears bend by as much as this gap, or the current has another unit: by hand"),
     ]  # fmt: skip
     found = refused(found, GapVerdict.UNCLEAR, limits)
@@ -150,10 +200,9 @@ def _robust(columns: Matrix, x: Vector) -> Vector:
     return np.asarray(solution)
 
 
-def _block_errors(columns: Matrix, left: Vector, rests: NDArray[np.bool_], period: float) -> Vector:
+def _block_errors(columns: Matrix, left: Vector, time_s: Vector) -> Vector:
     """Standard errors from blocks of half a second, within which samples are alike."""
-    block = (np.flatnonzero(rests) * period // 0.5).astype(np.int64)
-    starts = np.flatnonzero(np.diff(block, prepend=-1))
+    starts = np.flatnonzero(np.diff((time_s - time_s[0]) // 0.5, prepend=-1.0))
     sums = np.add.reduceat(left[:, None] * columns, starts, axis=0)
     inverse = np.linalg.pinv(columns.T @ columns)
     return np.asarray(np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse)))

@@ -12,9 +12,10 @@ import numpy as np
 
 from bench.rigs.arm_batch import Push, record_fleet
 from bench.rigs.generated_arms import URDF, GeneratedArm, generate
-from bench.study.masses import EXACT, along
+from bench.study.masses import EXACT, along, carrying
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
+from estimator.payload import Payload
 from identification.motion_log import MotionLog
 from programs.identify.motions import bounds_of, excitation
 from programs.simulate.simulated_robot import describe, read_simulation
@@ -56,20 +57,27 @@ class Style:
     """in the place of currents"""
     degrees: bool = False
     eccentric: float = 0.0
-    """amplitude of the link encoders' error, once a turn [rad]"""
+    """amplitude of the link encoders' error, once a turn, and half of it 3 and 5 times [rad]"""
     vibration: tuple[float, float] = (0.0, 1.0)
     """of the torque, in shares of each joint's friction, at a frequency [Hz]"""
     seed: int = 0
 
 
-def stranger(seed: int, seconds: float, folder: Path, push: Push | None = None) -> Stranger:
-    """Arm of a seed, moved for some seconds, without contact unless pushed; its files go to a
-    folder."""
+def stranger(
+    seed: int, seconds: float, folder: Path, push: Push | None = None, load_kg: float = 0.0
+) -> Stranger:
+    """Arm of a seed, moved for some seconds, without contact unless pushed, with a load at its tool
+    point; its files go to a folder. Its gears are softer than its data sheets have it, or not."""
     arm = generate(seed)
     robot = load_robot(arm.write(folder))
     description = replace(describe(robot, read_simulation(robot)), period_s=FINE_S)
     settings = SimulationSettings(mismatch=EXACT, seed=seed)
     truth = true_parameters(description, settings)
+    softer = np.random.default_rng((seed, 37)).uniform(0.25, 1.0, len(truth.stiffness))
+    truth = replace(truth, stiffness=truth.stiffness * softer)
+    if load_kg:
+        load = Payload.of(load_kg, robot.model.tool_place.tolist())
+        truth = carrying(truth, robot.model, load)
     motion = excitation(bounds_of(robot.configuration), robot.model, FINE_S, seed)
     path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
     ((log,),) = record_fleet(
@@ -94,10 +102,11 @@ def write_csv(of: Stranger, style: Style, path: Path) -> Path:
     share, hertz = style.vibration
     shakes = np.sin(_TURN * hertz * t)[:, None] * share * of.friction / of.truth.torque_constant
     q = at(fine.link_position)
+    wobble = np.cos(q + 1.0) + 0.5 * np.cos(3.0 * q) + 0.5 * np.sin(5.0 * q)
     angle, unit = (np.degrees, "deg") if style.degrees else (np.asarray, "rad")
     assert fine.motor_position is not None
     columns = {
-        "pos": angle(q + style.eccentric * np.cos(q + 1.0)),
+        "pos": angle(q + style.eccentric * wobble),
         "motor_pos": angle(at(fine.motor_position)),
         "vel": angle(at(fine.motor_velocity, style.late_s.get("motor_velocity", 0.0))),
         "tau" if style.torque else "cur":

@@ -35,7 +35,7 @@ Texts = tuple[str, ...]
     help="Object of a quantity, where the EDS alone does not say; may be repeated.",
 )
 @click.option("--log-only", is_flag=True, help="No drives: an arm that is known from logs alone.")
-@click.argument("logs", type=PATH, nargs=-1, metavar="[LOG.csv]...")
+@click.argument("logs", type=PATH, nargs=-1, metavar="[LOG]...")
 def new(
     folder: Path, urdf: Path, sheets: Texts, models: Texts, objects: Texts, log_only: bool,
     logs: tuple[Path, ...],

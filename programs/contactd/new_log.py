@@ -18,9 +18,10 @@ from programs.command_line.sentences import say
 from programs.contactd.drafts.configuration import guesses
 from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
 from programs.contactd.drafts.log_columns import Columns, guessed, named_columns
-from programs.identify.csv_log import header_of, numbers_of, read_csv
+from programs.identify.csv_log import header_of, is_mcap, numbers_of, read_csv
 from programs.identify.foreign import joined
 from programs.identify.log_names import NamedLog, beside, read_names
+from programs.identify.mcap_log import headers
 
 _AS_IT_IS = (0.7, 1.4)  # scales of a torque that are rather errors of the URDF
 
@@ -50,10 +51,13 @@ def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
     for change in changes:
         say(f"{folder / urdf.name}: {change}")
     all_of = " ".join(f"--log {log}" for log in logs)
-    click.echo(f"""next, once the columns are right:
-  contactd identify friction --config {folder} {all_of}
-  contactd identify thresholds --config {folder} {all_of}
-  contactd plot {logs[0]} --config {folder}""")
+    steps = ["masses", "friction", "thresholds"]
+    if "half_gap: 0.002" in draft:
+        steps.insert(0, "gap")
+    click.echo("next, once the columns are right:")
+    for step in steps:
+        click.echo(f"  contactd identify {step} --config {folder} {all_of}")
+    click.echo(f"  contactd plot {logs[0]} --config {folder}")
 
 
 def _write(
@@ -105,16 +109,20 @@ def _write(
 
 
 def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
-    """Guess of the columns of a log. Raises LogError where no joint is found in it."""
-    header = header_of(log)
+    """Guess of the columns of a log; of an MCAP, of the topic that has most of them. Raises
+    LogError where no joint is found in it."""
+    joints = [one.joint for one in ranges]
+    by_topic = headers(log) if is_mcap(log) else {"": header_of(log)}
+    topic = max(by_topic, key=lambda one: len(named_columns(by_topic[one], joints)), default="")
+    header = by_topic.get(topic)
     if not header:
-        raise LogError(f"{log}: no line with the columns' names: it is empty")
-    named = named_columns(header, [one.joint for one in ranges])
+        raise LogError(f"{log}: no names of columns, no messages: it is empty")
+    named = named_columns(header, joints)
     there = f"there are {printable(', '.join(header)[:200])}; name them in {beside(log).name}"
     if ("", "time") not in named:
         raise LogError(f"{log}: no column is a time by its name; {there}")
-    table = numbers_of(log, list(dict.fromkeys(named.values())), named["", "time"])
-    found = guessed(named, table, ranges)
+    table = numbers_of(log, list(dict.fromkeys(named.values())), named["", "time"], topic)
+    found = replace(guessed(named, table, ranges), topic=topic)
     if not found.joints:
         raise LogError(f"{log}: no joint of {urdf.name} has a position, and a torque or current, "
                        f"by the names of columns; {there}")  # fmt: skip

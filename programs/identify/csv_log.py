@@ -14,7 +14,7 @@ from common.regular_file import open_text
 from daemon.protocol.text import printable
 from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 from programs.identify.log_names import Conversion, NamedLog, Rows, beside, read_names
-from programs.identify.mcap_log import read_rows
+from programs.identify.mcap_log import of_one_sender, read_rows
 from programs.recordings.raster import on_raster
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
@@ -95,7 +95,7 @@ def _assumed(path: Path, joints: Sequence[str]) -> tuple[str, ...]:
 def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     """Columns that any step may need, by name, in SI."""
     named = read_names(path)
-    header, rows = read_rows(path, named.topic if named else "") if is_mcap(path) else _rows(path)
+    header, rows = _rows(path, named.topic if named else "")
     conversions, which = _conversions(path, joints, header, named)
     columns = sorted({one.column for one in conversions.values() if one.column})
     columns += [which.column] if which else []
@@ -115,13 +115,13 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
 
 def header_of(path: Path) -> list[str]:
     """Names of the columns of a CSV. Raises LogError."""
-    return _rows(path)[0]
+    return _rows(path, "")[0]
 
 
-def numbers_of(path: Path, columns: Sequence[str], time: str) -> dict[str, Vector]:
-    """Columns of a CSV as they stand there; `time` names the one that may be times of day. Raises
+def numbers_of(path: Path, columns: Sequence[str], time: str, topic: str = "") -> dict[str, Vector]:
+    """Columns of a log as they stand there; `time` names the one that may be times of day. Raises
     LogError."""
-    return dict(zip(columns, _values(path, *_rows(path), columns, time).T, strict=True))
+    return dict(zip(columns, _values(path, *_rows(path, topic), columns, time).T, strict=True))
 
 
 def _values(
@@ -134,7 +134,8 @@ def _values(
     at = [header.index(name) for name in columns]
     stamp = columns.index(time) if time in columns else -1
     values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
-    return np.array(values, dtype=np.float64).reshape(-1, len(at))
+    table = np.array(values, dtype=np.float64).reshape(-1, len(at))
+    return of_one_sender(path, table, columns, stamp) if is_mcap(path) else table
 
 
 def is_mcap(path: Path) -> bool:
@@ -142,9 +143,11 @@ def is_mcap(path: Path) -> bool:
     return path.suffix == ".mcap"
 
 
-def _rows(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
-    """Names of a CSV's columns, and its rows with their line. Raises LogError, also while rows are
-    read."""
+def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequence[str | float]]]]:
+    """Names of the columns of a CSV, or of a topic, and its rows with their line or number. Raises
+    LogError, also while rows are read."""
+    if is_mcap(path):
+        return read_rows(path, topic)
 
     def lines() -> Iterator[tuple[int, list[str]]]:
         rows = None

@@ -8,18 +8,21 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
+from scipy.signal import savgol_filter
 
 from common import compiled
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.config.vectors import row
 from daemon.protocol.state import Snapshot, State
+from estimator.body_inertia import point_mass
 from estimator.model import Model
+from estimator.payload import Payload
 from identification.motion_log import MotionLog
 from identification.skew import without_skew
 from identification.vibration import without_vibration
 from programs.identify.csv_log import COLUMNS, read_csv
-from programs.identify.log_names import beside
+from programs.identify.log_names import beside, read_names
 from programs.recordings.over_log import over_log
 from programs.recordings.raster import on_raster
 from programs.recordings.recomputed import kept_recording
@@ -27,21 +30,56 @@ from programs.recordings.row_cache import content_digest
 
 _APART_S: Final = 10.0  # between logs, so that they are stretches
 _ALIKE: Final = 0.02  # of the period
-_LAYOUT: Final = 1  # of the recordings in the cache
+_FASTER: Final = 0.6  # of the configuration's period
+_SMOOTH_S: Final = 0.05  # half of a window, for the acceleration of a load
+_LAYOUT: Final = 2  # of the recordings in the cache
 
 
 def foreign_states(path: Path, robot: Robot) -> tuple[Snapshot, list[State]]:
     """Snapshot and States of a log. Raises LogError."""
+    load = _payload(path, robot.model)
     log, notes = read_aligned(path, robot.configuration, robot.model)
-    return over_log(log, robot, notes)
+    return over_log(_carrying(log, load, robot.configuration, robot.model), robot, notes, load)
 
 
 def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog, tuple[str, ...]]:
-    """Log of all joints without skew and vibration, and notes. Raises LogError."""
+    """Log of all joints without skew, vibration and the load that its file of names states, and
+    notes. Raises LogError."""
     log, notes = read_csv(path, c.joint_names, constants_of(c))
+    if log.period_s < _FASTER * c.period_s:  # no more shows in all of them
+        log = on_raster(log, log.stretches(2.5 * log.period_s), c.period_s)
+    load = _payload(path, model)
+    if load is not None:
+        log = _carrying(log, load, c, model, -1.0)
+        notes += (f"the hand carries {load}",)
     log, skew = without_skew(log, model, c.estimator)
     log, shakes = without_vibration(log, model, c.estimator, row(c, lambda j: j.torque_constant))
     return log, notes + skew.notes(log.joints) + shakes
+
+
+def _payload(path: Path, model: Model) -> Payload | None:
+    named = read_names(path)
+    if named is None or named.payload is None:
+        return None
+    return Payload.of(named.payload.mass, named.payload.com or model.tool_place.tolist())
+
+
+def _carrying(
+    log: MotionLog, load: Payload | None, c: Configuration, model: Model, sign: float = 1.0
+) -> MotionLog:
+    """The log with currents that carry a load, too, or (sign -1) no longer carry it."""
+    if load is None:
+        return log
+    point, hand = point_mass(load.mass, model.in_joint(np.array(load.com))), model.hand_joint
+    width, current = max(5, 2 * round(_SMOOTH_S / log.period_s) + 1), log.current.copy()
+    for part in log.stretches():
+        if part.stop - part.start <= width:
+            continue
+        q = log.link_position[part]
+        motion = [savgol_filter(q, width, 2, k, log.period_s, axis=0) for k in (1, 2)]
+        torque = [model.regressor(*at)[:, hand] @ point for at in zip(q, *motion, strict=True)]
+        current[part] += sign * np.array(torque) / row(c, lambda j: j.torque_constant)
+    return replace(log, current=current)
 
 
 def recording_of(path: Path, config: Path) -> Path:

@@ -8,6 +8,7 @@
         link_position: {value: 0}                  # clamped: the same in every row
         motor_position: {column: POSITION, unit: turn, scale: 0.02}
         torque: {column: TORQUE, unit: Nm}
+    payload: 0.4                                   # kg; or {mass: 0.4, com: [0, 0, 0.05]}
 
 Beside an MCAP it has a `topic`, too, and columns are fields of its messages: `effort[2]`.
 A number in the log becomes number * unit * scale + offset, in SI and at the link. Without such a
@@ -24,7 +25,9 @@ import msgspec
 from common.errors import ConfigurationError, LogError
 from common.yaml_source import read_yaml
 from daemon.config.convert import convert
+from daemon.config.schema import PayloadEntry
 from drivers.settings import Settings
+from estimator.payload import Mass
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -72,6 +75,7 @@ class LogNames(Settings, frozen=True, kw_only=True):
     joints: dict[str, dict[Quantity, Named]]
     time: Named = Named(column="time")
     rows: Rows | None = None
+    payload: Mass | PayloadEntry | None = None
 
 
 class Conversion(msgspec.Struct, frozen=True):
@@ -88,6 +92,8 @@ class NamedLog(msgspec.Struct, frozen=True):
     conversions: dict[str, Conversion]
     rows: Rows | None
     topic: str
+    payload: PayloadEntry | None
+    """in the hand throughout"""
 
 
 def beside(log: Path) -> Path:
@@ -119,7 +125,8 @@ def read_names(log: Path) -> NamedLog | None:
     if of_mcap is not bool(names.topic):
         about = "needed beside an MCAP" if of_mcap else "only an MCAP has any"
         raise LogError(f"{path}: topic: {names.topic!r}, {about}")
-    return NamedLog(conversions, names.rows, names.topic)
+    load = PayloadEntry(mass=names.payload) if isinstance(names.payload, float) else names.payload
+    return NamedLog(conversions, names.rows, names.topic, load)
 
 
 def _conversion(path: Path, where: str, quantity: str, named: Named) -> Conversion:

@@ -17,8 +17,11 @@ from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Snapshot, State
 from daemon.service.status import context_of
 from daemon.tick.decision import Decision
+from daemon.tick.load_watch import LoadWatch
+from daemon.tick.sensing import Sensing
 from daemon.tick.telemetry import TickRecord, Wakeup, contact_notice, state_of
 from drivers.api import DriveCondition, DriveStatus, Samples
+from estimator.payload import Payload
 from identification.motion_log import PAUSE_S, MotionLog
 from programs.recordings.raster import on_raster
 
@@ -30,9 +33,10 @@ _DRIVE = DriveStatus(DriveCondition.OPERATING, "not in the log", "", True, True)
 
 
 def over_log(
-    log: MotionLog, robot: Robot, notes: tuple[str, ...] = ()
+    log: MotionLog, robot: Robot, notes: tuple[str, ...] = (), payload: Payload | None = None
 ) -> tuple[Snapshot, list[State]]:
-    """Snapshot and States of a log by the robot's estimator; notes are news of the first State.
+    """Snapshot and States of a log by the robot's estimator; notes are news of the first State;
+    another payload than the one announced is recognised as at work.
     Raises LogError where the log lacks the motor positions that it takes."""
     c = robot.configuration
     if c.estimator.motor_position == "measured" and log.motor_position is None:
@@ -48,6 +52,9 @@ def over_log(
         log = on_raster(log, log.stretches(PAUSE_S), c.period_s)
     estimator = build_estimator(c, robot.model)
     begun_s = float(log.time_s[0])
+    estimator.carry(payload)
+    sensing, watch = Sensing(log.n, c.estimator.gain), LoadWatch(estimator)
+    watch.announce(payload)
     snapshot = replace(context_of(robot), memory=estimator.memory())
     zero, fresh = np.zeros(log.n), np.ones(log.n, dtype=np.bool_)
     news = [Notice(kind="mode", text=note) for note in notes]
@@ -62,6 +69,8 @@ def over_log(
             samples.current, samples.link_position, samples.motor_velocity, measured, step_s
         )
         since_s = float(log.time_s[k]) - begun_s
+        sensing.step(since_s, estimate)
+        news += watch.step(Mode.HOLDING, estimate, sensing)
         velocity = zero if log.setpoint is None else log.setpoint[k]
         record = TickRecord(
             number=k,
@@ -77,6 +86,8 @@ def over_log(
             ),
             mode=Mode.HOLDING,
             cause=CAUSE,
+            payload=payload,
+            recognised=watch.found,
             notices=(*news, *map(contact_notice, estimate.contacts)),
         )
         states.append(state_of(record))

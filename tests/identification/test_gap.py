@@ -375,6 +375,33 @@ def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
     assert "scatter of phi" in blind.reason
 
 
+@pytest.mark.parametrize(
+    ("alpha", "gives"), [(0.0022, 0.0), (0.0016, 0.0011), (0.0022, 0.0011), (0.0022, 0.0028)]
+)
+def test_an_eccentric_encoder_of_an_elastic_gear_hides_no_gap(alpha, gives):
+    """Its map repeats with the position, and oftener than twice a turn; the load differs."""
+    t, q, theta = two_encoders(0.001, alpha)
+    map_ = 0.0008 * np.cos(3.0 * q + 0.3) + 0.0006 * np.sin(5.0 * q) + 0.0003 * np.cos(11.0 * q)
+    border = np.clip((theta - q) / alpha, -1.0, 1.0)
+    load = border * (0.4 + 0.2 * np.sin(1.7 * t))
+    off = map_ - gives * load
+    torque = load + 0.4 * np.sign(np.gradient(theta, t))
+    gap = from_motion("j", t, q + off, theta, np.gradient(theta, t), torque=torque)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - alpha) < gap.confidence < 0.6 * alpha, gap
+
+
+@pytest.mark.parametrize("unit", [1e-3, 0.0])
+def test_a_torque_that_no_gear_carries_so_little_of_gives_no_narrow_interval(unit):
+    t, q, theta = two_encoders(0.0, 0.0038)
+    border = np.clip((theta - q) / 0.0038, -1.0, 1.0)
+    torque = unit * (border + np.sign(np.gradient(theta, t)))
+    gap = from_motion("j", t, q + 0.0007 * border, theta, np.gradient(theta, t), torque=torque)
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert gap.limit.name == "what a gear carries at least, over its torque"
+    assert np.isfinite(gap.estimate)
+
+
 @pytest.mark.parametrize("measured", [True, False])
 def test_an_encoder_that_was_not_read_is_not_accused(measured):
     turns = 100.0

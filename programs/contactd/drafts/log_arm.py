@@ -11,13 +11,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from common.arrays import Matrix, Vector
+from common.arrays import Matrix
 from common.yaml_source import quoted
 from daemon.config.problem import figure
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.urdf import JointRange
-from identification.log_intervals import intervals
+from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
 from programs.contactd.drafts.motor import MARK
 
@@ -26,10 +26,13 @@ TURNS: Final = 12.57  # limits of a joint without any, either way [rad]
 _GRAVITY: Final = 0.01  # least deviation of gravity: the rotor's inertia hides that of links [Nm]
 _SURE: Final = 0.1  # relative error of a constant that shows
 _SHOWN: Final = 0.05  # least of the links in the signal
+_GAIN: Final = 8.0  # of the filter on both sides [1/s]
 _SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
-_HEADROOM: Final = 1.5  # over the largest in the log
+_HEADROOM: Final = 1.5  # over the fastest in the log
+_STRONGEST: Final = 4.0  # times the largest current in the log: another may carry more
 _FASTEST: Final = (0.05, 20.0)  # limits.velocity [rad/s]
 _PERIOD_MS: Final = (4, 100)
+_SLOWLY_MS: Final = 60  # of a period: the usual gain makes its residual swing
 
 
 def loosened(urdf: str, joints: Collection[str]) -> tuple[str, list[str]]:
@@ -65,28 +68,26 @@ class Scale:
     def __str__(self) -> str:
         if not self.constant:
             return "the URDF's masses do not show it in the log"
-        return f"by the URDF's masses, which may be off, +- {self.error:.0%}"
+        return f"by the URDF's masses, which may be off, +- {max(self.error, 0.01):.0%}"
 
 
 def scales(log: MotionLog, model: Model) -> list[Scale]:
     """Torque per unit of each joint's column by the URDF's masses. Raises LogError."""
     settings = EstimatorSettings(motor_position="integrated")
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
-    return [
-        _scale(rows.current[:, i], rows.inertial[:, i], rows.theta_dot[:, i],
-               rows.theta_ddot[:, i], weighs=rows.gravity[:, i].std() > _GRAVITY)
-        for i in range(log.n)
-    ]  # fmt: skip
+    return [_scale(rows, i) for i in range(log.n)]
 
 
-def _scale(
-    signal: Vector, moves: Vector, velocity: Vector, acceleration: Vector, *, weighs: bool
-) -> Scale:
-    slow = _SLOW * float(np.percentile(np.abs(velocity), 90.0)) or 1.0
-    columns: Matrix = np.stack([moves, np.tanh(velocity / slow), velocity, acceleration], axis=1)
-    columns -= columns.mean(axis=0)
+def _scale(rows: Intervals, i: int) -> Scale:
+    """Scale of joint i; what accelerations of noise hide of the links is filtered from both sides,
+    or too little of them would show, and a torque seem too small."""
+    v, weighs = rows.theta_dot[:, i], rows.gravity[:, i].std() > _GRAVITY
+    slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
+    parts = [rows.inertial[:, i], np.tanh(v / slow), v, rows.theta_ddot[:, i], rows.current[:, i]]
+    smooth: Matrix = low_pass(np.stack(parts, axis=1), rows, _GAIN)
+    columns, signal = smooth[:, :-1] - smooth[:, :-1].mean(axis=0), smooth[:, -1]
     spread = columns.std(axis=0)
-    if not (spread > 0.0).all():
+    if not ((spread > 0.0).all() and signal.any()):
         return Scale(0.0)
     columns /= spread
     found, *_ = np.linalg.lstsq(columns, signal - signal.mean(), rcond=None)
@@ -110,6 +111,7 @@ def log_draft(
         _joint(i, one, log, *constant)
         for i, (one, constant) in enumerate(zip(ranges, constants, strict=True))
     )
+    slow = f", gain: {figure(1.5e3 / period_ms)}" if period_ms > _SLOWLY_MS else ""
     measured = "integrated" if log.motor_position is None else "measured"
     return f"""\
 # Draft by `contactd new --log-only`, for logs alone: no drive can be run with it. Lines with CHECK
@@ -122,13 +124,13 @@ bus: {{interface: virtual, channel: none}}
 drives: {{logs: {{make: log}}}}
 joints:
 {joints}
-estimator: {{motor_position: {measured}, current_delay_ms: 0}}
+estimator: {{motor_position: {measured}, current_delay_ms: 0{slow}}}
 """
 
 
 def _joint(i: int, one: JointRange, log: MotionLog, constant: float, why: str) -> str:
-    largest = _HEADROOM * max(float(np.abs(log.current[:, i]).max()), 1e-3)
-    torque = constant * largest
+    largest = _STRONGEST * max(float(np.abs(log.current[:, i]).max()), 1e-3)
+    torque = constant * largest * _HEADROOM / _STRONGEST
     fastest = float(np.abs(log.motor_velocity[:, i]).max())
     velocity = float(np.clip(_HEADROOM * fastest, *_FASTEST))
     q = log.link_position[:, i]
@@ -138,7 +140,7 @@ def _joint(i: int, one: JointRange, log: MotionLog, constant: float, why: str) -
     return f"""\
   - name: {quoted(one.joint)}
     wiring: {{node: {i + 1}, profile: logs, gear: 1, rated_current_A: {f(largest)}, \
-max_current_A: {f(largest)}}}   {MARK}: {_HEADROOM:g} x the largest in the log
+max_current_A: {f(largest)}}}   {MARK}: {_STRONGEST:g} x the largest in the log
     torque_constant: {f(constant)}   {MARK}: {why}
     rotor_inertia: 0
     half_gap: {gap:g}   {MARK}: {"`contactd identify gap`" if gap else "no second position"}

@@ -34,10 +34,11 @@ _ASKED: Final = _any("target desired des cmd command commanded ref reference goa
 _NEVER: Final = _any("error err std acc accel acceleration qdd temp temperature voltage limit ext "
                      "external gravity")  # fmt: skip
 _MOTOR: Final = _any("motor rotor")
-_TIMES: Final = _any("time t timestamp stamp sec secs seconds clock")
+_TIMES: Final = _any("time t timestamp stamp sec secs seconds clock date datetime")
 _STEPS_S: Final = (3e-4, 0.3)  # between samples
 _OUTSIDE: Final = 0.05  # of the limits [rad]
 _SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
+_AS_IT_IS: Final = 0.3  # of a scale of 1: noise of velocities, as no gear is so little
 _MOST_A: Final = 80.0  # of an arm's motor
 _WHOLE: Final = 0.015  # of a gear: nearer to a whole number it is one
 _FOLLOWS: Final = 0.7  # correlation of what is the same
@@ -55,6 +56,8 @@ class Column:
 
     def line(self) -> str:
         """Its entry in a file of names."""
+        if not self.column:
+            return f"{{value: 0}}   {MARK}: {self.doubt}"
         scale = "" if self.scale == 1.0 else f", scale: {figure(self.scale)}"
         scale += "" if self.offset == 0.0 else f", offset: {figure(self.offset)}"
         about = f": {self.doubt}" if self.doubt else ""
@@ -63,22 +66,25 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of a log: its time, and of each joint by quantity."""
+    """Columns of a log: its time, and of each joint by quantity; the topic of an MCAP."""
 
     time: Column
     joints: Mapping[str, Mapping[str, Column]]
+    topic: str = ""
 
     def scaled(self, factors: Mapping[str, tuple[float, str]]) -> "Columns":
         """The same with other scales of torques or currents, by joint, and reasons."""
         joints = {joint: dict(each) for joint, each in self.joints.items()}
         for joint, (factor, why) in factors.items():
             (name,) = {"torque", "current"} & joints[joint].keys()
-            joints[joint][name] = replace(joints[joint][name], scale=factor, doubt=why)
-        return Columns(self.time, joints)
+            if joints[joint][name].column:
+                joints[joint][name] = replace(joints[joint][name], scale=factor, doubt=why)
+        return replace(self, joints=joints)
 
     def text(self) -> str:
         """File of names."""
         lines = [f"# Columns guessed by `contactd new`. Lines with {MARK[2:]} are to be looked at.",
+                 *([f"topic: {quoted(self.topic)}"] if self.topic else []),
                  f"time: {self.time.line()}", "joints:"]  # fmt: skip
         for joint, quantities in self.joints.items():
             lines.append(f"  {quoted(joint)}:")
@@ -143,8 +149,8 @@ def _quantity(words: Sequence[str]) -> str:
 def guessed(
     named: Mapping[tuple[str, str], str], table: Mapping[str, Vector], ranges: Sequence[JointRange]
 ) -> Columns:
-    """Units, signs and gears of named columns from their numbers (N,). Joints without a position,
-    or without torque or current, are left out."""
+    """Units, signs and gears of named columns from their numbers (N,). Joints without a position
+    are left out, and all of them where none has a torque or current."""
     column = named["", "time"]
     time = _time(column, table[column])
     its: dict[str, dict[str, str]] = {}
@@ -152,8 +158,10 @@ def guessed(
         each = {quantity: name for (joint, quantity), name in named.items() if joint == one.joint}
         if "link_position" not in each and "motor_position" in each:
             each["link_position"] = each.pop("motor_position")
-        if "link_position" in each and ("torque" in each or "current" in each):
+        if "link_position" in each:
             its[one.joint] = each
+    if not any({"torque", "current"} & each.keys() for each in its.values()):
+        its = {}
     there = [one for one in ranges if one.joint in its]
     angle = _angle([(table[its[one.joint]["link_position"]], one) for one in there])
     most = max((float(np.abs(table[each["current"]]).max())
@@ -210,6 +218,8 @@ def _of_joint(
 
 
 def _effort(its: Mapping[str, str], *, milli: bool) -> dict[str, Column]:
+    if not {"torque", "current"} & its.keys():
+        return {"torque": Column("", "Nm", doubt="none in the log: others need its motion alone")}
     if "torque" in its:
         return {"torque": Column(its["torque"], "Nm")}
     return {"current": Column(its["current"], "mA" if milli else "A")}
@@ -226,7 +236,8 @@ def _following(
     if abs(scale) * float(values.std()) < _FOLLOWS * float(about.std()) or not scale:
         return replace(first, doubt="it does not follow the link's position: CHECK what it is")
     nearest = min(units, key=lambda one: abs(np.log(abs(scale) / units[one])))
-    if abs(abs(scale) / units[nearest] - 1.0) < _SAME:
+    same = _SAME if units[nearest] != 1.0 else _AS_IT_IS
+    if abs(abs(scale) / units[nearest] - 1.0) < same:
         way = "as" if scale > 0.0 else "against"
         return Column(name, nearest, float(np.sign(scale)), f"changes {way} the link's")
     gear = units[first.unit] / scale

@@ -36,6 +36,7 @@ def drafted(folder: Path, arm: Stranger, style: Style) -> Result:
     ("header", "found"),
     [
         ("time,position.elbow_joint", {("", "time"): 0, ("elbow_joint", "link_position"): 1}),
+        ("date_time,position.elbow_joint", {("elbow_joint", "link_position"): 1}),
         ("t,ElbowPos,ElbowMotorPos", {("elbow_joint", "link_position"): 1,
                                       ("elbow_joint", "motor_position"): 2}),
         ("stamp,q_0,q_1,q_2", {(name, "link_position"): k + 1 for k, name in enumerate(JOINTS)}),
@@ -105,6 +106,44 @@ def test_a_constant_that_gravity_confirms_is_no_mistake(tmp_path: Path, arm: Str
     constants = [j.torque_constant for j in load_robot(tmp_path / "arm").configuration.joints]
     assert constants[1:] == pytest.approx([32.0] * (len(constants) - 1), rel=0.05)
     assert CliRunner().invoke(main, ["check", str(tmp_path / "arm")]).exit_code == 0
+
+
+def test_a_joint_without_a_torque_moves_in_the_model(tmp_path: Path, arm: Stranger) -> None:
+    """Fixed at 0, it would bend the gravity of all others: 0.33 Nm of friction for 0.51."""
+    write_csv(arm, Style(torque=True), tmp_path / "log.csv")
+    header, *rows = (line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines())
+    left = [k for k, name in enumerate(header) if name != "elbow_tau"]
+    lines = [",".join(row[k] for k in left) for row in (header, *rows)]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    given = ["--urdf", str(urdf_of(arm, tmp_path)), str(tmp_path / "log.csv")]
+    result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", *given])
+    assert result.exit_code == 0, result.output
+    assert "torque: {value: 0}" in beside(tmp_path / "log.csv").read_text()
+    more = ["--config", str(tmp_path / "arm"), "--log", str(tmp_path / "log.csv")]
+    CliRunner().invoke(main, ["identify", "gap", *more])
+    CliRunner().invoke(main, ["identify", "friction", *more])
+    identified = load_robot(tmp_path / "arm").identified
+    assert identified is not None
+    friction = identified.joints["shoulder"].friction
+    assert friction is not None
+    total = friction.friction.motor_coulomb + friction.friction.link_coulomb
+    assert total == pytest.approx(arm.friction[1], rel=0.1)
+    elbow = identified.joints.get("elbow")
+    assert elbow is None or (elbow.friction is None and elbow.gap is None)
+
+
+def test_noise_of_fast_samples_makes_no_torque_seem_too_small(tmp_path: Path) -> None:
+    """Their accelerations are mostly noise: links showed 1 / 1.6 of themselves."""
+    of = stranger(5002, 30.0, tmp_path / "truth")
+    assert drafted(tmp_path, of, Style(rate_Hz=200.0, torque=True)).exit_code == 0
+    assert "scale" not in beside(tmp_path / "log.csv").read_text()
+
+
+def test_ten_samples_a_second_make_a_configuration(tmp_path: Path, arm: Stranger) -> None:
+    assert drafted(tmp_path, arm, Style(rate_Hz=10.0)).exit_code == 0
+    given = ["--config", str(tmp_path / "arm"), "--log", str(tmp_path / "log.csv")]
+    result = CliRunner().invoke(main, ["identify", "friction", *given])
+    assert "log faster" in result.output
 
 
 def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:

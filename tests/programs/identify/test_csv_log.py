@@ -385,8 +385,8 @@ def without_effort(messages: list[dict[str, object]]) -> None:
     ("names", "change", "encoding", "says"),
     [(OF_A_TOPIC.replace("/arm", "/leg"), None, "json", "no topic /leg; there are /arm"),
      (OF_A_TOPIC.replace("topic: /arm", ""), None, "json", "topic: '', needed beside an MCAP"),
-     (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr; only json can be read"),
-     (OF_A_TOPIC, without_effort, "json", r"message 10 of /arm has no number effort\[0\]"),
+     (OF_A_TOPIC, None, "cdr", "/arm is encoded as cdr by no schema"),
+     (OF_A_TOPIC, without_effort, "json", r"message 10 has no number effort\[0\]"),
      (OF_A_TOPIC.replace("motor.angle", "motor"), None, "json", "no column motor in")],
 )  # fmt: skip
 def test_what_is_wrong_with_an_mcap_is_named(
