@@ -1,12 +1,13 @@
 """Point of contact: which link is touched and where on it, from the residuals of all joints.
 
 A force f at a point x of a link is J(x)^T f at the joints. Every point of the surface of a capsule
-around each link is a hypothesis, whose f is any of some 30 N along each axis:
+around each link is a hypothesis, whose f is some F along each axis, light or hard:
 
-    r ~ N(0, D + J(x)^T (30 N)^2 J(x)),    D = diag(s_i^2)
+    r ~ mean over F of N(0, D + F^2 J(x)^T J(x)),    D = diag(s_i^2),    F = 2, 5, 12, 30 N
 
 so that a link further out, whose own joint shows nothing, is as unlikely as a force that happens to
-pass through that joint's axis. For readers of States; nothing of it is in the loop.
+pass through that joint's axis. Beforehand the last link, with the tool, is as likely as all others
+together. For readers of States; nothing of it is in the loop.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike
 from common.arrays import Matrix, Vector
 from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
 
-SURE, SURE_S = 0.9, 0.09
+SURE, SURE_S = 0.6, 0.06
 """Least probability of a link that is decided, and for how long it must have been the same: outer
 residuals rise later, behind their gaps [s]."""
 CANDIDATE: Final = 0.05
@@ -29,7 +30,7 @@ MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
 """Beyond it, or for a link less likely, a point is not given."""
 NO_FIT: Final = 3.0
 """Misfit from which no force at one point explains the residuals."""
-_FORCE_N: Final = 30.0
+_FORCES_N: Final = np.array([2.0, 5.0, 12.0, 30.0]).reshape(-1, 1)
 _ALONG, _AROUND = 12, 12  # points of a capsule
 # Standard deviation of a residual: of the share in force of its configured level, of what raises
 # that, and of the largest r' / K of late; K as configurations have it.
@@ -109,16 +110,20 @@ class TouchFinder:
         counts, levers, size = np.isfinite(variance), np.any(J != 0.0, axis=2), 0.0
         for _ in range(2):  # the second time with what a point beside the true one does
             w = 1.0 / (variance + levers * (_COARSE_M * size) ** 2)
-            S = np.einsum("pia,pi,pib->pab", J, w, J) + np.eye(3) / _FORCE_N**2
+            S = np.einsum("pia,pi,pib->pab", J, w, J)
+            S = S + np.eye(3) / np.square(_FORCES_N)[..., np.newaxis, np.newaxis]
             h = np.einsum("pia,pi->pa", J, w * r)
             force = np.linalg.solve(S, h[..., np.newaxis])[..., 0]
-            left = np.sum(w * r * r, axis=1) - np.sum(h * force, axis=1)
+            left = np.sum(w * r * r, axis=1) - np.sum(h * force, axis=2)
             log = 0.5 * np.sum(np.log(w[:, counts]), axis=1) - 0.5 * np.linalg.slogdet(S)[1]
-            log -= 0.5 * left
-            size = float(np.linalg.norm(force[log.argmax()]))
+            log -= 0.5 * left + 3.0 * np.log(_FORCES_N)
+            size = float(np.linalg.norm(force.reshape(-1, 3)[log.argmax()]))
         count = np.bincount(row, minlength=len(self._names))
-        likely = np.exp(log - log.max()) / count[row]
-        likely /= likely.sum()
+        beforehand = 1.0 / np.maximum(count, 1)
+        last = row[np.count_nonzero(levers, axis=1).argmax()]
+        beforehand[last] *= max(np.count_nonzero(count) - 1, 1)
+        weight = np.exp(log - log.max()) * beforehand[row]
+        likely = weight.sum(axis=0) / weight.sum()
         of_joint = np.bincount(row, weights=likely, minlength=len(self._names))
         best = int(of_joint.argmax())
         own = row == best
@@ -139,7 +144,7 @@ class TouchFinder:
             link=link,
             point=rotation.T @ (point - origin),
             doubt_m=float(np.hypot(away[order[min(within, len(order) - 1)]], _SHAPE_M)),
-            force=rotation.T @ (share @ force[own]),
+            force=rotation.T @ np.average(force[:, own], axis=(0, 1), weights=weight[:, own]),
             misfit=float(np.sqrt(max(left.min(), 0.0) / max(int(np.sum(counts)) - 5, 1))),
         )
 
