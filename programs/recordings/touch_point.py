@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from common.arrays import Matrix, Vector
+from daemon.modes.table import SENSING
+from daemon.protocol.state import Snapshot, State
 from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
 
 SURE, SURE_S = 0.6, 0.06
@@ -78,8 +80,29 @@ class TouchFinder:
         self._r, self._lag = np.full((2, len(self._names)), np.nan)
         self._ticks, self._same, self._same_s = 0, -1, 0.0
         self._found: TouchPoint | None = None
+        self._time_s = np.inf
         self.frames: dict[str, tuple[Matrix, Vector]] = {}
         """Rotation and origin [m] of each link in the frame of the root, when last looked at."""
+
+    @classmethod
+    def of(cls, snapshot: Snapshot) -> "TouchFinder":
+        """Of the arm that sends this. Raises ModelError for a bad URDF."""
+        return cls(snapshot.urdf, snapshot.joints, snapshot.thresholds)
+
+    def see(self, state: State) -> TouchPoint | None:
+        """`take` of a State, which may come some ticks after the one before; None in a mode that
+        senses nothing."""
+        q, r, level = (
+            np.array(values, dtype=np.float64)
+            for values in (state.link_position, state.residual, state.threshold)
+        )
+        if state.mode not in SENSING:
+            r = np.zeros(len(r))
+        elif state.sensing is not None:
+            r = np.where(state.sensing, r, np.nan)
+        share = np.ones(len(q)) if state.level_share is None else np.array(state.level_share)
+        since, self._time_s = state.time_s - self._time_s, state.time_s
+        return self.take(q, r, level, share, max(since, state.interval_s))
 
     def take(
         self, q: Vector, r: Vector, threshold: Vector, share: Vector, dt: float

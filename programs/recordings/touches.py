@@ -91,7 +91,7 @@ class Touches:
 
     def __init__(self, snapshot: Snapshot) -> None:
         """Raises ModelError for a bad URDF."""
-        self._finder = TouchFinder(snapshot.urdf, snapshot.joints, snapshot.thresholds)
+        self._finder = TouchFinder.of(snapshot)
         self._now: Evidence | None = None
         self._last_s = self._held_from_s = 0.0
         self._begun_at = self._held_at = np.zeros(0)
@@ -101,14 +101,10 @@ class Touches:
 
     def take(self, state: State) -> Contact | None:
         """The contact that has ended with this State, if one has."""
-        q, r, level = (
-            np.array(values, dtype=np.float64)
-            for values in (state.link_position, state.residual, state.threshold)
-        )
+        q, r = (np.array(part, dtype=np.float64) for part in (state.link_position, state.residual))
         if state.sensing is not None:
             r = np.where(state.sensing, r, np.nan)
-        share = np.ones(len(q)) if state.level_share is None else np.array(state.level_share)
-        found = self._finder.take(q, r, level, share, state.interval_s)
+        found = self._finder.see(state)
         stays = self._now is not None and abs(r[self._joint]) > STAYS * self._peak
         if found is None and not stays:
             if self._now is None or state.time_s - self._last_s <= APART_S:

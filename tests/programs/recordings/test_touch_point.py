@@ -1,22 +1,30 @@
 """Touched link and point of contact, on a plant whose surfaces and torques differ from the model's,
 and contacts in words."""
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.study.hands import Hands
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.modes.table import Event
+from daemon.modes.table import Event, Mode
 from daemon.protocol.state import Payload, Snapshot, State
+from programs.contactctl.contactctl import main
+from programs.contactctl.point import point_now
 from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
 from programs.recordings.touches import Contact, Evidence, Touches
 from simulator.hand_script import AnyAct, Clamp, Lean, Press, Push, Release
+from tests.fake_daemon import snapshot_at, state_at
+from tests.programs.clients.test_replay import written
 
 ROBOT = load_robot(ROMEO)
 NAMES = list(ROBOT.model.names)
@@ -111,6 +119,37 @@ def test_collision_shapes_come_before_drafted_capsules() -> None:
         assert surface[:, 0].min() > 0.24
     mesh = ROBOT.urdf.replace('<link name="l_wrist">', shape.format('<mesh filename="x.stl"/>'))
     np.testing.assert_array_equal(finder(mesh).surfaces["l_wrist"], finder().surfaces["l_wrist"])
+
+
+def a_push() -> tuple[Snapshot, list[State]]:
+    """One at the last link, of 0.4 s."""
+    r = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)).tolist()
+    states = [
+        state_at(k, link_position=POSE.tolist(), residual=r if 30 <= k < 70 else [0.0] * 7)
+        for k in range(20, 160)
+    ]
+    return msgspec.structs.replace(snapshot_at(19), urdf=ROBOT.urdf), states
+
+
+def test_status_says_the_point_of_now_and_asks_for_states_only_then() -> None:
+    snapshot, states = a_push()
+    client: Any = SimpleNamespace(subscribe=lambda: (snapshot, iter(states[15:])))
+    status: Any = SimpleNamespace(residual=states[15].residual, threshold=states[15].threshold)
+    assert point_now(client, status).startswith("l_wrist at (0.0")
+    status.residual = states[0].residual
+    assert point_now(None, status) == ""  # type: ignore[arg-type]
+
+
+def test_contacts_of_a_recording(tmp_path: Path) -> None:
+    snapshot, states = a_push()
+    path = str(written(tmp_path / "a.mcap", [snapshot, *states]))
+    answer = CliRunner().invoke(main, ["--json", "touches", path])
+    assert answer.exit_code == 0, answer.output
+    (said,) = [json.loads(line) for line in answer.output.splitlines()]
+    assert (said["link"], said["decided"], said["word"]) == ("l_wrist", True, "touched")
+    off = [msgspec.structs.replace(state, mode=Mode.OFF) for state in states]
+    path = str(written(tmp_path / "b.mcap", [snapshot, *off]))
+    assert CliRunner().invoke(main, ["touches", path]).output == ""
 
 
 @pytest.mark.parametrize(
