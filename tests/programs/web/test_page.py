@@ -337,8 +337,8 @@ def test_the_force_at_the_tool_is_an_arrow_with_the_cone_of_its_doubt(
         screen.until("document.querySelector('#scene').dataset.force === '18 N ± 4'")
         screen.page.wait_for_timeout(500)
         screen.picture("force")
-        touched = {"link_position": POSE, "residual": pushed(6, (0.06, 0.01, 0.0), (3, 14, -9))}
-        touched = {name: list(values) for name, values in touched.items()}
+        residual = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)).tolist()
+        touched = {"link_position": POSE.tolist(), "residual": residual}
         arm.changes = {**ARMED, **touched, "wrench": replace(force, misfit=3.0)}
         screen.until("document.querySelector('#scene').dataset.force === ''")
         screen.until("document.querySelector('#scene').dataset.touch.startsWith('l_wrist ± ')")
