@@ -24,9 +24,9 @@ from daemon.modes.table import SENSING
 from daemon.protocol.state import Snapshot, State
 from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
 
-SURE, SURE_S = 0.6, 0.06
-"""Least probability of a link that is decided, and for how long it must have been the same: outer
-residuals rise later, behind their gaps [s]."""
+LIKELY, SURE_S = 0.4, 0.045
+"""A link is decided after SURE_S as the most likely one, where time counts in full at a probability
+of one and not at all at LIKELY: outer residuals rise later, behind their gaps [s]."""
 CANDIDATE: Final = 0.05
 MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
 """Beyond it, or for a link less likely, a point is not given."""
@@ -86,7 +86,7 @@ class TouchFinder:
 
     @classmethod
     def of(cls, snapshot: Snapshot) -> "TouchFinder":
-        """Of the arm that sends this. Raises ModelError for a bad URDF."""
+        """Finder of the arm that sends this. Raises ModelError for a bad URDF."""
         return cls(snapshot.urdf, snapshot.joints, snapshot.thresholds)
 
     def see(self, state: State) -> TouchPoint | None:
@@ -158,7 +158,9 @@ class TouchFinder:
         link = links[int(np.flatnonzero(own)[share.argmax()])]
         rotation, origin = self.frames[link]
         sure = float(of_joint[best])
-        self._same_s = self._same_s + dt if sure >= SURE and best == self._same else 0.0
+        counts_s = dt * (sure - LIKELY) / (1.0 - LIKELY)
+        stays = best == self._same and counts_s >= 0.0
+        self._same_s = self._same_s + counts_s if stays else 0.0
         self._same = best
         return TouchPoint(
             joints=tuple(self._names[i] for i in np.argsort(-of_joint) if of_joint[i] > CANDIDATE),

@@ -34,7 +34,7 @@ class Evidence:
     unsteady: float = 0.0  # of the strongest residual, the last second: spread over mean
     load_kg: float | None = None  # recognised
     most_N: float = 0.0
-    where: TouchPoint | None = None  # the last that was decided, or the last
+    where: TouchPoint | None = None  # the last of those that are best known
 
 
 WORDS: Final[dict[str, tuple[Callable[[Evidence], bool], str]]] = {
@@ -145,6 +145,10 @@ class Touches:
         e.unsteady = float(sizes.std() / sizes.mean())
         if found is None:
             return
-        if found.decided or e.where is None or not e.where.decided:
+        if e.where is None or _known(found) >= _known(e.where):
             e.where = found
         e.most_N = max(e.most_N, float(np.linalg.norm(found.force)) if found.placed else 0.0)
+
+
+def _known(found: TouchPoint) -> tuple[bool, bool]:
+    return found.decided, found.placed
