@@ -92,6 +92,13 @@ def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() ->
     assert "where on it is not known" in touch_words(found)
 
 
+def test_residuals_that_say_nothing_leave_the_last_link_as_likely_as_all_others() -> None:
+    found = finder().take(POSE, CONTACT, 0.5 * CONTACT, 1e5 * ONE, 0.01)
+    assert found is not None
+    assert found.joints[0] == NAMES[6]
+    assert found.sure == pytest.approx(0.5, abs=0.01)
+
+
 def test_two_forces_are_not_one() -> None:
     both = pushed(1, (0.05, 0.0, 0.0), (0.0, 0.0, 30.0)) + pushed(
         6, (0.06, 0.0, 0.0), (9.0, 20.0, 9.0)
