@@ -3,6 +3,7 @@
 from itertools import islice
 
 from common.errors import ModelError
+from daemon.modes.table import SENSING
 from daemon.protocol.replies import Status
 from programs.clients.client import Client
 
@@ -12,7 +13,7 @@ _STATES = 10
 def point_now(client: Client, status: Status) -> str:
     """Touched link and point in words; empty where nothing is beyond its level."""
     pairs = zip(status.residual, status.threshold, strict=True)
-    if not any(abs(r) > level for r, level in pairs):
+    if status.mode not in SENSING or not any(abs(r) > level for r, level in pairs):
         return ""
     from programs.recordings.touch_point import TouchFinder, touch_words  # noqa: PLC0415 - numpy
 

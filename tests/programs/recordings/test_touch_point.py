@@ -141,10 +141,11 @@ def a_push() -> tuple[Snapshot, list[State]]:
 def test_status_says_the_point_of_now_and_asks_for_states_only_then() -> None:
     snapshot, states = a_push()
     client: Any = SimpleNamespace(subscribe=lambda: (snapshot, iter(states[15:])))
-    status: Any = SimpleNamespace(residual=states[15].residual, threshold=states[15].threshold)
+    status: Any = states[15]  # what it is asked for has the names of a State's
     assert point_now(client, status).startswith("l_wrist at (0.0")
-    status.residual = states[0].residual
-    assert point_now(None, status) == ""  # type: ignore[arg-type]
+    nothing: Any = None
+    for quiet in (states[0], msgspec.structs.replace(status, mode=Mode.OFF)):
+        assert point_now(nothing, quiet) == ""
 
 
 def test_contacts_of_a_recording(tmp_path: Path) -> None:
