@@ -24,11 +24,11 @@ from daemon.modes.table import SENSING
 from daemon.protocol.state import Snapshot, State
 from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
 
-LIKELY, SURE_S = 0.4, 0.045
+LIKELY, SURE_S = 0.5, 0.06
 """A link is decided after SURE_S as the most likely one, where time counts in full at a probability
 of one and not at all at LIKELY: outer residuals rise later, behind their gaps [s]."""
 CANDIDATE: Final = 0.05
-MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
+MOST_DOUBT_M, LEAST_SURE = 0.1, 0.7
 """Beyond it, or for a link less likely, a point is not given."""
 NO_FIT: Final = 3.0
 """Misfit from which no force at one point explains the residuals."""
