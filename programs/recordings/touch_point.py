@@ -39,6 +39,7 @@ _ALONG, _AROUND = 12, 12  # points of a capsule
 _LEVEL, _RAISED, _LAG, _GAIN = 0.05, 0.25, 0.8, 25.0
 _LEAST_NM = 1e-3
 _SHAPE_M, _COARSE_M = 0.03, 0.006  # by which a surface is off; between its points
+_BALL_M = 0.035  # radius of a link that is too short to have a capsule
 _EVERY = 3  # ticks
 
 
@@ -76,6 +77,9 @@ class TouchFinder:
         for capsule in self._skeleton.capsules:
             if capsule.link not in surfaces:
                 surfaces[capsule.link] = [_surface(np.array(capsule.end), capsule.radius)]
+        for frame in self._skeleton.frames:
+            if frame.joint in self._names and frame.child not in surfaces:
+                surfaces[frame.child] = [_BALL_M * _unit_ball()]
         self.surfaces = {link: np.concatenate(parts) for link, parts in surfaces.items()}
         self._r, self._lag = np.full((2, len(self._names)), np.nan)
         self._ticks, self._same, self._same_s = 0, -1, 0.0
@@ -253,14 +257,21 @@ def _collisions(urdf: str) -> dict[str, list[Matrix]]:
 
 def _shape(shape: ET.Element) -> Matrix | None:
     """Points of the surface of a box, sphere or cylinder around the origin; None of a mesh."""
-    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)]), axis=-1).reshape(-1, 3)
-    cube = grid[np.abs(grid).max(axis=1) == 1.0]
     if (box := shape.find("geometry/box")) is not None:
-        return np.asarray(cube * triple(box, "size", (0.0, 0.0, 0.0)) / 2.0)
+        return np.asarray(_cube() * triple(box, "size", (0.0, 0.0, 0.0)) / 2.0)
     if (sphere := shape.find("geometry/sphere")) is not None:
-        unit: Matrix = cube / np.linalg.norm(cube, axis=1, keepdims=True)
-        return unit * float(sphere.get("radius", "0"))
+        return _unit_ball() * float(sphere.get("radius", "0"))
     if (cylinder := shape.find("geometry/cylinder")) is not None:
         end = np.array([0.0, 0.0, float(cylinder.get("length", "0"))])
         return _surface(end, float(cylinder.get("radius", "0"))) - end / 2.0
     return None
+
+
+def _cube() -> Matrix:
+    """Points of the surface of a cube from -1 to 1 along each axis."""
+    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)]), axis=-1).reshape(-1, 3)
+    return np.asarray(grid[np.abs(grid).max(axis=1) == 1.0])
+
+
+def _unit_ball() -> Matrix:
+    return np.asarray(_cube() / np.linalg.norm(_cube(), axis=1, keepdims=True))

@@ -99,6 +99,13 @@ def test_residuals_that_say_nothing_leave_the_last_link_as_likely_as_all_others(
     assert found.sure == pytest.approx(0.5, abs=0.01)
 
 
+def test_a_link_that_is_too_short_for_a_capsule_can_be_the_touched_one() -> None:
+    short = NAMES.index("LElbowRoll")
+    found = after(finder(), pushed(short, (0.0, 0.03, 0.0), (9.0, 9.0, 25.0)), 30)
+    assert found is not None
+    assert NAMES[short] in found.joints
+
+
 def test_two_forces_are_not_one() -> None:
     both = pushed(1, (0.05, 0.0, 0.0), (0.0, 0.0, 30.0)) + pushed(
         6, (0.06, 0.0, 0.0), (9.0, 20.0, 9.0)
