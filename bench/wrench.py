@@ -101,7 +101,8 @@ def links(runs: Sequence[Found]) -> dict[str, float]:
     early = np.array(
         [f["first"] for f, is_soon in zip(decided, soon, strict=True) if f and is_soon]
     )
-    inner = np.array([link["row"] < link["n"] - 1 for link in pressed])
+    furthest = np.array([link["n"] - 1 - link["row"] for link in pressed])[soon]
+    further_in = early[early < furthest] == 0
     ticks = np.array([f["first"] for press in touched for f in press if f["decided"]])
     return {
         "decided": len(early) / len(touched),
@@ -109,8 +110,7 @@ def links(runs: Sequence[Found]) -> dict[str, float]:
         "decided_off_by_more_than_one": float(np.mean(np.abs(early) > 1)),
         "could_be_decided": most_decided(right, sure),
         "could_be_by_even_odds": most_decided(right_evenly, sure_evenly),
-        "inner_decided": float(np.mean(soon[inner])),
-        "inner_decided_right": float(np.mean(early[inner[soon]] == 0)),
+        "not_the_last_right": float(np.mean(further_in)) if len(further_in) else np.nan,
         "decided_ticks_right": float(np.mean(ticks == 0)),
         "at_first_a_true_at_least": float(np.mean([press[0]["least"] <= 0 for press in touched])),
         "in_the_end_most_likely_right": float(

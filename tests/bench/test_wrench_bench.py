@@ -55,7 +55,7 @@ def test_names_of_links_count_from_where_one_is_named() -> None:
     found = links(runs)
     assert found["decided"] == pytest.approx(2.0 / 3.0)
     assert found["decided_right"] == found["decided_off_by_more_than_one"] == 0.5
-    assert (found["inner_decided"], found["inner_decided_right"]) == (found["decided"], 0.5)
+    assert found["not_the_last_right"] == 0.5
     assert found["could_be_decided"] == 1.0
     assert found["could_be_by_even_odds"] == pytest.approx(1.0 / 3.0)
     assert found["decided_ticks_right"] == pytest.approx(2.0 / 3.0)
