@@ -12,8 +12,9 @@ force that is shown is false.
 
 Errors count from 0.1 s of a press on, along each direction that is called seen, while a force is
 shown. A direction can be shown if 20 N along it would pass a contact level, and cannot if 60 N do
-not reach a fifth of one. Beside it what others do: pinv(J^T) r. The default arms and seeds chose
-nothing.
+not reach a fifth of one. Beside it what others do: pinv(J^T) r. Links that could be decided: the
+largest share of which 95 % are right, by one who knows the noise, the shapes, and how hands are
+drawn. The default arms and seeds chose nothing.
 """
 
 from collections.abc import Sequence
@@ -29,11 +30,12 @@ from bench.rigs.generated_arms import generate
 from bench.study.monte_carlo import spread
 from bench.study.world import Law
 from bench.study.wrench import FIRST_S, Job, Kind, run
+from bench.study.wrench_bound import most_decided
 from programs.command_line.options import Range
 
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 PRESSED: Final = tuple(kind for kind in KINDS if kind != "free")
-FIRST_ARM: Final = 12  # generated arms before it chose the constants
+FIRST_ARM: Final = 22  # generated arms before it chose the constants
 LEAST_JOINTS: Final = 5
 SHOWN: Final = 3.0  # contact levels at 60 N: one at 20 N
 HIDDEN: Final = 0.2
@@ -91,14 +93,24 @@ def links(runs: Sequence[Found]) -> dict[str, float]:
         if len(names := link["named"][link["named"] >= 0])
     ]
     first, last = np.array(named).T
-    touched = [link["touches"] for one in runs for link in one["links"] if link["touches"]]
+    pressed = [link for one in runs for link in one["links"] if link["touches"]]
+    touched = [link["touches"] for link in pressed]
+    right, sure, right_evenly, sure_evenly = np.array([link["bound"] for link in pressed]).T
     decided = [next((f for f in press if f["decided"]), None) for press in touched]
-    early = np.array([f["first"] for f in decided if f and f["after_s"] <= DECIDED_S])
+    soon = np.array([bool(f and f["after_s"] <= DECIDED_S) for f in decided])
+    early = np.array(
+        [f["first"] for f, is_soon in zip(decided, soon, strict=True) if f and is_soon]
+    )
+    furthest = np.array([link["n"] - 1 - link["row"] for link in pressed])[soon]
+    further_in = early[early < furthest] == 0
     ticks = np.array([f["first"] for press in touched for f in press if f["decided"]])
     return {
         "decided": len(early) / len(touched),
         "decided_right": float(np.mean(early == 0)),
         "decided_off_by_more_than_one": float(np.mean(np.abs(early) > 1)),
+        "could_be_decided": most_decided(right, sure),
+        "could_be_by_even_odds": most_decided(right_evenly, sure_evenly),
+        "not_the_last_right": float(np.mean(further_in)) if len(further_in) else np.nan,
         "decided_ticks_right": float(np.mean(ticks == 0)),
         "at_first_a_true_at_least": float(np.mean([press[0]["least"] <= 0 for press in touched])),
         "in_the_end_most_likely_right": float(
@@ -170,7 +182,7 @@ def targets(
 @command(__doc__)
 @click.option("--arms", "count", type=Range(1, 200), default=10, help="Generated ones.")
 @JOBS
-@click.option("--seed", type=Range(0, 100_000), default=500)
+@click.option("--seed", type=Range(0, 100_000), default=700)
 @FRICTION
 @click.option("--picture", type=click.Path(path_type=Path), help="Error over pose and speed.")
 def main(

@@ -13,7 +13,7 @@ from estimator.model import Model
 
 PRESSES_S: Final = 0.7
 FORCES_N: Final = (2.0, 60.0)
-_THICK: Final = 0.035  # [m]: from the middle of a link to its surface
+THICK: Final = 0.035  # [m]: from the middle of a link to its surface
 _STRENGTH: Final = 0.8  # of the motors, gravity included
 
 
@@ -82,7 +82,7 @@ class Hands:
             for k in range(joint + 1, self._pin.njoints)
             if self._pin.parents[k] == joint
         ]
-        if nexts and np.linalg.norm(nexts[0]) > _THICK:
+        if nexts and np.linalg.norm(nexts[0]) > THICK:
             return np.array(nexts[0])
         return 2.0 * np.array(self._pin.inertias[joint].lever)
 
@@ -113,15 +113,15 @@ def drawn(
         for where in {"two": ("tool", "link")}.get(place, (place,)):
             row, point = last, tool
             if where == "beside":
-                point = tool + 0.03 * rng.uniform() ** (1 / 3) * _any_way(rng)
+                point = tool + 0.03 * rng.uniform() ** (1 / 3) * any_way(rng)
             if where == "link":
                 row = int(rng.integers(model.n))
-                end, way = hands.end(row), _any_way(rng)
+                end, way = hands.end(row), any_way(rng)
                 along = end / max(float(np.linalg.norm(end)), 1e-9)
                 aside = way - along * (along @ way)
-                aside *= _THICK / max(float(np.linalg.norm(aside)), 1e-9)
+                aside *= THICK / max(float(np.linalg.norm(aside)), 1e-9)
                 point = rng.uniform(0.2, 1.0) * end + aside
-            force = np.exp(rng.uniform(*np.log(FORCES_N))) * _any_way(rng)
+            force = np.exp(rng.uniform(*np.log(FORCES_N))) * any_way(rng)
             needed = np.abs(hands.jacobian(q, row, point).T @ force)
             force *= min(1.0, float(np.min(room / np.maximum(needed, 1e-9))))
             touches.append(Touch(row, point, force))
@@ -129,7 +129,7 @@ def drawn(
     return presses
 
 
-def _any_way(rng: np.random.Generator) -> Vector:
+def any_way(rng: np.random.Generator) -> Vector:
     way = rng.normal(size=3)
     unit: Vector = way / np.linalg.norm(way)
     return unit

@@ -17,6 +17,7 @@ from bench.study import courses, population, world
 from bench.study.estimates import rows_of
 from bench.study.hands import PRESSES_S, Hands, Press, drawn
 from bench.study.world import Law
+from bench.study.wrench_bound import posteriors
 from common.arrays import Vector
 from daemon.assembly import build_estimator
 from daemon.config.load import Robot, load_robot
@@ -122,6 +123,7 @@ def said(
     free = t > FIRST_S + 1.0
     forces: list[dict[str, Any]] = []
     links: list[dict[str, Any]] = []
+    bounds = iter(posteriors(hands, rows, t, contact) if hands.presses else ())
     for press in hands.presses:
         end = press.onset_s + PRESSES_S
         free &= (t <= press.onset_s) | (t > end + AFTER_S)
@@ -131,7 +133,8 @@ def said(
             links.append(
                 {"row": last.row, "named": rows.touched_link[during], "n": len(contact),
                  "tool": press.place != "link", "size": float(np.linalg.norm(last.force)),
-                 "kind": job.kind, "touches": _touches(hands, press, rows, t, finder)}
+                 "kind": job.kind, "touches": _touches(hands, press, rows, t, finder),
+                 "bound": next(bounds)}
             )  # fmt: skip
         for k in during[t[during] > press.onset_s + FIRST_S][::EVERY].tolist():
             forces.append(_force(hands, press, rows, k, estimator, contact))

@@ -105,8 +105,9 @@ export class Header {
     const known = what ? `▲ ${what}` : unknown ? "" : "nothing beyond its level";
     at("felt").dataset.beyond = what !== "";
     const force = this.#words?.force ? `${this.#words.force.text} at the tool` : "";
+    const touch = this.#words?.touch ? `touched at ${this.#words.touch.text}` : "";
     const near = this.#words?.near ? `near: ${this.#words.near}` : "";
-    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, force, near, unknown].filter(Boolean).join(" · ")}`);
+    say(at("felt"), `${this.#stale ? "Felt then" : "Feels"}: ${[known, force, touch, near, unknown].filter(Boolean).join(" · ")}`);
   }
 
   #drawLoad(load) {

@@ -24,7 +24,7 @@ const ABOVE = new Vector3().crossVectors(AWAY, RIGHT);
 export class Scene {
   #host; #url; #say; #renderer; #space = new Space(); #camera; #controls; #robot = null;
   #joints = []; #touched = ""; #carried = null; #load = null; #drawn_ms = 0; #size = 1; #names;
-  #colours = new Color(0xd06030); #force = null; #felt = null; #place;
+  #colours = new Color(0xd06030); #force = null; #felt = null; #place; #touch = null; #point = null;
   #seen = new Box3(); #corners = []; #framed_ms = 0; #turned = false;
 
   constructor(host, url, say) {
@@ -69,7 +69,9 @@ export class Scene {
     this.#touched = words.touched;
     this.#carried = words.load ?? null;
     this.#felt = words.force ?? null;
+    this.#touch = words.touch ?? null;
     this.#carry();
+    this.#mark();
     this.#push();
   }
 
@@ -119,6 +121,18 @@ export class Scene {
     this.#force.position.set(...this.#place.point);
     this.#force.quaternion.setFromUnitVectors(UP, new Vector3(...this.#felt.way).normalize());
     link.add(this.#force);
+  }
+
+  /** Mark the point of contact by a ball as large as its doubt, or take it off. */
+  #mark() {
+    this.#point?.removeFromParent();
+    this.#point = null;
+    const link = this.#robot?.links[this.#touch?.link];
+    this.#host.dataset.touch = this.#touch?.text ?? "";
+    if (link === undefined) return;
+    this.#point = new Mesh(new SphereGeometry(this.#touch.doubt, 24, 16), mist(this.#colours));
+    this.#point.position.set(...this.#touch.point);
+    link.add(this.#point);
   }
 
   #now() {
@@ -321,12 +335,16 @@ function force(length, cone, colour) {
   head.position.y = -0.125 * length;
   const shaft = new Mesh(new CapsuleGeometry(thick, 0.8 * length, 4, 12), material);
   shaft.position.y = -0.6 * length;
-  const half = Math.min(cone, 1.3), doubt = material.clone();
-  Object.assign(doubt, { transparent: true, opacity: 0.25, depthWrite: false });
-  const mist = new Mesh(new ConeGeometry(length * Math.sin(half), length * Math.cos(half), 24, 1, true), doubt);
-  mist.position.y = -0.5 * length * Math.cos(half);
-  group.add(head, shaft, mist);
+  const half = Math.min(cone, 1.3), shape = [length * Math.sin(half), length * Math.cos(half), 24, 1, true];
+  const doubt = new Mesh(new ConeGeometry(...shape), mist(colour));
+  doubt.position.y = -0.5 * length * Math.cos(half);
+  group.add(head, shaft, doubt);
   return group;
+}
+
+/** Material of what is in doubt. */
+function mist(color) {
+  return new MeshStandardMaterial({ color, roughness: 0.4, transparent: true, opacity: 0.25, depthWrite: false });
 }
 
 /** Give every link without shapes a capsule to each joint on it; the last one as far as its mass. */

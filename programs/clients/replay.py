@@ -24,6 +24,14 @@ else of friction near rest, or learned otherwise."""
 _UNKNOWN: Final = object()  # payload before the first State
 
 
+def same_estimator(snapshot: Snapshot) -> bool:
+    """True if the present estimator goes on from the snapshot's memory, or would with it. Within
+    format 6 the force at the tool came to remember how residuals had moved."""
+    wrench = snapshot.memory.get("wrench")
+    older = isinstance(wrench, dict) and "lag" not in wrench
+    return snapshot.format >= SAME_ESTIMATOR and not older
+
+
 def incomparable(snapshot: Snapshot) -> str:
     """Reason why nothing after such a snapshot is compared; follows the file's name."""
     if not snapshot.memory:
@@ -114,7 +122,7 @@ class _Run:
 
     def restart(self, snapshot: Snapshot) -> None:
         self._estimator = None
-        if self.older or snapshot.format < SAME_ESTIMATOR or not snapshot.memory:
+        if self.older or not same_estimator(snapshot) or not snapshot.memory:
             self.older = self.older or incomparable(snapshot)
             return
         # These load pinocchio:

@@ -46,8 +46,8 @@ def status_head(status: Status) -> Table:
     return table
 
 
-def status_report(status: Status, socket: Path | None = None) -> RenderableType:
-    """Report of `contactctl status`, of the daemon at this control socket."""
+def status_report(status: Status, socket: Path | None = None, point: str = "") -> RenderableType:
+    """Report of `contactctl status`, of the daemon at this control socket; point: of contact."""
     table = status_head(status)
     table.add_row(*_arming(status))
     table.add_row("robot", Text(f"{status.name} ({status.configuration})"))
@@ -65,6 +65,8 @@ def status_report(status: Status, socket: Path | None = None) -> RenderableType:
         table.add_row("", Text(status.recognised, "yellow"))
     if status.wrench is not None:
         table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
+    if point:
+        table.add_row("touched", Text(point))
     if status.near is not None:
         table.add_row("near", Text(near_words(status.near)))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"

@@ -220,13 +220,14 @@ def status(options: Options) -> None:
     """Show mode, joints, and what arming needs."""
     with options.connect() as client:
         found, path = client.ask_status(), client.path
-    if options.json:
-        print_json(found)
-        return
-    from programs.clients.status_report import status_head, status_report
-    from programs.command_line.console import on_stdout
+        if options.json:
+            print_json(found)
+            return
+        from programs.clients.status_report import status_head, status_report
+        from programs.command_line.console import on_stdout
+        from programs.contactctl.point import point_now
 
-    console, report = on_stdout(), status_report(found, path)
+        console, report = on_stdout(), status_report(found, path, point_now(client, found))
     console.print(report)
     # What a small terminal has scrolled away stands at its end, too.
     if console.is_terminal and len(console.render_lines(report)) >= console.height:

@@ -49,17 +49,29 @@ def watch(options: Options) -> None:
 
 
 @click.command(cls=Command)
+@click.argument("file", type=PATH, metavar="[FILE.mcap]", required=False)
 @click.pass_obj
-def touches(options: Options) -> None:
-    """Print each contact when it is over, until Ctrl-C: touched, pushed, hit, clamped, leaning or
-    load, why, where on the arm, and with how much."""
+def touches(options: Options, file: Path | None) -> None:
+    """Print each contact when it is over, until Ctrl-C, or those of a recording: touched, pushed,
+    hit, clamped, leaning or load, why, where on the arm, and with how much."""
+    from daemon.protocol.state import Snapshot
+    from programs.clients.log_reader import read_log
     from programs.recordings.touches import Touches
 
-    with options.connect() as client, suppress(KeyboardInterrupt):
-        snapshot, states = client.subscribe()
-        seen = Touches(snapshot)
-        for state in states:
-            if (contact := seen.take(state)) is None:
+    def live() -> Iterator["Snapshot | State"]:
+        with options.connect() as client:
+            snapshot, states = client.subscribe()
+            yield snapshot
+            yield from states
+
+    seen: Touches | None = None
+    with suppress(KeyboardInterrupt):
+        for message in read_log(file) if file else live():
+            if isinstance(message, Snapshot):
+                seen = seen or Touches(message)
+                continue
+            assert seen is not None  # a snapshot comes first
+            if (contact := seen.take(message)) is None:
                 continue
             line = json.dumps(contact.report()) if options.json else str(contact)
             click.echo(line if options.json else f"{contact.evidence.begin_s:8.2f} s  {line}")

@@ -2,6 +2,7 @@
 
     /tf              foxglove.FrameTransforms   every link, from the joints' positions
     /scene           foxglove.SceneUpdate       a capsule per link; the touched one is lit
+    /touch           foxglove.SceneUpdate       the point of contact, a ball as large as its doubt
     /joint_states    foxglove.JointStates       position, velocity, external torque
     /joints/NAME     JSON, one field per value  for plots, in Foxglove and PlotJuggler
     /arm             JSON                       mode, armed, cause, touched link, loop
@@ -32,6 +33,8 @@ from foxglove.messages import (
     Pose,
     Quaternion,
     SceneEntity,
+    SceneEntityDeletion,
+    SceneEntityDeletionType,
     SceneUpdate,
     SpherePrimitive,
     Timestamp,
@@ -40,9 +43,12 @@ from foxglove.messages import (
 
 from daemon.protocol.state import Snapshot, State, Wrench
 from programs.recordings.skeleton import Capsule, Skeleton, skeleton_of, towards
+from programs.recordings.touch_point import TouchFinder, TouchPoint
 
 _GREY: Final = Color(r=0.62, g=0.66, b=0.70, a=1.0)
 _LIT: Final = Color(r=0.84, g=0.37, b=0.0, a=1.0)
+POINT: Final = "point of contact"
+_TOUCH: Final = Color(r=0.84, g=0.37, b=0.0, a=0.35)
 _LEVELS: Final = {"mode": LogLevel.Info, "contact": LogLevel.Warning, "fault": LogLevel.Error}
 
 
@@ -111,6 +117,7 @@ class FoxgloveChannels:
         self._link_of = self._skeleton.link_of()
         self._transforms = FrameTransformsChannel("/tf", context=context)
         self._scene = SceneUpdateChannel("/scene", context=context)
+        self._touches = SceneUpdateChannel("/touch", context=context)
         self._states = JointStatesChannel("/joint_states", context=context)
         self._log = LogChannel("/log", context=context)
         json: dict[str, Any] = {"message_encoding": "json", "context": context}
@@ -120,10 +127,17 @@ class FoxgloveChannels:
         self._arm = Channel("/arm", schema=_schema(ArmValues, []), **json)
         self._encode = msgspec.json.Encoder().encode
         self._lit: str | None = None
+        self._finder = TouchFinder.of(snapshot)
+        self._touch: TouchPoint | None = None
         self._count, self._draw_every = 0, draw_every
 
     def log(self, state: State, time_ns: int) -> None:
         """One tick at a Unix time [ns]."""
+        touch = self._finder.see(state)
+        touch = touch if touch is not None and touch.placed else None
+        if touch is not self._touch:
+            self._touch = touch
+            self._touches.log(point_of_contact(touch, _stamp(time_ns)), log_time=time_ns)
         if self._count % self._draw_every == 0:
             self._draw(state, time_ns)
         self._count += 1
@@ -138,7 +152,9 @@ class FoxgloveChannels:
     @property
     def watched(self) -> bool:
         """A viewer asked for any of it."""
-        typed: tuple[Any, ...] = (self._transforms, self._scene, self._states, self._log)
+        typed: tuple[Any, ...] = (
+            self._transforms, self._scene, self._touches, self._states, self._log
+        )  # fmt: skip
         return any(
             channel.has_sinks() for channel in (*typed, *self._values, self._arm, self._wrench)
         )
@@ -212,6 +228,25 @@ def scene(skeleton: Skeleton, lit: str, stamp: Timestamp) -> SceneUpdate:
             for link, capsules in entities.items()
         ]
     )
+
+
+def point_of_contact(touch: TouchPoint | None, stamp: Timestamp) -> SceneUpdate:
+    """A ball as large as the doubt of a point of contact, or the end of the one before."""
+    if touch is None:
+        gone = SceneEntityDeletion(
+            timestamp=stamp, type=SceneEntityDeletionType.MatchingId, id=POINT
+        )
+        return SceneUpdate(deletions=[gone])
+    size, (x, y, z) = 2.0 * touch.doubt_m, touch.point.tolist()
+    ball = SpherePrimitive(
+        pose=Pose(position=_vector((x, y, z)), orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)),
+        size=_vector((size, size, size)),
+        color=_TOUCH,
+    )
+    one = SceneEntity(
+        timestamp=stamp, frame_id=touch.link, id=POINT, frame_locked=True, spheres=[ball]
+    )
+    return SceneUpdate(entities=[one])
 
 
 def _cylinder(one: Capsule, colour: Color) -> CylinderPrimitive:

@@ -19,7 +19,7 @@ from daemon.protocol.state import Snapshot, State
 from estimator.estimator import Estimator
 from programs.clients.columns import Layout
 from programs.clients.log_reader import batches
-from programs.clients.replay import SAME_ESTIMATOR, alike, resets
+from programs.clients.replay import alike, resets, same_estimator
 from programs.recordings.carried import Carried
 from programs.recordings.rows import Rows, RowsHeader, chosen_residual, times_and_reports
 from programs.recordings.settings import Change, changed_configuration
@@ -107,10 +107,10 @@ class ReplayedRows:
             raise LogError(
                 "is made of frames, without the estimator's memory; --fresh begins without"
             )
-        if snapshot.format < SAME_ESTIMATOR:
+        if not same_estimator(snapshot):
             raise LogError(
-                f"is of format {snapshot.format}: its estimator's memory is that of another "
-                "version; --fresh begins without it"
+                f"is of format {snapshot.format}, by {snapshot.program}: its estimator's memory is "
+                "that of another version; --fresh begins without it"
             )
         try:
             estimator.restore(snapshot.memory)

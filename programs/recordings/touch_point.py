@@ -1,12 +1,13 @@
 """Point of contact: which link is touched and where on it, from the residuals of all joints.
 
 A force f at a point x of a link is J(x)^T f at the joints. Every point of the surface of a capsule
-around each link is a hypothesis, whose f is any of some 30 N along each axis:
+around each link is a hypothesis, whose f is some F along each axis, light or hard:
 
-    r ~ N(0, D + J(x)^T (30 N)^2 J(x)),    D = diag(s_i^2)
+    r ~ mean over F of N(0, D + F^2 J(x)^T J(x)),    D = diag(s_i^2),    F = 2, 5, 12, 30 N
 
 so that a link further out, whose own joint shows nothing, is as unlikely as a force that happens to
-pass through that joint's axis. For readers of States; nothing of it is in the loop.
+pass through that joint's axis. Beforehand the last link, with the tool, is as likely as all others
+together. For readers of States; nothing of it is in the loop.
 """
 
 from collections.abc import Sequence
@@ -19,23 +20,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from common.arrays import Matrix, Vector
+from daemon.modes.table import SENSING
+from daemon.protocol.state import Snapshot, State
 from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_of, triple
 
-SURE, SURE_S = 0.9, 0.09
-"""Least probability of a link that is decided, and for how long it must have been the same: outer
-residuals rise later, behind their gaps [s]."""
+LIKELY, SURE_S = 0.5, 0.06
+"""A link is decided after SURE_S as the most likely one, where time counts in full at a probability
+of one and not at all at LIKELY: outer residuals rise later, behind their gaps [s]."""
 CANDIDATE: Final = 0.05
-MOST_DOUBT_M, LEAST_SURE = 0.085, 0.7
+MOST_DOUBT_M, LEAST_SURE = 0.1, 0.7
 """Beyond it, or for a link less likely, a point is not given."""
 NO_FIT: Final = 3.0
 """Misfit from which no force at one point explains the residuals."""
-_FORCE_N: Final = 30.0
+_FORCES_N: Final = np.array([2.0, 5.0, 12.0, 30.0]).reshape(-1, 1)
 _ALONG, _AROUND = 12, 12  # points of a capsule
 # Standard deviation of a residual: of the share in force of its configured level, of what raises
 # that, and of the largest r' / K of late; K as configurations have it.
 _LEVEL, _RAISED, _LAG, _GAIN = 0.05, 0.25, 0.8, 25.0
 _LEAST_NM = 1e-3
 _SHAPE_M, _COARSE_M = 0.03, 0.006  # by which a surface is off; between its points
+_BALL_M = 0.035  # radius of a link that is too short to have a capsule
 _EVERY = 3  # ticks
 
 
@@ -73,12 +77,36 @@ class TouchFinder:
         for capsule in self._skeleton.capsules:
             if capsule.link not in surfaces:
                 surfaces[capsule.link] = [_surface(np.array(capsule.end), capsule.radius)]
+        for frame in self._skeleton.frames:
+            if frame.joint in self._names and frame.child not in surfaces:
+                surfaces[frame.child] = [_BALL_M * _unit_ball()]
         self.surfaces = {link: np.concatenate(parts) for link, parts in surfaces.items()}
         self._r, self._lag = np.full((2, len(self._names)), np.nan)
         self._ticks, self._same, self._same_s = 0, -1, 0.0
         self._found: TouchPoint | None = None
+        self._time_s = np.inf
         self.frames: dict[str, tuple[Matrix, Vector]] = {}
         """Rotation and origin [m] of each link in the frame of the root, when last looked at."""
+
+    @classmethod
+    def of(cls, snapshot: Snapshot) -> "TouchFinder":
+        """Finder of the arm that sends this. Raises ModelError for a bad URDF."""
+        return cls(snapshot.urdf, snapshot.joints, snapshot.thresholds)
+
+    def see(self, state: State) -> TouchPoint | None:
+        """`take` of a State, which may come some ticks after the one before; None in a mode that
+        senses nothing."""
+        q, r, level = (
+            np.array(values, dtype=np.float64)
+            for values in (state.link_position, state.residual, state.threshold)
+        )
+        if state.mode not in SENSING:
+            r = np.zeros(len(r))
+        elif state.sensing is not None:
+            r = np.where(state.sensing, r, np.nan)
+        share = np.ones(len(q)) if state.level_share is None else np.array(state.level_share)
+        since, self._time_s = state.time_s - self._time_s, state.time_s
+        return self.take(q, r, level, share, max(since, state.interval_s))
 
     def take(
         self, q: Vector, r: Vector, threshold: Vector, share: Vector, dt: float
@@ -109,16 +137,20 @@ class TouchFinder:
         counts, levers, size = np.isfinite(variance), np.any(J != 0.0, axis=2), 0.0
         for _ in range(2):  # the second time with what a point beside the true one does
             w = 1.0 / (variance + levers * (_COARSE_M * size) ** 2)
-            S = np.einsum("pia,pi,pib->pab", J, w, J) + np.eye(3) / _FORCE_N**2
+            S = np.einsum("pia,pi,pib->pab", J, w, J)
+            S = S + np.eye(3) / np.square(_FORCES_N)[..., np.newaxis, np.newaxis]
             h = np.einsum("pia,pi->pa", J, w * r)
             force = np.linalg.solve(S, h[..., np.newaxis])[..., 0]
-            left = np.sum(w * r * r, axis=1) - np.sum(h * force, axis=1)
+            left = np.sum(w * r * r, axis=1) - np.sum(h * force, axis=2)
             log = 0.5 * np.sum(np.log(w[:, counts]), axis=1) - 0.5 * np.linalg.slogdet(S)[1]
-            log -= 0.5 * left
-            size = float(np.linalg.norm(force[log.argmax()]))
+            log -= 0.5 * left + 3.0 * np.log(_FORCES_N)
+            size = float(np.linalg.norm(force.reshape(-1, 3)[log.argmax()]))
         count = np.bincount(row, minlength=len(self._names))
-        likely = np.exp(log - log.max()) / count[row]
-        likely /= likely.sum()
+        beforehand = 1.0 / np.maximum(count, 1)
+        last = row[np.count_nonzero(levers, axis=1).argmax()]
+        beforehand[last] *= max(np.count_nonzero(count) - 1, 1)
+        weight = np.exp(log - log.max()) * beforehand[row]
+        likely = weight.sum(axis=0) / weight.sum()
         of_joint = np.bincount(row, weights=likely, minlength=len(self._names))
         best = int(of_joint.argmax())
         own = row == best
@@ -130,7 +162,9 @@ class TouchFinder:
         link = links[int(np.flatnonzero(own)[share.argmax()])]
         rotation, origin = self.frames[link]
         sure = float(of_joint[best])
-        self._same_s = self._same_s + dt if sure >= SURE and best == self._same else 0.0
+        counts_s = dt * (sure - LIKELY) / (1.0 - LIKELY)
+        stays = best == self._same and counts_s >= 0.0
+        self._same_s = self._same_s + counts_s if stays else 0.0
         self._same = best
         return TouchPoint(
             joints=tuple(self._names[i] for i in np.argsort(-of_joint) if of_joint[i] > CANDIDATE),
@@ -139,7 +173,7 @@ class TouchFinder:
             link=link,
             point=rotation.T @ (point - origin),
             doubt_m=float(np.hypot(away[order[min(within, len(order) - 1)]], _SHAPE_M)),
-            force=rotation.T @ (share @ force[own]),
+            force=rotation.T @ np.average(force[:, own], axis=(0, 1), weights=weight[:, own]),
             misfit=float(np.sqrt(max(left.min(), 0.0) / max(int(np.sum(counts)) - 5, 1))),
         )
 
@@ -223,14 +257,21 @@ def _collisions(urdf: str) -> dict[str, list[Matrix]]:
 
 def _shape(shape: ET.Element) -> Matrix | None:
     """Points of the surface of a box, sphere or cylinder around the origin; None of a mesh."""
-    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)]), axis=-1).reshape(-1, 3)
-    cube = grid[np.abs(grid).max(axis=1) == 1.0]
     if (box := shape.find("geometry/box")) is not None:
-        return np.asarray(cube * triple(box, "size", (0.0, 0.0, 0.0)) / 2.0)
+        return np.asarray(_cube() * triple(box, "size", (0.0, 0.0, 0.0)) / 2.0)
     if (sphere := shape.find("geometry/sphere")) is not None:
-        unit: Matrix = cube / np.linalg.norm(cube, axis=1, keepdims=True)
-        return unit * float(sphere.get("radius", "0"))
+        return _unit_ball() * float(sphere.get("radius", "0"))
     if (cylinder := shape.find("geometry/cylinder")) is not None:
         end = np.array([0.0, 0.0, float(cylinder.get("length", "0"))])
         return _surface(end, float(cylinder.get("radius", "0"))) - end / 2.0
     return None
+
+
+def _cube() -> Matrix:
+    """Points of the surface of a cube from -1 to 1 along each axis."""
+    grid = np.stack(np.meshgrid(*3 * [np.linspace(-1.0, 1.0, 5)]), axis=-1).reshape(-1, 3)
+    return np.asarray(grid[np.abs(grid).max(axis=1) == 1.0])
+
+
+def _unit_ball() -> Matrix:
+    return np.asarray(_cube() / np.linalg.norm(_cube(), axis=1, keepdims=True))

@@ -34,7 +34,7 @@ class Evidence:
     unsteady: float = 0.0  # of the strongest residual, the last second: spread over mean
     load_kg: float | None = None  # recognised
     most_N: float = 0.0
-    where: TouchPoint | None = None  # the last that was decided, or the last
+    where: TouchPoint | None = None  # the last of those that are best known
 
 
 WORDS: Final[dict[str, tuple[Callable[[Evidence], bool], str]]] = {
@@ -91,7 +91,7 @@ class Touches:
 
     def __init__(self, snapshot: Snapshot) -> None:
         """Raises ModelError for a bad URDF."""
-        self._finder = TouchFinder(snapshot.urdf, snapshot.joints, snapshot.thresholds)
+        self._finder = TouchFinder.of(snapshot)
         self._now: Evidence | None = None
         self._last_s = self._held_from_s = 0.0
         self._begun_at = self._held_at = np.zeros(0)
@@ -101,14 +101,10 @@ class Touches:
 
     def take(self, state: State) -> Contact | None:
         """The contact that has ended with this State, if one has."""
-        q, r, level = (
-            np.array(values, dtype=np.float64)
-            for values in (state.link_position, state.residual, state.threshold)
-        )
+        q, r = (np.array(part, dtype=np.float64) for part in (state.link_position, state.residual))
         if state.sensing is not None:
             r = np.where(state.sensing, r, np.nan)
-        share = np.ones(len(q)) if state.level_share is None else np.array(state.level_share)
-        found = self._finder.take(q, r, level, share, state.interval_s)
+        found = self._finder.see(state)
         stays = self._now is not None and abs(r[self._joint]) > STAYS * self._peak
         if found is None and not stays:
             if self._now is None or state.time_s - self._last_s <= APART_S:
@@ -149,6 +145,10 @@ class Touches:
         e.unsteady = float(sizes.std() / sizes.mean())
         if found is None:
             return
-        if found.decided or e.where is None or not e.where.decided:
+        if e.where is None or _known(found) >= _known(e.where):
             e.where = found
         e.most_N = max(e.most_N, float(np.linalg.norm(found.force)) if found.placed else 0.0)
+
+
+def _known(found: TouchPoint) -> tuple[bool, bool]:
+    return found.decided, found.placed

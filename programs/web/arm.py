@@ -13,12 +13,13 @@ from typing import Final
 
 import msgspec
 
-from common.errors import ContactdError, ControlError
+from common.errors import ContactdError, ControlError, ModelError
 from daemon.protocol.replies import Status
 from daemon.protocol.requests import GetStatus, Subscribe
 from daemon.protocol.state import Snapshot, State, format_refusal
 from programs.clients.client import decoded
 from programs.clients.link import Link, ask_once
+from programs.recordings.touch_point import TouchFinder
 from programs.web import frames, words
 from programs.web.audience import Audience, Browser
 
@@ -59,6 +60,7 @@ class Arm:
         self._events: deque[words.Event] = deque(maxlen=EVENTS_KEPT)
         self._changed = asyncio.Event()  # the content of a Status did, or a browser came
         self._before: State | None = None
+        self._finder: TouchFinder | None = None  # of the point of contact
 
     # --- browsers ---------------------------------------------------------------------------
 
@@ -108,6 +110,10 @@ class Arm:
         if refusal := format_refusal(snapshot.format):
             raise ControlError(f"the daemon speaks another version: its States are {refusal}")
         self.snapshot, self.words, self.why_gone = snapshot, None, ""
+        try:
+            self._finder = TouchFinder.of(snapshot)
+        except ModelError:
+            self._finder = None  # the browser says that it cannot be drawn
         self._last_tick = -1
         self._before = None
         self._past.clear()
@@ -149,7 +155,9 @@ class Arm:
         if _asks_anew(self._before, states[-1]):
             self._changed.set()
         self._before = states[-1]
-        now = words.words(self.number, states[-1])
+        seen = self._finder if self.audience else None
+        touches = [seen.see(state) for state in states] if seen else [None]
+        now = words.words(self.number, states[-1], touches[-1])
         if now != self.words:
             self.words = now
             self.audience.text(as_text(now))

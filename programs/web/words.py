@@ -14,6 +14,7 @@ from programs.clients.sensed import lost_samples
 from programs.clients.stream_words import phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
 from programs.clients.wrench import NO_FIT, bound_N, most_aside_N
+from programs.recordings.touch_point import TouchPoint
 
 EventKind = Literal["mode", "contact", "fault", "page"]
 
@@ -45,6 +46,15 @@ class Force(msgspec.Struct, frozen=True):
     text: str
 
 
+class Touch(msgspec.Struct, frozen=True):
+    """Point of contact, rounded likewise."""
+
+    link: str
+    point: list[float]  # in the link's frame [m]
+    doubt: float  # [m]
+    text: str
+
+
 class Load(msgspec.Struct, frozen=True):
     """Load at the hand: one that was announced, or one that was only recognised."""
 
@@ -71,6 +81,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     flags: list[str]
     load: Load | None
     force: Force | None  # None where nothing acts, or no single force at the tool
+    touch: Touch | None  # None where no point is known
     stream: str  # phase of the arm on a stream of targets; empty without one
     near: str  # nearest pair of its shapes and surroundings; empty without shapes
 
@@ -188,8 +199,8 @@ def hello(
     )
 
 
-def words(arm: int, state: State) -> Words:
-    """Words of a State of arm number `arm`."""
+def words(arm: int, state: State, found: TouchPoint | None = None) -> Words:
+    """Words of a State of arm number `arm`, touched at that point."""
     return Words(
         arm=arm,
         mode=str(state.mode),
@@ -205,6 +216,7 @@ def words(arm: int, state: State) -> Words:
         flags=state.flags,
         load=load(state),
         force=force(state),
+        touch=touch(found) if found is not None and found.placed else None,
         stream=phase_in_words(state.stream) if state.stream else "",
         near=near_words(near) if (near := getattr(state, "near", None)) else "",
     )
@@ -226,6 +238,13 @@ def force(state: State) -> Force | None:
         cone=round(math.atan2(most_aside_N(wrench, way), size), 1),
         text=f"{size:.0f} N ± {bound_N(wrench, way):.0f}",
     )
+
+
+def touch(found: TouchPoint) -> Touch:
+    """Point of contact that is known, by steps of 2 cm."""
+    point, doubt = (50.0 * found.point).round() / 50.0 + 0.0, round(found.doubt_m, 2)
+    text = f"{found.link} ± {100.0 * doubt:.0f} cm"
+    return Touch(link=found.link, point=point.tolist(), doubt=doubt, text=text)
 
 
 def load(state: State) -> Load | None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.study.wrench import Job, run
+from bench.study.wrench_bound import most_decided
 from bench.wrench import links, points, scores
 
 
@@ -46,13 +47,17 @@ def test_names_of_links_count_from_where_one_is_named() -> None:
     ]
     runs = [
         {"links": [
-            {"row": 3, "named": np.array(one), "touches": touches, "size": 20.0}
-            for one, touches in zip(named, said, strict=True)
+            {"row": 3, "n": 5, "named": np.array(one), "touches": touches, "size": 20.0,
+             "bound": (True, 0.9, k == 0, 0.5)}
+            for k, (one, touches) in enumerate(zip(named, said, strict=True))
         ]}
     ]  # fmt: skip
     found = links(runs)
     assert found["decided"] == pytest.approx(2.0 / 3.0)
     assert found["decided_right"] == found["decided_off_by_more_than_one"] == 0.5
+    assert found["not_the_last_right"] == 0.5
+    assert found["could_be_decided"] == 1.0
+    assert found["could_be_by_even_odds"] == pytest.approx(1.0 / 3.0)
     assert found["decided_ticks_right"] == pytest.approx(2.0 / 3.0)
     assert found["at_first_a_true_at_least"] == pytest.approx(2.0 / 3.0)
     placed = points(runs)
@@ -73,3 +78,12 @@ def test_a_short_run_of_an_arm() -> None:
     beyond = [np.abs(f["error"])[f["seen"]] > 4.0 * f["sigma"][f["seen"]] for f in ticks]
     assert np.mean(np.concatenate(beyond)) < 0.1
     assert np.median([np.abs(f["error"])[f["seen"]].max() for f in ticks]) < 4.0
+    right, sure, _, _ = found["links"][0]["bound"]
+    assert right
+    assert sure > 0.9
+
+
+def test_as_many_are_decided_as_leave_95_of_100_right() -> None:
+    right = np.array([1.0] * 19 + [0.0] + [0.0] * 5)
+    assert most_decided(right, np.arange(25, 0, -1)) == pytest.approx(20 / 25)
+    assert most_decided(np.zeros(3), np.ones(3)) == 0.0

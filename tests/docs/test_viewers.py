@@ -59,5 +59,5 @@ def test_foxglove_finds_every_panel_and_every_value() -> None:
     view = layout["configById"]["3D!arm"]
     frames = skeleton_of(ROBOT.urdf).frames
     assert view["followTf"] in {frame.parent for frame in frames}
-    assert list(view["topics"]) == ["/scene"]
+    assert list(view["topics"]) == ["/scene", "/touch"]
     assert layout["configById"]["RosOut!log"]["topicToRender"] == "/log"

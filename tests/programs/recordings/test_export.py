@@ -3,6 +3,7 @@
 import base64
 import csv
 import json
+import math
 import os
 import socket
 import struct
@@ -23,10 +24,12 @@ from programs.clients.client import Client
 from programs.contactd.contactd import main
 from programs.foxglove.foxglove_door import serve
 from programs.identify.csv_log import read_csv
+from programs.recordings.foxglove import POINT
 from programs.recordings.skeleton import Quaternion, product, rotated, skeleton_of, towards
 from tests.fake_daemon import JOINTS, snapshot_at, state_at
 from tests.programs.clients.test_recorder import FORMATS
 from tests.programs.clients.test_replay import written
+from tests.programs.recordings.test_touch_point import POSE, pushed
 
 ROMEO_URDF = (ROMEO / "arm.urdf").read_text()
 
@@ -52,6 +55,24 @@ def recording(tmp_path: Path) -> Path:
 
 def export(*arguments: object) -> Any:
     return CliRunner().invoke(main, ["export", *map(str, arguments)])
+
+
+def test_foxglove_marks_the_point_of_contact_as_long_as_it_is_known(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    residual = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)).tolist()
+    states = [
+        state_at(k, link_position=POSE.tolist(), residual=residual if k < 60 else [0.0] * 7)
+        for k in range(20, 90)
+    ]
+    target = tmp_path / "out.mcap"
+    made = written(tmp_path / "made.mcap", [with_urdf(snapshot_at(19)), *states])
+    assert export(made, "--foxglove", "-o", target).exit_code == 0
+    updates = decoded(target)["/touch"]
+    marks = [entity for update in updates for entity in update.entities]
+    assert {mark.frame_id for mark in marks} == {"l_wrist"}
+    at, size = marks[-1].spheres[0].pose.position, marks[-1].spheres[0].size.x
+    assert math.dist((at.x, at.y, at.z), (0.06, 0.01, 0.0)) < 0.5 * size < 0.09
+    assert [gone.id for gone in updates[-1].deletions] == [POINT]
 
 
 # --- the skeleton ---------------------------------------------------------------------------------
@@ -105,7 +126,7 @@ def decoded(path: Path) -> dict[str, list[Any]]:
                 found.setdefault(channel.topic, []).append(json.loads(message.data))
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
-        topics = ["/tf", "/scene", "/joint_states", "/log"]
+        topics = ["/tf", "/scene", "/touch", "/joint_states", "/log"]
         for _, channel, _, message in reader.iter_decoded_messages(topics=topics):
             found.setdefault(channel.topic, []).append(message)
     return found

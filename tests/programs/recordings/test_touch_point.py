@@ -1,22 +1,30 @@
 """Touched link and point of contact, on a plant whose surfaces and torques differ from the model's,
 and contacts in words."""
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.study.hands import Hands
 from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
-from daemon.modes.table import Event
+from daemon.modes.table import Event, Mode
 from daemon.protocol.state import Payload, Snapshot, State
+from programs.contactctl.contactctl import main
+from programs.contactctl.point import point_now
 from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
 from programs.recordings.touches import Contact, Evidence, Touches
 from simulator.hand_script import AnyAct, Clamp, Lean, Press, Push, Release
+from tests.fake_daemon import snapshot_at, state_at
+from tests.programs.clients.test_replay import written
 
 ROBOT = load_robot(ROMEO)
 NAMES = list(ROBOT.model.names)
@@ -84,6 +92,20 @@ def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() ->
     assert "where on it is not known" in touch_words(found)
 
 
+def test_residuals_that_say_nothing_leave_the_last_link_as_likely_as_all_others() -> None:
+    found = finder().take(POSE, CONTACT, 0.5 * CONTACT, 1e5 * ONE, 0.01)
+    assert found is not None
+    assert found.joints[0] == NAMES[6]
+    assert found.sure == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_link_that_is_too_short_for_a_capsule_can_be_the_touched_one() -> None:
+    short = NAMES.index("LElbowRoll")
+    found = after(finder(), pushed(short, (0.0, 0.03, 0.0), (9.0, 9.0, 25.0)), 30)
+    assert found is not None
+    assert NAMES[short] in found.joints
+
+
 def test_two_forces_are_not_one() -> None:
     both = pushed(1, (0.05, 0.0, 0.0), (0.0, 0.0, 30.0)) + pushed(
         6, (0.06, 0.0, 0.0), (9.0, 20.0, 9.0)
@@ -111,6 +133,38 @@ def test_collision_shapes_come_before_drafted_capsules() -> None:
         assert surface[:, 0].min() > 0.24
     mesh = ROBOT.urdf.replace('<link name="l_wrist">', shape.format('<mesh filename="x.stl"/>'))
     np.testing.assert_array_equal(finder(mesh).surfaces["l_wrist"], finder().surfaces["l_wrist"])
+
+
+def a_push() -> tuple[Snapshot, list[State]]:
+    """One at the last link, of 0.4 s."""
+    r = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)).tolist()
+    states = [
+        state_at(k, link_position=POSE.tolist(), residual=r if 30 <= k < 70 else [0.0] * 7)
+        for k in range(20, 160)
+    ]
+    return msgspec.structs.replace(snapshot_at(19), urdf=ROBOT.urdf), states
+
+
+def test_status_says_the_point_of_now_and_asks_for_states_only_then() -> None:
+    snapshot, states = a_push()
+    client: Any = SimpleNamespace(subscribe=lambda: (snapshot, iter(states[15:])))
+    status: Any = states[15]  # what it is asked for has the names of a State's
+    assert point_now(client, status).startswith("l_wrist at (0.0")
+    nothing: Any = None
+    for quiet in (states[0], msgspec.structs.replace(status, mode=Mode.OFF)):
+        assert point_now(nothing, quiet) == ""
+
+
+def test_contacts_of_a_recording(tmp_path: Path) -> None:
+    snapshot, states = a_push()
+    path = str(written(tmp_path / "a.mcap", [snapshot, *states]))
+    answer = CliRunner().invoke(main, ["--json", "touches", path])
+    assert answer.exit_code == 0, answer.output
+    (said,) = [json.loads(line) for line in answer.output.splitlines()]
+    assert (said["link"], said["decided"], said["word"]) == ("l_wrist", True, "touched")
+    off = [msgspec.structs.replace(state, mode=Mode.OFF) for state in states]
+    path = str(written(tmp_path / "b.mcap", [snapshot, *off]))
+    assert CliRunner().invoke(main, ["touches", path]).output == ""
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice, Permit, StreamState, Wrench
+from tests.programs.recordings.test_touch_point import POSE, pushed
 from tests.programs.web.page_server import Page, page_of
 from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screens
 
@@ -336,5 +337,10 @@ def test_the_force_at_the_tool_is_an_arrow_with_the_cone_of_its_doubt(
         screen.until("document.querySelector('#scene').dataset.force === '18 N ± 4'")
         screen.page.wait_for_timeout(500)
         screen.picture("force")
-        arm.changes = {**ARMED, "wrench": replace(force, misfit=3.0)}
+        residual = pushed(6, (0.06, 0.01, 0.0), (3.0, 14.0, -9.0)).tolist()
+        touched = {"link_position": POSE.tolist(), "residual": residual}
+        arm.changes = {**ARMED, **touched, "wrench": replace(force, misfit=3.0)}
         screen.until("document.querySelector('#scene').dataset.force === ''")
+        screen.until("document.querySelector('#scene').dataset.touch.startsWith('l_wrist ± ')")
+        screen.shows("#felt", "touched at l_wrist ± ")
+        screen.picture("touch")

@@ -1,5 +1,6 @@
 """What the page says of an arm in words, also of daemons that tell more or less than this one."""
 
+import dataclasses
 import json
 import os
 import pwd
@@ -9,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
@@ -23,7 +25,8 @@ from drivers.damiao.language import STATUSES
 from drivers.robstride.frames import RUN
 from drivers.robstride.language import status_of
 from programs.clients.shown import OPERATING
-from programs.web.words import Load, force, load, owner, words
+from programs.recordings.touch_point import TouchPoint
+from programs.web.words import Load, Touch, force, load, owner, words
 
 CUP = SimpleNamespace(mass=0.4, com=[0.0, 0.1, 0.0])
 
@@ -92,6 +95,19 @@ PUSH = Wrench(
     force=[0.0, 0.0, -18.0], covariance=[9.0, 0.0, 0.0, 1.0, 0.0, 4.0], unseen=[], strength=4.0,
     misfit=0.8,
 )  # fmt: skip
+
+
+def test_a_point_of_contact_goes_to_the_page_where_it_is_known(
+    make_state: Callable[..., State],
+) -> None:
+    found = TouchPoint(
+        joints=("joint",), sure=0.9, decided=True, link="arm", point=np.array([0.071, -0.004, 0.0]),
+        doubt_m=0.043, force=np.zeros(3), misfit=0.5,
+    )  # fmt: skip
+    shown = words(0, make_state(5), found).touch
+    assert shown == Touch(link="arm", point=[0.08, 0.0, 0.0], doubt=0.04, text="arm ± 4 cm")
+    assert words(0, make_state(5), dataclasses.replace(found, doubt_m=0.2)).touch is None
+    assert words(0, make_state(5)).touch is None
 
 
 @pytest.mark.parametrize(
