@@ -75,6 +75,11 @@ class Walls:
         for i in range(c.n):
             self.slows = self.slows or abs(out[i] - wanted[i]) > _SLOWS
 
+    def touch(self, q: Vector) -> bool:
+        """True if shapes overlap at q (n,) [rad]. It leaves the gaps of there in `clearance`."""
+        self.clearance.at(q)
+        return bool(np.min(self.clearance.gap, initial=1.0) < 0.0)
+
     def _too_fast(self, play: Matrix, out: Vector) -> int:
         """Number of rows that may close too fast, each with its most [m/s], whichever of the joints
         that open it are slowed."""

@@ -66,6 +66,7 @@ class Shapes(Settings, frozen=True):
     capsules: Annotated[list[CapsuleEntry], Meta(min_length=1, max_length=64)]
     margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # gap that is kept [m]
     left_out: list[LeftOut] = msgspec.field(default_factory=list)
+    surroundings: str = ""  # digest of those that were there
 
 
 class PlaneEntry(Settings, frozen=True):
@@ -114,6 +115,11 @@ class Walls(Settings, frozen=True):
         )
 
 
+def digest_of_surroundings(around: Surroundings) -> str:
+    """Digest of what surroundings.yaml says."""
+    return digest_of(msgspec.json.encode(around).decode())
+
+
 def digest_of(urdf: str) -> str:
     """Digest of a URDF's text."""
     return hashlib.sha256(urdf.encode()).hexdigest()[:16]
@@ -151,6 +157,14 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
             raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
         names.append(one.name)
     walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
+    around = {*walls.surroundings.planes, *walls.surroundings.boxes}
+    if shapes.surroundings != digest_of_surroundings(walls.surroundings):
+        for k, one in enumerate(shapes.left_out):
+            if around & {*one.pair}:
+                raise ConfigurationError(
+                    f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} is "
+                    "another than when this pair was left out: `contactd shapes --force`"
+                )
     if (pairs := _guarded(walls)) > MOST_PAIRS:
         raise ConfigurationError(
             f"{path}:{source.line(['capsules'])}: {pairs} pairs to guard; at most {MOST_PAIRS} "

@@ -23,6 +23,7 @@ from daemon.config.shapes import (
     Walls,
     clearance_of,
     digest_of,
+    digest_of_surroundings,
     read_surroundings,
     shapes_text,
 )
@@ -67,7 +68,10 @@ def fitted(robot: Robot, source: Source | None, around: Surroundings) -> tuple[S
     """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
     chosen, links = points_of(robot, source)
     capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
-    shapes = Shapes(version=1, urdf=urdf, source=chosen, capsules=capsules)
+    shapes = Shapes(
+        version=1, urdf=urdf, source=chosen, capsules=capsules,
+        surroundings=digest_of_surroundings(around),
+    )  # fmt: skip
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
     return replace(shapes, left_out=left_out), report
 
