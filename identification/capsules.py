@@ -85,13 +85,13 @@ def _about(points: Matrix, axis: Vector, centre: Vector) -> Fit:
 
 def split(points: Matrix) -> list[Matrix]:
     """Corners (m, 3) [m] of the hull of points, cut in two across the principal axis that leaves
-    the smallest capsules; in one piece where it is flat, or where these are hardly thinner."""
+    the thinnest capsules; in one piece where it is flat, or where these are hardly thinner."""
     if np.linalg.matrix_rank(points - points[0], tol=1e-4) < 3:
         return [points]
     hull = ConvexHull(points)
     whole = points[hull.vertices]
     pairs = np.vstack([hull.simplices[:, k] for k in ([0, 1], [1, 2], [2, 0])])
-    best, least = [whole], np.inf
+    best, least = [whole], THINNER * fit_capsule(whole).radius
     for axis in np.linalg.svd(whole - whole.mean(axis=0))[2]:
         height = points @ axis
         height = height - 0.5 * (height.min() + height.max())
@@ -99,10 +99,9 @@ def split(points: Matrix) -> list[Matrix]:
         share = (height[a] / (height[a] - height[b]))[:, np.newaxis]
         cut, above = points[a] + share * (points[b] - points[a]), height[hull.vertices] >= 0.0
         halves = [np.vstack((whole[side], cut)) for side in (above, ~above)]
-        fits = [fit_capsule(half) for half in halves]
-        if (volume := sum(fit.volume for fit in fits)) < least:
-            best, least, wider = halves, volume, max(fit.radius for fit in fits)
-    return best if wider < THINNER * fit_capsule(whole).radius else [whole]
+        if (wider := max(fit_capsule(half).radius for half in halves)) < least:
+            best, least = halves, wider
+    return best
 
 
 @dataclass(frozen=True, slots=True)
