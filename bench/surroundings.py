@@ -3,7 +3,7 @@
     python -m bench.surroundings --json
 
 Three arms get setpoints from clear poses: random ones, thrown ones (all joints at full speed into
-the nearest gap, for half a second), streamed ones (a position loop on targets that jump) and led
+a near gap, for half a second), streamed ones (a position loop on targets that jump) and led
 ones (a push, by the law of admittance). Setpoints pass `Limits` and `Walls`; joints follow a tick
 later, with the drives' lag. The truth are convex hulls of the points that `contactd shapes` fits
 capsules to, at the distances of coal; pairs that are left out are not judged.
@@ -40,7 +40,7 @@ from programs.contactd.fitting import fitted, points_of
 KINDS: Final = ("random", "thrown", "streamed", "led")
 TICKS: Final = 300  # of one motion
 POSES: Final = 1000  # for the lost workspace
-CLEAR_M: Final = (0.02, 0.1)  # smallest gap of the pose in which a motion begins
+CLEAR_M: Final = (0.008, 0.1)  # smallest gap of the pose in which a motion begins
 NEAR_S: Final = 0.5  # in which the sign of a setpoint may change twice
 SLOWED: Final = 1e-3  # least difference of a setpoint, and least setpoint with a sign [rad/s]
 HELD, LASTS = 50, 10  # ticks for which a throw, a push or a target lasts, and a random setpoint
@@ -145,8 +145,8 @@ def wishes(
     level = row(scene.robot.configuration, lambda j: j.thresholds.contact)
     for k in range(TICKS):
         if k % (LASTS if kind == "random" else HELD) == 0:
-            clearance = scene.walls.clearance
-            way = -np.sign(clearance.gradient[int(np.argmin(clearance.gap))])
+            near = np.flatnonzero(np.asarray(scene.walls.clearance.gap) < CLEAR_M[1])
+            way = -np.sign(scene.walls.clearance.gradient[rng.choice(near) if len(near) else 0])
             if kind == "random":
                 way = rng.uniform(-1.0, 1.0, len(level))
             thrown = limits.velocity * way

@@ -68,3 +68,27 @@ def test_an_arm_that_holds_has_no_reference_inside_a_wall() -> None:
     stood = arm.q.copy()
     arm.run(2.0)
     np.testing.assert_allclose(arm.q, stood, atol=1e-3)
+
+
+def test_a_finger_between_is_felt_and_nothing_closes_further() -> None:
+    """Led up to 15 mm below the ceiling, joint a yields to a finger there at once. A hand that pushes
+    it up on that gets no further than the margin."""
+    arm = tracking_arm(walls=below(LOW))
+    walls = arm.controller.motion.walls
+
+    def gap() -> float:
+        walls.clearance.at(arm.q)
+        return float(np.min(walls.clearance.gap))
+
+    while gap() > 0.015:
+        arm.step(**arm.push(0.4))
+    caught = gap()
+    arm.touch(-0.4)
+    assert arm.mode is Mode.ADMITTANCE
+    arm.run(0.3, **arm.push(-0.4))
+    assert gap() > caught + 0.005
+    for _ in range(200):
+        arm.step(**arm.push(0.6))
+        assert gap() > 0.0045
+    assert arm.mode is Mode.ADMITTANCE
+    assert gap() < 0.006
