@@ -3,7 +3,7 @@
     python -m bench.surroundings --json
 
 Three arms get setpoints from clear poses: random ones, thrown ones (all joints at full speed into
-the nearest gap, for half a second), streamed ones (a position loop on targets that jump) and led
+a near gap, for half a second), streamed ones (a position loop on targets that jump) and led
 ones (a push, by the law of admittance). Setpoints pass `Limits` and `Walls`; joints follow a tick
 later, with the drives' lag. The truth are convex hulls of the points that `contactd shapes` fits
 capsules to, at the distances of coal; pairs that are left out are not judged.
@@ -40,8 +40,9 @@ from programs.contactd.fitting import fitted, points_of
 KINDS: Final = ("random", "thrown", "streamed", "led")
 TICKS: Final = 300  # of one motion
 POSES: Final = 1000  # for the lost workspace
-CLEAR_M: Final = (0.02, 0.1)  # smallest gap of the pose in which a motion begins
+CLEAR_M: Final = (0.008, 0.1)  # smallest gap of the pose in which a motion begins
 NEAR_S: Final = 0.5  # in which the sign of a setpoint may change twice
+SLOWED: Final = 1e-3  # least difference of a setpoint, and least setpoint with a sign [rad/s]
 HELD, LASTS = 50, 10  # ticks for which a throw, a push or a target lasts, and a random setpoint
 
 
@@ -95,8 +96,9 @@ def _hull(points: Matrix) -> coal.Convex:
     return coal.Convex(corners, faces)
 
 
-#: Wide capsules leave an arm few poses where others have most.
-AWAY = {"romeo_left_arm": 1.8}
+#: Times its reach, and share of that at which the press is beside the root: this arm is on the left
+#: of it, and bends forward.
+AWAY, BESIDE = {"romeo_left_arm": 1.8}, {"romeo_left_arm": -0.15}
 
 
 def scene(folder: Path) -> Scene:
@@ -111,7 +113,8 @@ def scene(folder: Path) -> Scene:
         },
         boxes={
             "press": shapes.BoxEntry(
-                centre=(0.3 * R, 0.4 * R, 0.1 * R), size=(0.3 * R,) * 3, rpy=(0.0, 0.0, 0.4)
+                centre=(0.3 * R, BESIDE.get(folder.name, 0.4) * R, 0.1 * R), size=(0.3 * R,) * 3,
+                rpy=(0.0, 0.0, 0.4),
             )
         },
     )
@@ -142,8 +145,8 @@ def wishes(
     level = row(scene.robot.configuration, lambda j: j.thresholds.contact)
     for k in range(TICKS):
         if k % (LASTS if kind == "random" else HELD) == 0:
-            clearance = scene.walls.clearance
-            way = -np.sign(clearance.gradient[int(np.argmin(clearance.gap))])
+            near = np.flatnonzero(np.asarray(scene.walls.clearance.gap) < CLEAR_M[1])
+            way = -np.sign(scene.walls.clearance.gradient[rng.choice(near) if len(near) else 0])
             if kind == "random":
                 way = rng.uniform(-1.0, 1.0, len(level))
             thrown = limits.velocity * way
@@ -153,8 +156,9 @@ def wishes(
 
 
 def motion(scene: Scene, kind: str, seed: int) -> dict[str, Any]:
-    """Figures of one motion: deepest true penetration [m], most sign changes of a setpoint within
-    NEAR_S of one wish, times of a bound [s], ticks that were slowed."""
+    """Figures of one motion: deepest true penetration [m], most sign changes within NEAR_S of one
+    wish of the setpoint of a joint that a wall slows in it, times of a bound [s], ticks that were
+    slowed."""
     rng, c = np.random.default_rng(seed), scene.robot.configuration
     limits, walls, dt = limits_of(c), scene.walls, c.period_s
     law = AdmittanceLaw(virtual_mass_of(c), np.full(len(c.joints), c.admittance.velocity))
@@ -162,7 +166,7 @@ def motion(scene: Scene, kind: str, seed: int) -> dict[str, Any]:
     q = clear_pose(scene, rng)
     v, sent, play = np.zeros_like(q), np.zeros_like(q), limits.each(0.0)
     lag = dt / (dt + c.control.drive_lag_ms / 1000.0)
-    times, signs, trace, deepest, slowed, least = [], [], [], 0.0, 0, np.inf
+    times, bounds, trace, deepest, slowed, least = [], [], [], 0.0, 0, np.inf
     for target, thrown, push in wishes(scene, kind, rng):
         if kind == "led":
             wish = limits.soft_stop(q, law.velocity_after(sent, gain, push, dt), 8.0)
@@ -172,7 +176,7 @@ def motion(scene: Scene, kind: str, seed: int) -> dict[str, Any]:
         began = thread_time()
         walls.bound(q, wanted, play, sent)
         times.append(thread_time() - began)
-        signs.append(np.sign(np.where(np.abs(sent) > 1e-3, sent, 0.0)))
+        bounds.append((wanted, sent))
         slowed += walls.slows
         v = v + lag * (late - v)
         q = q + v * dt
@@ -182,12 +186,22 @@ def motion(scene: Scene, kind: str, seed: int) -> dict[str, Any]:
         for row_ in np.flatnonzero(np.asarray(walls.clearance.gap) < 0.0):
             pair = walls.clearance.pairs[walls.clearance.pair[row_]]
             deepest = max(deepest, -scene.truth.gap(q, pair))
-    changes = np.abs(np.diff(signs, axis=0)) > 1.0 if kind != "random" else np.zeros((1, 1))
-    most = max(int(changes[k : k + HELD].sum(axis=0).max()) for k in range(0, len(changes), HELD))
+    held = range(0, len(bounds), HELD) if kind != "random" else ()
+    most = max((chatter(*np.array(bounds[k : k + HELD]).swapaxes(0, 1)) for k in held), default=0)
     return {
         "deepest_m": deepest, "changes": most, "times": times, "slowed": slowed, "least": least,
         "trace": np.array(trace),
     }  # fmt: skip
+
+
+def chatter(wanted: Matrix, sent: Matrix) -> int:
+    """Most sign changes of a joint's setpoint, in (ticks, n), of those that differ from what was
+    wanted; pauses are none."""
+    most = 0
+    for j in np.flatnonzero((np.abs(wanted - sent) > SLOWED).any(axis=0)):
+        signs = np.sign(sent[np.abs(sent[:, j]) > SLOWED, j])
+        most = max(most, int(np.count_nonzero(np.diff(signs))))
+    return most
 
 
 def lost(scene: Scene, seed: int) -> tuple[int, int]:

@@ -30,5 +30,5 @@ cdef class Walls:
     cdef double _funnel(self, double gap, double A) noexcept
     @cython.locals(c=Clearance, slowed=bint, over=double, square=double, g=double, v=double)
     cdef bint _slow(self, Py_ssize_t row, double most, double[::1] out) noexcept
-    @cython.locals(c=Clearance, share=double, row=Py_ssize_t, closing=double)
+    @cython.locals(c=Clearance, share=double, row=Py_ssize_t, closing=double, most=double)
     cdef void _fulfil(self, Py_ssize_t active, double[::1] out) noexcept

@@ -10,7 +10,8 @@ and their own accelerations a_i slow it down by
 
 Only the joints that close a gap are slowed, the more the more they close it, and none beyond 0: the
 others go on, so the arm slides along, and nothing moves that was not to move. Standing always
-fulfils it. Where the gap is used up, only what opens it is left.
+fulfils it. Drives lag, so that a slide along what is curved sinks beyond the gap that was kept: by
+-d there, it has to open, at d / (4 tau), as far as what closes it is slowed for that.
 
 Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
 """
@@ -74,6 +75,11 @@ class Walls:
         for i in range(c.n):
             self.slows = self.slows or abs(out[i] - wanted[i]) > _SLOWS
 
+    def touch(self, q: Vector) -> bool:
+        """True if shapes overlap at q (n,) [rad]. It leaves the gaps of there in `clearance`."""
+        self.clearance.at(q)
+        return bool(np.min(self.clearance.gap, initial=1.0) < 0.0)
+
     def _too_fast(self, play: Matrix, out: Vector) -> int:
         """Number of rows that may close too fast, each with its most [m/s], whichever of the joints
         that open it are slowed."""
@@ -97,9 +103,11 @@ class Walls:
         return active
 
     def _funnel(self, gap: float, A: float) -> float:
-        """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2]."""
+        """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2], straight on below 0."""
+        if gap < 0.0:
+            return gap / (4.0 * self._reaction_s)
         slack = 4.0 * self._reaction_s * A
-        return float(sqrt(slack * slack + 2.0 * A * max(gap, 0.0)) - slack)
+        return float(sqrt(slack * slack + 2.0 * A * gap) - slack)
 
     def _slow(self, row: int, most: float, out: Vector) -> bool:
         """Slow the joints that close the gap of a row, until it closes at `most` [m/s]: the nearest
@@ -125,10 +133,10 @@ class Walls:
         """Slow all joints where so many sweeps did not do."""
         c, share = self.clearance, 1.0
         for k in range(active):
-            row, closing = self._active[k], 0.0
+            row, closing, most = self._active[k], 0.0, max(self._most[k], 0.0)
             for i in range(c.n):
                 closing -= c.gradient[row, i] * out[i]
-            if closing * share > self._most[k] + 1e-9:
-                share = self._most[k] / closing
+            if closing * share > most + 1e-9:
+                share = most / closing
         for i in range(c.n):
             out[i] *= share

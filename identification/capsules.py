@@ -1,13 +1,13 @@
 """Capsules about the links of an arm: fitted to points of each, and the pairs of them that are not
 worth guarding, found by sampling poses. Mathematics only."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
+from scipy.spatial import ConvexHull
 
 from common.arrays import Matrix, Vector
 from estimator.clearance import Clearance
@@ -20,6 +20,8 @@ ALWAYS, OFTEN = 0.95, 0.2
 NEVER: Final = 0.02
 #: Least radius of a capsule [m].
 THINNEST: Final = 0.005
+#: Two capsules are worth their pairs if the wider is this much thinner than one for all.
+THINNER: Final = 0.9
 #: Poses from which a smaller gap is sought, steps of that, and the first step [rad].
 STARTS, STEPS, STEP_RAD = 5, 60, 0.1
 
@@ -81,6 +83,27 @@ def _about(points: Matrix, axis: Vector, centre: Vector) -> Fit:
     return Fit(centre + low * axis, centre + high * axis, radius)
 
 
+def split(points: Matrix) -> list[Matrix]:
+    """Corners (m, 3) [m] of the hull of points, cut in two across the principal axis that leaves
+    the thinnest capsules; in one piece where it is flat, or where these are hardly thinner."""
+    if np.linalg.matrix_rank(points - points[0], tol=1e-4) < 3:
+        return [points]
+    hull = ConvexHull(points)
+    whole = points[hull.vertices]
+    pairs = np.vstack([hull.simplices[:, k] for k in ([0, 1], [1, 2], [2, 0])])
+    best, least = [whole], THINNER * fit_capsule(whole).radius
+    for axis in np.linalg.svd(whole - whole.mean(axis=0))[2]:
+        height = points @ axis
+        height = height - 0.5 * (height.min() + height.max())
+        a, b = pairs[height[pairs[:, 0]] * height[pairs[:, 1]] < 0.0].T
+        share = (height[a] / (height[a] - height[b]))[:, np.newaxis]
+        cut, above = points[a] + share * (points[b] - points[a]), height[hull.vertices] >= 0.0
+        halves = [np.vstack((whole[side], cut)) for side in (above, ~above)]
+        if (wider := max(fit_capsule(half).radius for half in halves)) < least:
+            best, least = halves, wider
+    return best
+
+
 @dataclass(frozen=True, slots=True)
 class PairGaps:
     """Gaps of one pair over all poses."""
@@ -100,9 +123,9 @@ class PairGaps:
 
 def gaps_over_poses(
     clearance: Clearance, lower: Vector, upper: Vector, margin: float, seed: int = 1
-) -> Sequence[PairGaps]:
-    """Gaps of each pair in SAMPLES poses between the limits (n,) [rad], the smallest sought further
-    along its gradient."""
+) -> dict[tuple[str, str], PairGaps]:
+    """Gaps of each pair of names in SAMPLES poses between the limits (n,) [rad], the smallest
+    sought further along its gradient."""
     rng, pair = np.random.default_rng(seed), np.asarray(clearance.pair)
     firsts = np.flatnonzero(np.diff(pair, prepend=-1))
     poses = rng.uniform(lower, upper, (SAMPLES, len(lower)))
@@ -110,14 +133,15 @@ def gaps_over_poses(
     for k, q in enumerate(poses):
         clearance.at(q)
         gaps[k] = np.minimum.reduceat(np.asarray(clearance.gap), firsts)
-    found = []
-    for number in range(len(firsts)):
-        rows = np.flatnonzero(pair == number)
-        nearest = poses[np.argsort(gaps[:, number])[:STARTS]]
-        least = float(gaps[:, number].min())
+    names, found = [(one.name, other.name) for one, other in clearance.pairs], {}
+    for name in dict.fromkeys(names):
+        numbers = [k for k, one in enumerate(names) if one == name]
+        rows, nearer = np.flatnonzero(np.isin(pair, numbers)), gaps[:, numbers].min(axis=1)
+        least = float(nearer.min())
         if least > 0.0:
+            nearest = poses[np.argsort(nearer)[:STARTS]]
             least = min(least, *(_descended(clearance, rows, q, lower, upper) for q in nearest))
-        found.append(PairGaps(least, float(np.mean(gaps[:, number] < margin))))
+        found[name] = PairGaps(least, float(np.mean(nearer < margin)))
     return found
 
 

@@ -128,9 +128,10 @@ def ideal_arm(**changes: Any) -> IdealArm:
         "law": AdmittanceLaw(np.full(2, 0.05), np.full(2, 0.5)),
         "gains": Gains(np.array([0.5, 0.5])),
     }
+    walls = changes.pop("walls", None)
     parts = {name: changes.pop(name, part) for name, part in parts.items()}
     path = Sinusoids(np.array([AMPLITUDE, 0.0]), np.array([2 * np.pi * FREQUENCY, 0.0]))
-    motion = Motion(**parts, follower=Follower(Place(path), 1.0))
+    motion = Motion(**parts, follower=Follower(Place(path), 1.0), walls=walls)
     return IdealArm(Controller(replace(TUNING, **changes), motion))
 
 

@@ -41,7 +41,8 @@ Radius = Annotated[float, Meta(gt=0, le=2)]
 
 
 class CapsuleEntry(Settings, frozen=True):
-    """Capsule: all that is within a radius of the segment from start to end."""
+    """Capsule: all that is within a radius of the segment from start to end. Capsules that share a
+    name, and a joint, are parts of one link."""
 
     name: Name
     joint: str
@@ -66,6 +67,7 @@ class Shapes(Settings, frozen=True):
     capsules: Annotated[list[CapsuleEntry], Meta(min_length=1, max_length=64)]
     margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # gap that is kept [m]
     left_out: list[LeftOut] = msgspec.field(default_factory=list)
+    surroundings: str = ""  # digest of those that were there
 
 
 class PlaneEntry(Settings, frozen=True):
@@ -114,6 +116,11 @@ class Walls(Settings, frozen=True):
         )
 
 
+def digest_of_surroundings(around: Surroundings) -> str:
+    """Digest of what surroundings.yaml says."""
+    return digest_of(msgspec.json.encode(around).decode())
+
+
 def digest_of(urdf: str) -> str:
     """Digest of a URDF's text."""
     return hashlib.sha256(urdf.encode()).hexdigest()[:16]
@@ -139,7 +146,8 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         raise ConfigurationError(
             f"{path}:{source.line(['urdf'])}: fitted to another URDF: `contactd shapes --force`"
         )
-    names = [*surroundings.planes, *surroundings.boxes] if surroundings else []
+    around = [*surroundings.planes, *surroundings.boxes] if surroundings else []
+    joint_of = dict.fromkeys(around, "of the surroundings")
     for k, one in enumerate(shapes.capsules):
         where = f"{path}:{source.line(['capsules', k])}: capsules[{k}]"
         if one.joint not in [BASE, *joints]:
@@ -147,14 +155,20 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
                 f"{where}: no joint {one.joint!r}; there are: {', '.join(joints)}, or '' for the "
                 "root of the URDF"
             )
-        if one.name in names:
+        if joint_of.setdefault(one.name, one.joint) != one.joint:
             raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
-        names.append(one.name)
     walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
+    if shapes.surroundings != digest_of_surroundings(walls.surroundings):
+        for k, one in enumerate(shapes.left_out):
+            if {*around} & {*one.pair}:
+                raise ConfigurationError(
+                    f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} is "
+                    "another than when this pair was left out: `contactd shapes --force`"
+                )
     if (pairs := _guarded(walls)) > MOST_PAIRS:
         raise ConfigurationError(
             f"{path}:{source.line(['capsules'])}: {pairs} pairs to guard; at most {MOST_PAIRS} "
-            "leave a tick its time: fewer capsules, planes or boxes, or more under left_out"
+            "leave a tick its time: `contactd shapes --single --force`, or fewer planes and boxes"
         )
     return walls
 

@@ -174,6 +174,8 @@ class Motion:
             if self.walls is not None:
                 wanted, self.velocity = self.velocity, np.empty_like(desired)
                 self.walls.bound(here, wanted, self.limits.each(play), self.velocity)
+                if mode is Mode.HOLDING and self.walls.slows and self.walls.touch(self.reference):
+                    self.hold(q)  # what it is held back from is no place to go to later
         else:
             self.velocity = desired
 

@@ -1,10 +1,12 @@
 """Events of the arm itself: energised, at rest, quiet, at a bound, arrived, timeout. From
 the inputs of a tick to one of the mode table, a function a mode."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 
 import numpy as np
 
+from common.arrays import Vector
 from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.modes.contact_reactions import AfterQuiet
 from daemon.modes.machine import Change, ModeMachine, Trigger
@@ -17,7 +19,10 @@ from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
 from daemon.motion.probe import Probe
 from daemon.tick.decision import ControlInput, ControllerSettings
-from daemon.tick.refusals import leaves_limits
+from daemon.tick.refusals import leaves_limits, looked_ahead
+
+# Places of the path that are looked at in one tick, before it goes on: half a ms.
+PLACES_A_TICK = 8
 
 
 class OwnEvents:
@@ -35,6 +40,7 @@ class OwnEvents:
         self._settings, self._machine, self._motion = settings, machine, motion
         self._quiet, self._allowance = quiet, allowance
         self._probe, self._witness = Probe(len(settings.joints), settings.quiet_s), witness
+        self._ahead: Iterator[list[str]] | None = None  # what is still to be looked at
         self._rests = ""  # joint on which a hand was found to rest, since the arm began to yield
         self._waits: dict[Mode, Callable[[float, ControlInput], Trigger | None]] = {
             Mode.ENABLING: self._enabling,
@@ -87,8 +93,13 @@ class OwnEvents:
             opposed = self._motion.opposed(observed.opposing)
             return Trigger(Event.HALT, "pushed against while retracting") if opposed else None
         if not self._quiet.expired:
+            self._ahead = None
             return None
         event, reasons = self._when_quiet(observed)
+        if event is Event.RESUME:
+            if (blocked := self._blocked(observed.q)) is None:
+                return None
+            event, reasons = (Event.SETTLE if blocked else event), blocked
         return Trigger(event, "; ".join([f"quiet for {self._quiet.quiet_s:.2f} s", *reasons]))
 
     @property
@@ -111,6 +122,18 @@ class OwnEvents:
             return Event.RESUME, []
         fits = all_finite(place.nearest(q, limits.lower, limits.upper))
         return (Event.RETURN if fits else Event.SETTLE), reasons
+
+    def _blocked(self, q: Vector) -> list[str] | None:
+        """Reasons why the trajectory cannot go on from q (n,) [rad], where the arm stands: shapes
+        in its way. None: in a later tick."""
+        if self._ahead is None:
+            self._ahead = looked_ahead(self._motion.walls, q, self._motion.follower.place)
+        looks = list(islice(self._ahead, PLACES_A_TICK))
+        reasons = next(filter(None, looks), [])
+        if len(looks) == PLACES_A_TICK and not reasons:
+            return None
+        self._ahead = None
+        return reasons
 
     def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
         release = self._motion.giving_way
@@ -147,7 +170,13 @@ class OwnEvents:
 
     def _returning(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
         if self._motion.arrived(observed.q):
+            # Where it goes on after that: from its reference.
+            if (blocked := self._blocked(self._motion.reference)) is None:
+                return None
+            if blocked:
+                return Trigger(Event.HALT, blocked[0])
             return Trigger(Event.ARRIVED, "back where the trajectory goes on")
+        self._ahead = None
         if elapsed_s <= self._motion.line_duration_s + self._settings.stop_timeout_s:
             return None
         text = f"the arm did not get back to its trajectory within {elapsed_s:.1f} s"

@@ -1,7 +1,7 @@
 """Refusals of `enable` and `start` because of the arm's pose, with their reasons. Pure."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -102,11 +102,16 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
 
 
 def leads_through(walls: Walls | None, q: Vector, place: Place) -> list[str]:
-    """Reason against `start` from q (n,) [rad]: where the rest of the path leads two shapes through
-    each other, at PLACES places of it, or of its first minute if it has no end. Shapes that overlap
-    may come apart."""
+    """Reason against `start` from q (n,) [rad]; empty without one."""
+    return next((reasons for reasons in looked_ahead(walls, q, place) if reasons), [])
+
+
+def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[list[str]]:
+    """For each of PLACES of the rest of a path from q (n,) [rad], or of its first minute if it has
+    no end: the reason against it if it leads two shapes through each other. Shapes that overlap may
+    come apart."""
     if walls is None or not walls.clearance.pairs:
-        return []
+        return
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
     end = min(path.duration, s + ENDLESS_S)
     first_rows = np.flatnonzero(np.diff(clearance.pair, prepend=-1))
@@ -117,13 +122,11 @@ def leads_through(walls: Walls | None, q: Vector, place: Place) -> list[str]:
         clearance.at(origin + path.offset(at_s))
         gaps = np.minimum.reduceat(clearance.gap, first_rows)
         pair = int(np.argmin(gaps - least))
-        if (gap := gaps[pair]) < least[pair]:
-            first, second = clearance.pairs[pair]
-            return [
-                f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gap:.0f} mm "
-                f"deep, at {at_s:.1f} s: go there another way"
-            ]
-    return []
+        first, second = clearance.pairs[pair]
+        yield [
+            f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gaps[pair]:.0f} mm "
+            f"deep, at {at_s:.1f} s: go there another way"
+        ] if gaps[pair] < least[pair] else []
 
 
 def way_to(joints: Sequence[str], there: Vector) -> str:

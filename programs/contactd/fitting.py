@@ -1,14 +1,14 @@
 """Fit of capsules to the links of an arm, written beside its configuration: `contactd shapes`."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import coal
 import numpy as np
 import pinocchio as pin
-from msgspec.structs import replace
+from msgspec import structs
 
 from common.arrays import Matrix
 from common.errors import ConfigurationError, ModelError
@@ -23,12 +23,13 @@ from daemon.config.shapes import (
     Walls,
     clearance_of,
     digest_of,
+    digest_of_surroundings,
     read_surroundings,
     shapes_text,
 )
 from estimator.dynamics import Body
 from estimator.model_reading import read_urdf
-from identification.capsules import PairGaps, fit_capsule, gaps_over_poses
+from identification.capsules import PairGaps, fit_capsule, gaps_over_poses, split
 from programs.command_line.sentences import say
 
 Source = Literal["collision", "visual", "inertial"]
@@ -47,7 +48,7 @@ class LinkPoints:
     radius: float = 0.0
 
 
-def write_shapes(config: Path, source: Source | None, *, force: bool) -> None:
+def write_shapes(config: Path, source: Source | None, *, force: bool, single: bool) -> None:
     """Fit capsules, sample which pairs are worth guarding, write shapes.yaml and list both. Raises
     ConfigurationError."""
     robot = load_robot(config, walls=False)  # whatever is wrong with those that are replaced
@@ -55,7 +56,7 @@ def write_shapes(config: Path, source: Source | None, *, force: bool) -> None:
     if path.exists() and not force:
         raise ConfigurationError(f"{path}: is there; --force replaces it, with what was added")
     around = read_surroundings(robot.folder) or Surroundings(version=1)
-    shapes, report = fitted(robot, source, around)
+    shapes, report = fitted(robot, source, around, single=single)
     path.write_text(shapes_text(shapes))
     say(f"{len(shapes.capsules)} capsules from the URDF's {shapes.source} geometry")
     for line in report:
@@ -63,17 +64,34 @@ def write_shapes(config: Path, source: Source | None, *, force: bool) -> None:
     say(f"wrote {path}; `contactctl reload` takes it up, while the arm is off")
 
 
-def fitted(robot: Robot, source: Source | None, around: Surroundings) -> tuple[Shapes, list[str]]:
+def fitted(
+    robot: Robot, source: Source | None, around: Surroundings, *, single: bool = False
+) -> tuple[Shapes, list[str]]:
     """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
-    chosen, links = points_of(robot, source)
+    chosen, links = points_of(robot, source, single=single)
     capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
-    shapes = Shapes(version=1, urdf=urdf, source=chosen, capsules=capsules)
+    shapes = Shapes(
+        version=1, urdf=urdf, source=chosen, capsules=capsules,
+        surroundings=digest_of_surroundings(around),
+    )  # fmt: skip
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
-    return replace(shapes, left_out=left_out), report
+    return structs.replace(shapes, left_out=left_out), report
 
 
-def points_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoints]]:
-    """Points of all links, of the first geometry that the URDF has."""
+def points_of(
+    robot: Robot, source: Source | None, *, single: bool = False
+) -> tuple[Source, list[LinkPoints]]:
+    """Points of all links, of the first geometry that the URDF has; in two parts, if not single,
+    where that makes thinner capsules."""
+    kind, links = _links_of(robot, source)
+    if single:
+        return kind, links
+    return kind, [
+        replace(link, points=points) for link in links for points in split(link.points)
+    ]
+
+
+def _links_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoints]]:
     for kind in ("collision", "visual"):
         if source in (None, kind) and (links := list(_described(robot, kind))):
             return kind, links
@@ -162,7 +180,8 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
     upper = np.array([joint.limits.upper for joint in c.joints])
     gaps = gaps_over_poses(clearance, lower, upper, walls.shapes.margin)
     left_out, report = [], []
-    for (first, second), found in zip(clearance.pairs, gaps, strict=True):
+    for first, second in {(a.name, b.name): (a, b) for a, b in clearance.pairs}.values():
+        found = gaps[first.name, second.name]
         one, other = first.body, getattr(second, "body", -2)
         near = other in _carriers(bodies, one) or one in _carriers(bodies, other)
         why = found.why(neighbours=near)
@@ -172,7 +191,7 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
                       f"{_in_words(found)}")  # fmt: skip
         if why:
             left_out.append(LeftOut(pair=(first.name, second.name), why=why))
-    if len(left_out) == len(clearance.pairs):
+    if len(left_out) == len(gaps):
         report.append("no pair is left to guard, so nothing will be slowed")
     return left_out, report
 

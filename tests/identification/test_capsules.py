@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.capsules import THINNEST, PairGaps, fit_capsule, gaps_over_poses
+from identification.capsules import THINNER, THINNEST, PairGaps, fit_capsule, gaps_over_poses, split
 from tests.daemon.motion.test_walls import TABLE, arm
 
 
@@ -33,6 +33,24 @@ def test_a_capsule_is_found_again() -> None:
     )
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_two_halves_cover_a_box_with_thinner_capsules(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners = np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, 8).T * [0.06, 0.2, 0.25]
+    halves = split(corners)
+    fits = [fit_capsule(half) for half in halves]
+    assert len(fits) == 2
+    assert max(fit.radius for fit in fits) < THINNER * fit_capsule(corners).radius
+    for point in rng.dirichlet(np.full(8, 0.2), 500) @ corners:
+        assert min(outside(fit, point[np.newaxis]) for fit in fits) < 1e-9
+
+
+@pytest.mark.parametrize("edges", [[0.01, 0.01, 0.2], [0.1, 0.1, 0.0], [0.0, 0.0, 0.0]])
+def test_what_is_thin_or_flat_stays_in_one_piece(edges: list[float]) -> None:
+    corners = np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, 8).T * edges
+    assert len(split(corners)) == 1
+
+
 def test_a_point_has_the_least_radius() -> None:
     fit = fit_capsule(np.array([[0.1, 0.2, 0.3]]))
     assert fit.radius == THINNEST
@@ -55,4 +73,4 @@ def test_the_smallest_gap_is_sought_beyond_the_samples(monkeypatch: pytest.Monke
     monkeypatch.setattr("identification.capsules.SAMPLES", 60)
     gaps = gaps_over_poses(arm(TABLE), np.full(3, -0.3), np.full(3, 0.3), 0.005)
     exact = 0.5 - 0.4 * np.sin(0.3) - 0.3 * np.sin(0.6) - 0.2 * np.sin(0.9) - 0.03
-    assert gaps[2].least == pytest.approx(exact, abs=0.002)
+    assert gaps["link 2", "table"].least == pytest.approx(exact, abs=0.002)

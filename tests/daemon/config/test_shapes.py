@@ -44,8 +44,8 @@ def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
     robot = load_robot(folder)
     assert robot.walls is not None
     clearance = clearance_of(robot.walls, robot.model.bodies(), robot.configuration.joint_names)
-    names = [(one.name, other.name) for one, other in clearance.pairs]
-    assert names == [(one, other) for one in ("column", "swing") for other in ("table", "press")]
+    names = dict.fromkeys((one.name, other.name) for one, other in clearance.pairs)
+    assert list(names) == [(one, other) for one in ("column", "swing") for other in ("table", "press")]
     plane, box = obstacles_of(robot.walls)
     assert plane.offset == pytest.approx(-0.2)
     assert np.allclose(box.axes @ [1, 0, 0], [0, 1, 0])
@@ -82,6 +82,7 @@ def test_refused_with_file_and_line(folder: Path, name: str, old: str, new: str)
 
 
 def test_more_pairs_than_a_tick_has_time_for_are_refused(folder: Path) -> None:
+    CliRunner().invoke(main, ["shapes", str(folder), "--single", "--force"])
     planes = [f"  p{k}: {{point: [0, 0, -{k + 1}], normal: [0, 0, 1]}}\n" for k in range(75)]
     (folder / SURROUNDINGS).write_text("version: 1\nplanes:\n" + "".join(planes))
     assert load_robot(folder).walls is not None
@@ -140,3 +141,34 @@ def test_collision_geometry_comes_before_inertia(folder: Path) -> None:
     assert walls.shapes.source == "collision"
     assert 0.05 < capsule.radius < 0.06
     assert np.linalg.norm(np.subtract(capsule.end, capsule.start)) > 0.3
+
+
+def test_edited_surroundings_ask_for_pairs_that_are_left_out(folder: Path) -> None:
+    """A table through the foot, which always touches it, is moved away in its file."""
+    inside = "version: 1\nplanes:\n  table: {point: [0, 0, 9], normal: [0, 0, 1]}\n"
+    (folder / SURROUNDINGS).write_text(inside)
+    assert CliRunner().invoke(main, ["shapes", str(folder), "--force"]).exit_code == 0
+    walls = load_robot(folder).walls
+    assert walls is not None
+    assert {("column", "table"), ("swing", "table")} <= {one.pair for one in walls.shapes.left_out}
+    (folder / SURROUNDINGS).write_text(f"# a remark\n{inside}")
+    load_robot(folder)
+    (folder / SURROUNDINGS).write_text(TABLE)
+    with pytest.raises(ConfigurationError, match=r"shapes.yaml:\d+: left_out\[\d\]"):
+        load_robot(folder)
+
+
+def test_parts_of_a_link_share_a_name_and_a_joint(folder: Path) -> None:
+    text = (folder / SHAPES).read_text()
+    first = text.index("- end") if "- end" in text else text.index("- ", text.index("capsules:"))
+    part = text[first : text.index("\n- ", first) + 1]
+    (folder / SHAPES).write_text(text[:first] + part + text[first:])
+    robot = load_robot(folder)
+    assert robot.walls is not None
+    names = [one.name for one in robot.walls.shapes.capsules]
+    assert names[0] == names[1]
+    joint = next(one.joint for one in robot.walls.shapes.capsules if one.name != names[0])
+    moved = part.replace(f"joint: {robot.walls.shapes.capsules[0].joint}", f"joint: {joint}")
+    (folder / SHAPES).write_text(text[:first] + moved + text[first:])
+    with pytest.raises(ConfigurationError, match="is given twice"):
+        load_robot(folder)

@@ -103,24 +103,39 @@ def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(seed: int) -
     assert 0.002 < least < 0.02, least
 
 
+def beside_table(gap: float) -> tuple[Walls, np.ndarray, np.ndarray]:
+    """A pose at that smallest gap, and its gradient."""
+    one, q = walls(TABLE), np.array([-0.7, 0.5, 0.4])
+    for _ in range(5):
+        one.clearance.at(q)
+        row = int(np.argmin(one.clearance.gap))
+        gradient = np.array(one.clearance.gradient[row])
+        q[0] -= (one.clearance.gap[row] - gap) / gradient[0]
+    return one, q, gradient
+
+
 def test_slides_along_a_wall_and_does_not_stick() -> None:
     """In front of the table, with one joint that closes the gap and one that opens it as fast, the
     arm goes on; the joint that closes it alone stands."""
-    one = walls(TABLE)
-    q = np.array([-0.9, 0.5, 0.4])
-    one.clearance.at(q)
-    row = int(np.argmin(one.clearance.gap))
-    q[0] -= (one.clearance.gap[row] - 0.0052) / one.clearance.gradient[row][0]
-    one.clearance.at(q)
-    row, gradient = int(np.argmin(one.clearance.gap)), np.asarray(one.clearance.gradient)
-    assert one.clearance.gap[row] < 0.006
-    along = np.array([-0.3, 0.3 * gradient[row, 0] / gradient[row, 1], 0.0])
+    one, q, gradient = beside_table(0.0052)
+    along = np.array([-0.3, 0.3 * gradient[0] / gradient[1], 0.0])
     out = bounded(one, q, along)
     assert out[0] < 0.8 * along[0]
     assert out[1] == along[1]
-    out = bounded(one, q, np.array([-0.3, 0.0, 0.3 * np.sign(gradient[row, 2])]))
+    out = bounded(one, q, np.array([-0.3, 0.0, 0.3 * np.sign(gradient[2])]))
     assert abs(out[2]) == pytest.approx(0.3)
-    assert abs(out[0]) < 0.3 * abs(gradient[row, 2] / gradient[row, 0]) + 0.01
+    assert abs(out[0]) < 0.3 * abs(gradient[2] / gradient[0]) + 0.01
+
+
+def test_a_slide_that_sank_into_the_margin_comes_out_of_it() -> None:
+    """What closes is slowed until the gap opens; where nothing opens it, all that closes stands."""
+    one, q, gradient = beside_table(0.002)
+    along = np.array([-0.3, 0.3 * gradient[0] / gradient[1], 0.0])
+    out = bounded(one, q, along)
+    assert gradient @ out == pytest.approx(0.003 / (4.0 * REACTION_S), rel=1e-3)
+    assert -0.3 < out[0] < -0.2
+    assert out[1] == along[1]
+    assert not bounded(one, q, np.array([-0.3, 0.0, 0.0])).any()
 
 
 def test_inside_only_the_way_out_is_left() -> None:

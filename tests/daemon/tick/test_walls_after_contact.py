@@ -1,0 +1,94 @@
+"""A trajectory goes on after a contact only where no shape is in its way, and an arm that holds has
+no reference inside a wall."""
+
+import numpy as np
+import pytest
+
+from daemon.modes.contact_reactions import AfterQuiet
+from daemon.modes.table import Mode
+from estimator.clearance import Clearance, Plane
+from estimator.walls import Walls
+from tests.daemon.motion.test_walls import ACCELERATION, links_of
+from tests.ideal_arm import IdealArm, holding_arm, tracking_arm
+
+HIGH, LOW = 0.9, 0.79
+"""heights of a ceiling [m] that is out of reach, and one that the swing meets from further up"""
+
+
+def below(ceiling: float) -> Walls:
+    bodies, links = links_of()
+    plane = Plane("ceiling", np.array([0, 0, -1.0]), -ceiling)
+    clearance = Clearance(bodies[:2], links[:2], [(link, plane) for link in links[:2]])
+    return Walls(clearance, ACCELERATION[:2], 0.025, 0.005)
+
+
+def led(arm: IdealArm) -> float:
+    """Lead joint a up, and let go of it; returns how long it is quiet before the arm leaves."""
+    arm.touch(0.5)
+    assert arm.mode is Mode.ADMITTANCE
+    arm.run(1.0, **arm.push(0.5))
+    begun = arm.tick
+    while arm.mode is Mode.ADMITTANCE:
+        arm.step()
+    return 0.01 * (arm.tick - begun)
+
+
+@pytest.mark.parametrize(
+    ("ceiling", "mode"), [(None, Mode.TRACKING), (HIGH, Mode.TRACKING), (LOW, Mode.HOLDING)]
+)
+def test_it_goes_on_only_if_its_way_is_clear(ceiling: float | None, mode: Mode) -> None:
+    walls = None if ceiling is None else below(ceiling)
+    arm = tracking_arm(walls=walls)
+    quiet = led(arm)
+    assert arm.mode is mode
+    assert ("leads link 1 through ceiling" in arm.cause) is (mode is Mode.HOLDING)
+    assert quiet < (2.05 if walls is None else 2.2)  # not all of it between two ticks
+
+
+@pytest.mark.parametrize(("ceiling", "mode"), [(HIGH, Mode.TRACKING), (0.6, Mode.STOPPING)])
+def test_a_way_back_ends_where_the_trajectory_would_lead_through(ceiling, mode) -> None:
+    arm = tracking_arm(walls=below(HIGH), after_quiet=AfterQuiet.RETURN)
+    led(arm)
+    assert arm.mode is Mode.RETURNING
+    arm.controller.motion.walls = below(ceiling)
+    arm.run_until(mode)
+    assert ("through ceiling" in arm.cause) is (mode is Mode.STOPPING)
+
+
+def test_an_arm_that_holds_has_no_reference_inside_a_wall() -> None:
+    arm = holding_arm(walls=below(LOW))
+    motion, beyond, clear = arm.controller.motion, arm.q + [0.6, 0.0], arm.q + [0.2, 0.0]
+    motion.hold(clear)
+    arm.run(2.0)
+    np.testing.assert_allclose(arm.q, clear, atol=1e-3)
+    motion.hold(beyond)
+    arm.run(4.0)
+    assert not motion.walls.touch(motion.reference)
+    motion.walls = None  # as if the ceiling were gone
+    stood = arm.q.copy()
+    arm.run(2.0)
+    np.testing.assert_allclose(arm.q, stood, atol=1e-3)
+
+
+def test_a_finger_between_is_felt_and_nothing_closes_further() -> None:
+    """Led up to 15 mm below the ceiling, joint a yields to a finger there at once. A hand that pushes
+    it up on that gets no further than the margin."""
+    arm = tracking_arm(walls=below(LOW))
+    walls = arm.controller.motion.walls
+
+    def gap() -> float:
+        walls.clearance.at(arm.q)
+        return float(np.min(walls.clearance.gap))
+
+    while gap() > 0.015:
+        arm.step(**arm.push(0.4))
+    caught = gap()
+    arm.touch(-0.4)
+    assert arm.mode is Mode.ADMITTANCE
+    arm.run(0.3, **arm.push(-0.4))
+    assert gap() > caught + 0.005
+    for _ in range(200):
+        arm.step(**arm.push(0.6))
+        assert gap() > 0.0045
+    assert arm.mode is Mode.ADMITTANCE
+    assert gap() < 0.006
