@@ -52,7 +52,7 @@ MOTIONS: dict[str, tuple[Callable[[Style, Stranger], bool], str]] = {
     "a fast log": (lambda style, _: style.rate_Hz < 12.5, "log faster"),
     "a steady arm": (
         lambda _, of: bool((np.percentile(np.abs(of.log.motor_velocity), 99, axis=0) > 1.0).any()),
-        "swing by themselves",
+        "swing",
     ),
 }
 """What shows no friction, though the rest may be answered, and words of the answer."""

@@ -44,8 +44,8 @@ def from_motion(
     """phi = c + c' t +- alpha - skew * velocity - kappa tau + what repeats with a turn of either
     encoder, of the samples at which phi rests; the half-gap where there were `enough` crossings.
 
-    Where that scatters too much, the error is a map over the link's position, and kappa what phi
-    shows of it, as far as that is surer than what is usual.
+    Where a torque is known, the error is a map over the link's position, and kappa what phi shows
+    of it, as far as that is surer than what is usual.
 
     gear: turns of the motor for one of the link, 0 where it is not known; torque (N,) [Nm] of the
     motor, by which a usual gear bends (kappa tau): without it that is taken for gap.
@@ -67,15 +67,17 @@ def from_motion(
         _judged(name, fit, 2.0 * USUALLY * seen.size + USUAL * off, enough),
         harmonics=repeats.harmonics(fit.solution[4:], fit.errors[4:], repeats.columns[rests]),
     )
-    if torque is None:
+    if torque is None or (found.limit is not None and found.limit.name not in _SCATTERED):
         return found
-    if found.limit is None:
+    if found.limit is None and seen.size < _MUTE:
         mute = Limit("what a gear carries at least, over its torque", _MUTE / max(seen.size, 1e-4),
                      1.0, "", "that is not this motor's, or has another unit")  # fmt: skip
         return refused(found, GapVerdict.UNCLEAR, [mute])
-    if found.limit.name not in _SCATTERED:
-        return found
-    return _mapped(name, seen, q[rests], repeats.columns[rests], enough)
+    closer = _mapped(name, seen, q[rests], repeats.columns[rests], enough)
+    if found.limit is not None or not closer.usable:
+        return closer if found.limit is not None else found
+    wider = max(closer.confidence, found.confidence)
+    return replace(closer, harmonics=found.harmonics, confidence=wider)
 
 
 def _load(
