@@ -113,7 +113,8 @@ def scene(folder: Path) -> Scene:
         },
         boxes={
             "press": shapes.BoxEntry(
-                centre=(0.3 * R, BESIDE.get(folder.name, 0.4) * R, 0.1 * R), size=(0.3 * R,) * 3,
+                centre=(0.3 * R, BESIDE.get(folder.name, 0.4) * R, 0.1 * R),
+                size=(0.3 * R,) * 3,
                 rpy=(0.0, 0.0, 0.4),
             )
         },
