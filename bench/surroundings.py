@@ -4,9 +4,9 @@
 
 Three arms get setpoints from clear poses: random ones, thrown ones (all joints at full speed into
 the gap that closes soonest, for half a second), streamed ones (a position loop on targets that
-jump) and led ones (a push, by the law of admittance). Setpoints pass `Limits` and `Walls`; joints follow a tick
-later, with the drives' lag. The truth are convex hulls of the points that `contactd shapes` fits
-capsules to, at the distances of coal; pairs that are left out are not judged.
+jump) and led ones (a push, by the law of admittance). Setpoints pass `Limits` and `Walls`; joints
+follow a tick later, with the drives' lag. The truth are convex hulls of the points that `contactd
+shapes` fits capsules to, at the distances of coal; pairs that are left out are not judged.
 
 A pose is lost if the truth is clear and the shapes leave less than their margin. Times are those of
 the processor, as others use it, too.
