@@ -3,10 +3,10 @@
     python -m bench.surroundings --json
 
 Three arms get setpoints from clear poses: random ones, thrown ones (all joints at full speed into
-a near gap, for half a second), streamed ones (a position loop on targets that jump) and led
-ones (a push, by the law of admittance). Setpoints pass `Limits` and `Walls`; joints follow a tick
-later, with the drives' lag. The truth are convex hulls of the points that `contactd shapes` fits
-capsules to, at the distances of coal; pairs that are left out are not judged.
+the gap that closes soonest, for half a second), streamed ones (a position loop on targets that
+jump) and led ones (a push, by the law of admittance). Setpoints pass `Limits` and `Walls`; joints
+follow a tick later, with the drives' lag. The truth are convex hulls of the points that `contactd
+shapes` fits capsules to, at the distances of coal; pairs that are left out are not judged.
 
 A pose is lost if the truth is clear and the shapes leave less than their margin. Times are those of
 the processor, as others use it, too.
@@ -113,7 +113,8 @@ def scene(folder: Path) -> Scene:
         },
         boxes={
             "press": shapes.BoxEntry(
-                centre=(0.3 * R, BESIDE.get(folder.name, 0.4) * R, 0.1 * R), size=(0.3 * R,) * 3,
+                centre=(0.3 * R, BESIDE.get(folder.name, 0.4) * R, 0.1 * R),
+                size=(0.3 * R,) * 3,
                 rpy=(0.0, 0.0, 0.4),
             )
         },
@@ -141,12 +142,13 @@ def wishes(
 ) -> Iterator[tuple[Vector, Vector, Vector]]:
     """For each tick a target [rad], a velocity [rad/s] and a push [Nm] that are wished for, of
     which the kind says which counts; they last."""
-    limits = limits_of(scene.robot.configuration)
+    limits, walls = limits_of(scene.robot.configuration), scene.walls
     level = row(scene.robot.configuration, lambda j: j.thresholds.contact)
     for k in range(TICKS):
         if k % (LASTS if kind == "random" else HELD) == 0:
-            near = np.flatnonzero(np.asarray(scene.walls.clearance.gap) < CLEAR_M[1])
-            way = -np.sign(scene.walls.clearance.gradient[rng.choice(near) if len(near) else 0])
+            gap, gradient = (np.asarray(a) for a in (walls.clearance.gap, walls.clearance.gradient))
+            soonest = np.argmax(np.abs(gradient) @ limits.velocity / np.maximum(gap, CLEAR_M[0]))
+            way = -np.sign(gradient[soonest])
             if kind == "random":
                 way = rng.uniform(-1.0, 1.0, len(level))
             thrown = limits.velocity * way

@@ -159,8 +159,8 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
             raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
     walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
     if shapes.surroundings != digest_of_surroundings(walls.surroundings):
-        for k, one in enumerate(shapes.left_out):
-            if {*around} & {*one.pair}:
+        for k, left in enumerate(shapes.left_out):
+            if {*around} & {*left.pair}:
                 raise ConfigurationError(
                     f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} is "
                     "another than when this pair was left out: `contactd shapes --force`"

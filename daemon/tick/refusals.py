@@ -122,11 +122,14 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[list[
         clearance.at(origin + path.offset(at_s))
         gaps = np.minimum.reduceat(clearance.gap, first_rows)
         pair = int(np.argmin(gaps - least))
+        if (gap := gaps[pair]) >= least[pair]:
+            yield []
+            continue
         first, second = clearance.pairs[pair]
         yield [
-            f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gaps[pair]:.0f} mm "
+            f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gap:.0f} mm "
             f"deep, at {at_s:.1f} s: go there another way"
-        ] if gaps[pair] < least[pair] else []
+        ]
 
 
 def way_to(joints: Sequence[str], there: Vector) -> str:

@@ -250,6 +250,8 @@ class Tick:
             why = refusal(machine.mode, "payload")
             return [f"{why}: let go of it first; if only a load moves it, `contactctl stop`"]
         text = f"payload {payload}" if payload else "payload none"
+        if payload and self.controller.motion.walls is not None:
+            text += ", whose shape no wall knows"
         self.estimator.carry(payload)
         self.payload = payload
         self.loads.announce(payload)

@@ -86,9 +86,7 @@ def points_of(
     kind, links = _links_of(robot, source)
     if single:
         return kind, links
-    return kind, [
-        replace(link, points=points) for link in links for points in split(link.points)
-    ]
+    return kind, [replace(link, points=points) for link in links for points in split(link.points)]
 
 
 def _links_of(robot: Robot, source: Source | None) -> tuple[Source, list[LinkPoints]]:

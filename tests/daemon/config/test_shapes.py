@@ -45,7 +45,9 @@ def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
     assert robot.walls is not None
     clearance = clearance_of(robot.walls, robot.model.bodies(), robot.configuration.joint_names)
     names = dict.fromkeys((one.name, other.name) for one, other in clearance.pairs)
-    assert list(names) == [(one, other) for one in ("column", "swing") for other in ("table", "press")]
+    assert list(names) == [
+        (one, other) for one in ("column", "swing") for other in ("table", "press")
+    ]
     plane, box = obstacles_of(robot.walls)
     assert plane.offset == pytest.approx(-0.2)
     assert np.allclose(box.axes @ [1, 0, 0], [0, 1, 0])

@@ -57,7 +57,8 @@ def test_a_way_back_ends_where_the_trajectory_would_lead_through(ceiling, mode) 
 
 def test_an_arm_that_holds_has_no_reference_inside_a_wall() -> None:
     arm = holding_arm(walls=below(LOW))
-    motion, beyond, clear = arm.controller.motion, arm.q + [0.6, 0.0], arm.q + [0.2, 0.0]
+    motion = arm.controller.motion
+    beyond, clear = (arm.q + np.array([away, 0.0]) for away in (0.6, 0.2))
     motion.hold(clear)
     arm.run(2.0)
     np.testing.assert_allclose(arm.q, clear, atol=1e-3)
@@ -71,8 +72,8 @@ def test_an_arm_that_holds_has_no_reference_inside_a_wall() -> None:
 
 
 def test_a_finger_between_is_felt_and_nothing_closes_further() -> None:
-    """Led up to 15 mm below the ceiling, joint a yields to a finger there at once. A hand that pushes
-    it up on that gets no further than the margin."""
+    """Led up to 15 mm below the ceiling, joint a yields to a finger there at once. A hand that
+    pushes it up on that gets no further than the margin."""
     arm = tracking_arm(walls=below(LOW))
     walls = arm.controller.motion.walls
 

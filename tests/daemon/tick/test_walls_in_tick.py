@@ -16,6 +16,7 @@ from daemon.config.shapes import SHAPES, SURROUNDINGS, Surroundings, shapes_text
 from daemon.modes.table import Event, Mode
 from daemon.motion.pose_path import PosePath
 from daemon.protocol.state import Near
+from estimator.payload import Payload
 from programs.contactd.fitting import fitted
 
 AWAY = 0.5  # rad to go, into the wall
@@ -33,7 +34,7 @@ def gaps(folder: Path, q: np.ndarray) -> tuple[float, np.ndarray]:
 def rig(tmp_path: Path) -> Iterator[Rig]:
     """The desk arm, and a plane 50 mm beside it which it can approach."""
     folder = Path(copytree(DESK_ARM, tmp_path / "arm"))
-    shapes, _ = fitted(load_robot(folder), None, Surroundings(version=1))
+    shapes, _ = fitted(load_robot(folder), None, Surroundings(version=1), single=True)
     with lockstep_rig(folder) as first:
         q = np.array(enabled(first).state().link_position)
     (folder / SHAPES).write_text(shapes_text(shapes))
@@ -85,6 +86,13 @@ def test_the_nearest_pair_is_named_and_a_path_into_it_refused(rig: Rig) -> None:
     (reason,) = rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
     assert "through wall" in reason
     assert rig.state().mode is Mode.HOLDING
+
+
+def test_a_payload_whose_shape_is_not_known_is_said(rig: Rig) -> None:
+    assert rig.tick.carry(Payload(mass=0.1, com=[0.0, 0.0, 0.0]), "a test") == []
+    assert "shape" in rig.tick.controller.machine.changes[-1].text
+    assert rig.tick.carry(None, "a test") == []
+    assert "shape" not in rig.tick.controller.machine.changes[-1].text
 
 
 def test_what_leads_into_it_all_the_same_stops(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
