@@ -21,8 +21,8 @@ HELD_OUT = 0.3
 """Share of the motion, at its end, that R2 is measured on and the coefficients are not fitted to.
 The coefficients that are answered are fitted to all of it."""
 LASTS_S = 0.3
-"""What R2 is measured on lasts so long: masses, springs and hoses act as long as the motion does,
-while noise, and a gap that no encoder shows, leave a torque and take it back."""
+"""Length of the means by which R2 is measured: masses, springs and hoses act as long as the motion
+does, while noise, and a gap that no encoder shows, leave a torque and take it back."""
 BLOCK_S = 1.0
 IMPACT_S = 0.05
 """Before and after rotor and link meet, or part. They bounce faster than drives sample,
@@ -173,8 +173,7 @@ def solve_joint(
     without, left_over = (
         1.0 - _held_out(A, N, y, weight, which, train, gravity=True) for which in (used, more)
     )
-    if left_over < _LEAVES * without:
-        used = more
+    used = more if left_over < _LEAVES * without else used
     r2 = _held_out(A, N, y, weight, used, train, mean=max(1, round(LASTS_S / rows.period_s)))
     coefficients, errors, condition = solve(A, N, y, weight, more, rows.time_s)
     load_bound = float(coefficients[-1] + NORMAL_95 * errors[-1])

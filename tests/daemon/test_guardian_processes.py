@@ -1,5 +1,5 @@
-"""`contactd guard` beside `contactd run`, in processes: it holds an arm whose daemon is killed, hangs,
-or runs out of memory, and a daemon that comes back takes it over there."""
+"""`contactd guard` beside `contactd run`, in processes: it holds an arm whose daemon is killed, or
+hangs, or is out of memory, and a daemon that comes back takes it over there."""
 
 import os
 import shutil
