@@ -8,7 +8,7 @@ How far back that instant lies is the method:
     backward   now:              second-order backward difference, no delay, most noise
     midpoint   half a period ago: mean velocity of the last interval
     central    one period ago:    central difference, least noise
-    motor      half a period ago: the motor's own velocity, for a joint whose position is its motor's
+    motor      half a period ago: the motor's velocity, where the position is that of the motor, too
 
 For samples of equal distance T and encoder noise s the noise of the velocity is 2.55, 1.41 and
 0.71 times s / T. Currents and motor velocities are interpolated to the same instant: mixing times
@@ -22,7 +22,12 @@ import numpy as np
 
 from estimator.settings import EstimatorSettings, Method
 
-DELAY_PERIODS: dict[Method, float] = {"backward": 0.0, "midpoint": 0.5, "central": 1.0, "motor": 0.5}
+DELAY_PERIODS: dict[Method, float] = {
+    "backward": 0.0,
+    "midpoint": 0.5,
+    "central": 1.0,
+    "motor": 0.5,
+}
 SAMPLES = 3
 """Positions needed before the first velocity."""
 _SAMPLES = SAMPLES  # for the compiler

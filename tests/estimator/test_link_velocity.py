@@ -61,8 +61,10 @@ def test_everything_belongs_to_one_instant(method: str) -> None:
     assert a.delay_s == pytest.approx(DELAY_PERIODS[method] * T + 0.001)
 
 
-@pytest.mark.parametrize(("method", "factor"), [("backward", 2.55), ("midpoint", 1.41),
-                                                ("central", 0.71), ("motor", 0.71 * T)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("method", "factor"),
+    [("backward", 2.55), ("midpoint", 1.41), ("central", 0.71), ("motor", 0.71 * T)],
+)
 def test_noise_is_as_stated(method: str, factor: float) -> None:
     rng = np.random.default_rng(0)
     a = alignment(method)
