@@ -5,6 +5,7 @@ cdef Py_ssize_t _Q, _Q_DOT, _ALIGNED_CURRENT, _THETA_DOT, _THETA, _ALIGNED
 
 cdef class Alignment:
     cdef readonly double delay_s
+    cdef bint _by_motor
     cdef double _back, _current_age, _velocity_age, _position_age, _period
     cdef readonly double[:, ::1] samples, aligned
     cdef readonly double[:, :, ::1] history

@@ -8,6 +8,7 @@ How far back that instant lies is the method:
     backward   now:              second-order backward difference, no delay, most noise
     midpoint   half a period ago: mean velocity of the last interval
     central    one period ago:    central difference, least noise
+    motor      half a period ago: the motor's velocity, where the position is that of the motor, too
 
 For samples of equal distance T and encoder noise s the noise of the velocity is 2.55, 1.41 and
 0.71 times s / T. Currents and motor velocities are interpolated to the same instant: mixing times
@@ -21,7 +22,12 @@ import numpy as np
 
 from estimator.settings import EstimatorSettings, Method
 
-DELAY_PERIODS: dict[Method, float] = {"backward": 0.0, "midpoint": 0.5, "central": 1.0}
+DELAY_PERIODS: dict[Method, float] = {
+    "backward": 0.0,
+    "midpoint": 0.5,
+    "central": 1.0,
+    "motor": 0.5,
+}
 SAMPLES = 3
 """Positions needed before the first velocity."""
 _SAMPLES = SAMPLES  # for the compiler
@@ -41,6 +47,7 @@ class Alignment:
 
     def __init__(self, n: int, settings: EstimatorSettings, period_s: float) -> None:
         s = settings
+        self._by_motor = s.link_velocity == "motor"
         self._back = DELAY_PERIODS[s.link_velocity] * period_s
         self.delay_s = self._back + s.link_position_delay_ms / 1000
         """The common instant lies this long before the newest samples arrived [s]."""
@@ -89,6 +96,8 @@ class Alignment:
         a[_ALIGNED_CURRENT, i] = self._earlier(i, _CURRENT, self._current_age / h)
         a[_THETA_DOT, i] = self._earlier(i, _MOTOR_VELOCITY, self._velocity_age / h)
         a[_THETA, i] = self._earlier(i, _MOTOR_POSITION, self._position_age / h)
+        if self._by_motor:
+            a[_Q_DOT, i] = a[_THETA_DOT, i]
 
     def _earlier(self, i: int, row: int, share: float) -> float:
         """A signal this share of the last interval before its newest sample."""

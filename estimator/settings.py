@@ -8,7 +8,7 @@ from msgspec import Meta
 Delay = Annotated[float, Meta(ge=0, le=10)]
 Kind = Literal["classical", "backlash", "two_mass"]
 Presliding = Annotated[float, Meta(gt=0, le=0.1)]
-Method = Literal["backward", "midpoint", "central"]
+Method = Literal["backward", "midpoint", "central", "motor"]
 
 
 class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

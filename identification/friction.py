@@ -9,6 +9,7 @@ of the two have a condition number in the thousands). Link friction K_q shows al
 gap, and there poorly.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,11 +82,13 @@ def identify_friction(
     *,
     weighed: bool = False,
     by_urdf: Model | None = None,
+    makes: Sequence[str] = (),
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
     transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
-    weighed: the model has identified masses; by_urdf: the model before that.
+    weighed: the model has identified masses; by_urdf: the model before that; makes: of the joints'
+    drives, which step, or ramp, alike; one if it is left out.
     Raises LogError for a log of less than `shortest_s`.
     """
     if log.measured_s + log.period_s < shortest_s - 1e-6:
@@ -130,13 +133,14 @@ def identify_friction(
             ])  # fmt: skip
 
         rotors = np.full(log.n, np.nan)
-        if stepping(more, error).all():
+        steps = stepping(more, error, makes or [""] * log.n)
+        if steps.any():
             links = np.median([model.inertia(q) for q in rows.q[::_SPARSE]], axis=0)
             fitted = np.array([fit.values.get("B", 0.0) for fit in fits])
             delay_s = 1e-3 * settings.current_delay_ms
             constants = transmission.torque_constant
             rotors = rotors_of_whole_periods(log, rows, fitted, links, constants, delay_s, refit)
-        fits = _doubted(fits, more, error, rotors, weighed=weighed)
+        fits = _doubted(fits, steps, hidden(more, error), rotors, weighed=weighed)
     shown = np.stack([found.columns[:, i] @ s.coefficients for i, s in enumerate(solved)], axis=1)
     by_hand = tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0)))
     discarded_s = float(rows.dt @ near(rows, touched))
@@ -165,23 +169,22 @@ def _uncoupled(
 
 
 def _doubted(
-    fits: list[FrictionFit], more: Vector, error: Vector, rotors: Vector, *, weighed: bool
+    fits: list[FrictionFit], steps: Mask, shares: Vector, rotors: Vector, *, weighed: bool
 ) -> list[FrictionFit]:
-    """Fits with what drives may have kept from B, by shares and errors of `missed`, in its error;
-    of those that step, if all do, with the B of whole periods, two standard errors above the
-    sampled one, so that drives that ramp are not excluded; else without."""
+    """Fits with what drives may have kept from B, by its share, in its error; of those that step,
+    with the B of whole periods, two standard errors above the sampled one, so that drives that
+    ramp are not excluded; without where their loop does not show it."""
     why = STEPS if weighed else f"{STEPS}; {OR_MASSES}"
     new = []
-    per_joint = zip(fits, stepping(more, error), hidden(more, error), rotors, strict=True)
-    for fit, steps, share, rotor in per_joint:
+    for fit, stepped, share, rotor in zip(fits, steps, shares, rotors, strict=True):
         errors = dict(fit.errors)
-        if steps and rotor > 0.0:
+        if stepped and rotor > 0.0:
             errors["B"] = float(np.hypot(errors["B"], 0.5 * (rotor - fit.values["B"])))
             new.append(replace(fit, values={**fit.values, "B": float(rotor)}, errors=errors))
             continue
         if "B" in errors:
             errors["B"] = float(np.hypot(errors["B"], share * fit.values["B"]))
-        doubt = fit.rotor_doubt or (why if steps else "")
+        doubt = fit.rotor_doubt or (why if stepped else "")
         new.append(replace(fit, errors=errors, rotor_doubt=doubt))
     return new
 

@@ -20,6 +20,9 @@ NORMAL_95 = 1.96
 HELD_OUT = 0.3
 """Share of the motion, at its end, that R2 is measured on and the coefficients are not fitted to.
 The coefficients that are answered are fitted to all of it."""
+LASTS_S = 0.3
+"""Length of the means by which R2 is measured: masses, springs and hoses act as long as the motion
+does, while noise, and a gap that no encoder shows, leave a torque and take it back."""
 BLOCK_S = 1.0
 IMPACT_S = 0.05
 """Before and after rotor and link meet, or part. They bounce faster than drives sample,
@@ -170,8 +173,8 @@ def solve_joint(
     without, left_over = (
         1.0 - _held_out(A, N, y, weight, which, train, gravity=True) for which in (used, more)
     )
-    if left_over < _LEAVES * without:
-        used, r2 = more, _held_out(A, N, y, weight, more, train)
+    used = more if left_over < _LEAVES * without else used
+    r2 = _held_out(A, N, y, weight, used, train, mean=max(1, round(LASTS_S / rows.period_s)))
     coefficients, errors, condition = solve(A, N, y, weight, more, rows.time_s)
     load_bound = float(coefficients[-1] + NORMAL_95 * errors[-1])
     if not used[LOAD] or not errors[LOAD] < LOAD_SURE:
@@ -247,18 +250,21 @@ def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) ->
 
 def _held_out(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask, *,
-    gravity: bool = False,
+    gravity: bool = False, mean: int = 1,
 ) -> float:  # fmt: skip
-    """R2 of the friction alone, (14), on rows that were not fitted; an offset of the current is no
-    fault of it, nor, with `gravity`, is a share of that."""
+    """R2 of the friction alone, (14), on rows that were not fitted, in means of so many; an offset
+    of the current is no fault of it, nor, with `gravity`, is a share of that."""
     w2, rest = np.square(weight[~train]), y[~train]
     if w2.sum() < 10.0 or weight[train].sum() < 10.0:
         return float("-inf")
     solution, nuisance = _lsq(A[train], N[train], y[train], weight[train], used)
     beside = slice(0 if gravity else _OFFSET, _OFFSET + 1)
     explained = A[~train] @ solution + N[~train, beside] @ nuisance[beside]
-    spread = float((w2 * np.square(rest - np.average(rest, weights=w2))).sum())
-    missed = float((w2 * np.square(rest - explained)).sum())
+    count = np.maximum(np.convolve(w2, np.ones(mean), "same"), 1e-12)
+    spread, missed = (
+        float(w2 @ np.square(np.convolve(w2 * x, np.ones(mean), "same") / count))
+        for x in (rest - np.average(rest, weights=w2), rest - explained)
+    )
     return 1.0 - missed / spread if spread > 0.0 else float("-inf")
 
 

@@ -63,9 +63,9 @@ def missed(found: Regression, solved: Sequence[Solution], rows: Intervals) -> tu
     return more, error
 
 
-def stepping(more: Vector, error: Vector) -> Mask:
-    """Joints (n,) whose drives step, by shares and errors of `missed`: all of them where several
-    do, or one of few, as an arm's drives are mostly of one make."""
+def stepping(more: Vector, error: Vector, makes: Sequence[str]) -> Mask:
+    """Joints (n,) whose drives step, by shares and errors of `missed`: all of a make where one
+    clearly does, and all of the arm where several seem to."""
     known = np.count_nonzero(np.isfinite(error))
 
     def beyond(bound: tuple[float, float], more: Vector = more) -> Mask:
@@ -73,8 +73,8 @@ def stepping(more: Vector, error: Vector) -> Mask:
 
     several = np.count_nonzero(beyond(_TOGETHER)) >= max(2, known / 3)
     late = np.count_nonzero(beyond(_LATE, -more)) >= max(2, known / 2)
-    alone = beyond(_ALONE)
-    return alone | several | late | (known <= _FEW and bool(alone.any()))
+    steps = {make for make, one in zip(makes, beyond(_ALONE), strict=True) if one}
+    return np.array([make in steps for make in makes]) | several | late
 
 
 def hidden(more: Vector, error: Vector) -> Vector:

@@ -78,10 +78,10 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 66_280, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 14_160, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 16_210, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 66_650, 45_000),
+        Measure("lines of the product", lines(PRODUCT, root), 66_200, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 14_110, 12_500),
+        Measure("lines of bench/", lines(["bench"], root), 16_190, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 66_610, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 2, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 55_800, 50_000),
         Measure("decision records", decisions, 29, 28),

@@ -49,7 +49,7 @@ def motor_arm(seed: int, make: str = "damiao") -> GeneratedArm:
 class MotorOwner(Owner):
     """One owner with one such arm."""
 
-    push, carried = 0.03, True
+    push, carried, seen_to_move = 0.03, True, 0.01
 
     def begin(self) -> None:
         """Draft by the motors' labels, fill in what the scan prints, check."""
@@ -58,8 +58,9 @@ class MotorOwner(Owner):
         drives = [word for model in models for word in ("--drive", f"{make}:{model}")]
         self._typed("new", str(self.folder), "--urdf", str(self._desk / URDF), *drives)
         truth = self.arm.truth() | {"drives": {}}
-        for joint, model in zip(truth["joints"], models, strict=True):
+        for joint, own, model in zip(truth["joints"], self.arm.joints, models, strict=True):
             joint |= {"drive": f"{make}:{model}", "brake": False, "registers": _registers(model)}
+            joint["half_gap"] = own["half_gap"] if make == "robstride" else joint["half_gap"]
         (self.folder / "simulation.yaml").write_text(in_yaml(truth))
         self.note("contactd scan")
         self._edit(self._look_up)

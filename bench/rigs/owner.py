@@ -34,7 +34,6 @@ from simulator.mismatch import true_parameters
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
-SEEN_TO_MOVE = 0.002  # [rad]
 TOLD = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
 TRIES = 4  # of the wiring: a joint that sags keeps others from being checked
 MASSES = "contactd identify masses"
@@ -69,6 +68,7 @@ class Owner:
     """One owner with one arm; `folder` gets what is on the desk, and the configuration."""
 
     push = 0.5  # of a hand at a link that a brake or the drive holds: a share of its motor's torque
+    seen_to_move = 0.002  # [rad]
     carried = False  # the links that are not pushed, as they would hang limp
 
     def __init__(
@@ -330,12 +330,12 @@ class Pushes(io.RawIOBase):
         return True
 
     def readinto(self, into: Any) -> int:
-        """Push the next link for a second, the other way if it does not move."""
+        """Push the next link for a second, the other way, or harder, if it hardly moves."""
         i, joint = next(self._joints)
         hand, plant = self._rig.arm.hand, self._rig.arm.plant
         stood = float(plant.q[i])
         torque = self._owner.push * joint["torque_constant"] * joint["wiring"]["max_current_A"]
-        for way in (1.0, -1.0):
+        for way in (1.0, -1.0, 2.0, -2.0):
             hand.take(Release(at_s=0.0))
             if self._owner.carried:
                 others = tuple(name for name in self._owner.arm.names if name != joint["name"])
@@ -343,7 +343,7 @@ class Pushes(io.RawIOBase):
             hand.take(Lean(at_s=0.0, joint=joint["name"], torque=way * torque))
             self._let_pass(1.0)
             went = float(plant.q[i]) - stood
-            if abs(went) > SEEN_TO_MOVE:
+            if abs(went) > self._owner.seen_to_move:
                 break
         into[:2] = b"+\n" if went > 0.0 else b"-\n"
         return 2

@@ -144,6 +144,11 @@ def _joints(c: Configuration) -> Iterator[Problem]:
                 *at(i, joint, "gap_spring"),
                 "must be zero where half_gap is 0: without a gap there are no borders",
             )
+        if joint.half_gap > 0 and c.estimator.link_velocity == "motor":
+            yield Problem(
+                *at(i, joint, "half_gap"),
+                "must be 0 with estimator.link_velocity: motor: in a gap the link moves otherwise",
+            )
 
 
 def least_levels(c: Configuration, found: Identified | None = None) -> Iterator[Problem]:

@@ -20,6 +20,7 @@ from programs.contactd.new_command import new
 from programs.contactd.shapes import shapes
 from programs.identify.command import identify
 
+DEMOS = ("romeo_left_arm", "openarm_left", "beam_arm")
 ENDED_BY_CTRL_C = 130  # as shells report it
 CONFIG = click.argument("config", type=PATH)
 PORT = click.option(
@@ -197,8 +198,8 @@ def simulate(
 
 @main.command()
 @click.option(
-    "--arm", type=click.Choice(["romeo_left_arm", "openarm_left"]), default="romeo_left_arm",
-    show_default=True, help="Arm of configs/: CANopen drives, or Damiao motors and their guardian.",
+    "--arm", type=click.Choice(DEMOS), default=DEMOS[0], show_default=True,
+    help="Arm of configs/: CANopen drives, or Damiao or RobStride motors and their guardian.",
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Report as one line of JSON at the end.")
 @click.option(

@@ -135,6 +135,12 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def simulator(robot: Path) -> Iterator[Simulator]:
+    with simulated(robot) as simulator:
+        yield simulator
+
+
+@contextmanager
+def simulated(robot: Path) -> Iterator[Simulator]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]

@@ -14,7 +14,7 @@ from estimator.transmission import STICTION_ERROR
 from identification.friction import identify_friction
 from identification.friction_errors import constant_off
 from identification.friction_fit import adopt
-from identification.friction_verdict import GIVE, WIDEST_PLAY, Verdict
+from identification.friction_verdict import GIVE, LOWEST_R2, WIDEST_PLAY, Verdict
 from identification.motion_log import MotionLog
 from identification.sticking import sticking_share
 
@@ -54,6 +54,20 @@ def test_sum_of_frictions_is_found(fitted, moved, which):
     assert [fit.verdict for fit in fits] == [Verdict.GOOD] * 7, fits
     assert np.abs(errors(fits, moved.arms[which], "K_theta_s")).max() < 0.10
     assert np.abs(errors(fits, moved.arms[which], "K_theta_v")).max() < 0.15
+
+
+@pytest.mark.parametrize("hose", [0.0, -1.0])
+def test_coarse_positions_are_no_misfit_and_a_hose_is(moved, identify, arm, fitted, hose):
+    """An encoder of 11 bits, and a spring of so many times the joint's friction."""
+    log, known = moved.filtered[0], fitted[0][0][1].values["K_theta_s"]
+    current, position = log.current.copy(), log.link_position.copy()
+    way = position[:, 1] - position[:, 1].mean()
+    pull = hose * known / np.abs(way).max() / arm.transmission.torque_constant[1]
+    current[:, 1] += pull * way
+    position[:, 1] = np.round(position[:, 1] * 2**11 / math.tau) * math.tau / 2**11
+    coarse = replace(log, current=current, link_position=position)
+    fit = identify(coarse, moved.arms[0].half_gap)[0][1]
+    assert (fit.r2 < LOWEST_R2) is bool(hose), fit
 
 
 @pytest.mark.parametrize("which", [0, 1])

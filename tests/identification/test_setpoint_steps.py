@@ -14,7 +14,7 @@ from identification.setpoint_steps import NO_SETPOINTS, OR_MASSES, STEPS, hidden
     ("more", "error", "steps"),
     [
         ([0.0] * 7, 0.01, []),
-        ([0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, [0]),  # another make, or chance
+        ([0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, [0, 1, 2, 3]),  # those of its make
         ([0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1, []),  # not clear
         ([0.045, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.01, []),  # not large
         ([0.045, 0.045, 0.045, 0.0, 0.0, 0.0, 0.0], 0.01, range(7)),  # a third: all are of a make
@@ -30,7 +30,7 @@ from identification.setpoint_steps import NO_SETPOINTS, OR_MASSES, STEPS, hidden
     ],
 )
 def test_who_steps(more, error, steps):
-    found = stepping(np.array(more), np.full(len(more), error))
+    found = stepping(np.array(more), np.full(len(more), error), list("aaaabbb")[: len(more)])
     assert np.flatnonzero(found).tolist() == list(steps)
 
 
@@ -63,7 +63,10 @@ def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
 @pytest.mark.parametrize("weighed", [True, False])
 def test_masses_that_nobody_identified_may_look_like_steps(moved, arm, monkeypatch, weighed):
     monkeypatch.setattr(
-        "identification.friction.stepping", lambda more, _: np.arange(len(more)) > 0
+        "identification.friction.stepping", lambda more, *_: np.arange(len(more)) > 0
+    )
+    monkeypatch.setattr(
+        "identification.friction.rotors_of_whole_periods", lambda log, *_: np.full(log.n, np.nan)
     )
     log = moved.filtered[0].select(slice(0, 1400))
     known = replace(arm.transmission, half_gap=moved.arms[0].half_gap)

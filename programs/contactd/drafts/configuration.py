@@ -82,6 +82,8 @@ def draft(name: str, urdf_name: str, plan: Plan) -> str:
         for key, drive in drives.items()
     )  # fmt: skip
     measured = "measured" if all(d.sends_motor_position for d in drives.values()) else "integrated"
+    rotors = all(isinstance(d, DraftedMotor) and not d.link_encoder for d in drives.values())
+    by_motor = "\n  link_velocity: motor" if rotors else ""
     each = zip(plan.joints, plan.loads, plan.of_joint, strict=True)
     joints = "\n".join(
         _joint(i, one, load, its, drives[its], several=len(drives) > 1)
@@ -101,7 +103,7 @@ drives:
 joints:
 {joints}
 estimator:
-  motor_position: {measured}
+  motor_position: {measured}{by_motor}
 
 # Low: with play in the gears a fast loop oscillates. Raise it when the arm is identified.
 control: {{position_gain: {POSITION_GAIN:g}}}
@@ -163,6 +165,9 @@ def _joint(
     of_gap = f"a guess until `contactd identify gap {named}`"
     if not drive.link_encoder:
         of_gap = "no gap is found, nor used, without a link encoder: `known: {gap: ...}` states it"
+    known = ""
+    if motor.sure and not drive.link_encoder:
+        known = "\n    known: {gap: no encoder at the link shows it}"
     check = f"   {MARK}: which of the drives" if several else ""
     contact = 0.2 * motor.torque + min(0.1 * motor.torque, FRICTION_OFF)
     coulomb, viscous = map(figure, motor.friction)
@@ -187,5 +192,5 @@ def _joint(
     limits: {{lower: {f(one.lower + inside)}, upper: {f(one.upper - inside)}, \
 velocity: {f(velocity)}, acceleration: 2, quick_stop: 6}}
     admittance_gain: 0.1
-    end: {motor.end}{mark(": hold, where the joint has no brake")}
+    end: {motor.end}{mark(": hold, where the joint has no brake")}{known}
 """

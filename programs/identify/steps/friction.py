@@ -84,9 +84,11 @@ def friction_outcome(
     cycles = limit_cycles(log, measured.reference, old.half_gap)
     weighed = any(joint.body is not None for joint in c.joints)
     by_urdf = robot.by_hand.model if weighed and robot.by_hand else None
+    makes = [joint.wiring.profile for joint in c.joints]
     fits, shown = identify_friction(
-        log, model, old, c.estimator, limit, shortest_s, weighed=weighed, by_urdf=by_urdf
-    )
+        log, model, old, c.estimator, limit, shortest_s,
+        weighed=weighed, by_urdf=by_urdf, makes=makes,
+    )  # fmt: skip
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
         # What a gap does with each swing looks like friction of its own, and fits well.

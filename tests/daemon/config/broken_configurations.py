@@ -184,6 +184,13 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
         "joints[1] (LShoulderYaw).limits",
         ("[-0.39, 1.2] goes beyond the URDF's [-0.430472, 1.14032] rad",),
     ),
+    "a link in a gap that is to move with its motor": (
+        "gain: 25.0",
+        "gain: 25.0\n  link_velocity: motor",
+        "half_gap:",
+        "joints[0] (LShoulderPitch).half_gap",
+        ("must be 0 with estimator.link_velocity: motor",),
+    ),
     "a spring without a gap": (
         "    half_gap: 0.0\n", "    half_gap: 0.0\n    gap_spring: {stiffness: 5}\n", "gap_spring:",
         "joints[4] (LWristRoll).gap_spring", ("must be zero where half_gap is 0",),

@@ -37,6 +37,8 @@ def test_a_draft_is_good_and_its_arm_holds(tmp_path: Path) -> None:
     assert "contactd guard" in checked.output
     written = yaml.safe_load((folder / "config.yaml").read_text())
     assert [joint["wiring"]["profile"] for joint in written["joints"]][-1] == "EL05"
+    assert written["estimator"]["link_velocity"] == "motor"
+    assert all("gap" in joint["known"] for joint in written["joints"])
     assert [joint["half_gap"] for joint in written["joints"]] == [0] * 6
     with lockstep_rig(folder, described=lambda robot, _: true_arm(robot)[0]) as rig:
         assert guardian_of(rig.robot.configuration.joint_drives)
