@@ -1,6 +1,7 @@
 """The arm in a hand: what it asks of one that leads it, and whether it goes on in one that rests.
 
-    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--jobs N] [--json]
+    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--no-assist]
+                         [--jobs N] [--json]
 
 N arms as wide as the world, with the three laws of friction, each around a pose of its own, armed
 after a minute of work, with the gains of `contactctl gain --balance`.
@@ -43,6 +44,7 @@ class Job:
     seed: int
     part: Part
     probes: bool = True
+    assists: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ class Result:
 def run(job: Job) -> Result:
     """One arm."""
     rng = np.random.default_rng((job.seed, 81))
-    on = arm_at_work(robot_of(probes=job.probes), job.seed, WORK_S)
+    on = arm_at_work(robot_of(probes=job.probes, assists=job.assists), job.seed, WORK_S)
     if job.part == "rests":
         trials = [rest(on, share, float(rng.choice(HANDS_N_M)), rng) for share in SHARES]
         return Result(job, [], [each for each in trials if each is not None])
@@ -115,12 +117,19 @@ def by_joint(results: Sequence[Result]) -> dict[str, Any]:
 @click.option("--first", type=click.IntRange(min=0), default=1)
 @click.option("--part", type=click.Choice(PARTS), default=None, help="Only this part.")
 @click.option("--no-probe", is_flag=True, help="With `admittance.probe: false`.")
+@click.option("--no-assist", is_flag=True, help="With `admittance.assist: false`.")
 @JOBS
 def main(
-    arms: int, first: int, part: Part | None, no_probe: bool, processes: int, as_json: bool
+    arms: int,
+    first: int,
+    part: Part | None,
+    no_probe: bool,
+    no_assist: bool,
+    processes: int,
+    as_json: bool,
 ) -> None:
     parts, seeds = PARTS if part is None else (part,), range(first, first + arms)
-    jobs = [Job(seed, each, not no_probe) for each in parts for seed in seeds]
+    jobs = [Job(seed, each, not no_probe, not no_assist) for each in parts for seed in seeds]
     done = spread(run, jobs, processes, "arms")
     results = sorted(done, key=lambda result: jobs.index(result.job))
     rested = [asdict(each) for result in results for each in result.rested]

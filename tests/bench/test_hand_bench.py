@@ -53,15 +53,21 @@ def test_one_that_does_not_probe_goes_on_in_the_hand(monkeypatch: pytest.MonkeyP
     assert trial(arm, 0.55).missed
 
 
-def test_a_joint_is_led(arm: ArmInTheLoop) -> None:
+def led(arm: ArmInTheLoop) -> Led:
     arm.request(Event.PAUSE)
     while arm.mode is not Mode.HOLDING:
         arm.step()
     found = lead(arm, 3, 1500.0)
     assert found is not None
-    assert found.leads_off < 6.0 < found.leads < 15.0
-    assert found.work > found.work_off > 0.0
-    assert found.coasts_rad < 0.05
+    return found
+
+
+def test_a_joint_is_led_and_with_less_force_where_the_arm_assists(arm: ArmInTheLoop) -> None:
+    found, without = led(arm), led(arm_at_work(robot_of(assists=False), SEED, WORK_S))
+    assert found.leads_off < found.leads < 0.75 * without.leads
+    assert 6.0 < without.leads < 15.0
+    assert found.work_off < found.work < without.work
+    assert found.coasts_rad < 0.02
 
 
 LED = Led("a", 3.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
