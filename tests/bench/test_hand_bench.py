@@ -1,6 +1,7 @@
 """An arm in a hand that rests waits, and goes on as usual without; targets of `bench.hand`."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from bench.hand import Job, Result, targets
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import leading
+from bench.study.circle import circles
 from bench.study.leading import Led, Rested, arm_at_work, lead, rest, robot_of
 from daemon.modes.table import Event, Mode
 
@@ -68,6 +70,16 @@ def test_a_joint_is_led_and_with_less_force_where_the_arm_assists(arm: ArmInTheL
     assert 6.0 < without.leads < 15.0
     assert found.work_off < found.work < without.work
     assert found.coasts_rad < 0.02
+
+
+def test_a_circle_is_drawn_by_the_hand_with_and_without_the_assist(tmp_path: Path) -> None:
+    drawn = circles(SEED, 2.0, tmp_path / "circle.png")
+    assert {name: 3.0 < one["median_N"] < 20.0 for name, one in drawn.items()} == {
+        "assist": True, "no assist": True,
+    }  # fmt: skip
+    assert all(0.04 < one["least_radius_m"] < 0.06 for one in drawn.values())
+    assert drawn["assist"] != drawn["no assist"]
+    assert (tmp_path / "circle.png").read_bytes().startswith(b"\x89PNG")
 
 
 LED = Led("a", 3.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
