@@ -1,6 +1,7 @@
 """The arm in a hand: what it asks of one that leads it, and whether it goes on in one that rests.
 
-    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--jobs N] [--json]
+    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--no-assist]
+                         [--circle PNG] [--jobs N] [--json]
 
 N arms as wide as the world, with the three laws of friction, each around a pose of its own, armed
 after a minute of work, with the gains of `contactctl gain --balance`.
@@ -11,10 +12,13 @@ leads   A hand of 1000, 1500 or 4000 N/m sets out each joint by itself, from res
 rests   One of 300, 1500 or 4000 N/m at the tool takes the arm from its trajectory, then rests with
         0.2 to 0.9 of the level in force on the joint that it loads most, holds still for 30 s, and
         lets go; or lets go at once. A miss is a trajectory that goes on while the hand is there.
+
+--circle draws instead the circle of a hand at the tool of the first arm, and its force, as a PNG.
 """
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
 import click
@@ -43,6 +47,7 @@ class Job:
     seed: int
     part: Part
     probes: bool = True
+    assists: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +62,7 @@ class Result:
 def run(job: Job) -> Result:
     """One arm."""
     rng = np.random.default_rng((job.seed, 81))
-    on = arm_at_work(robot_of(probes=job.probes), job.seed, WORK_S)
+    on = arm_at_work(robot_of(probes=job.probes, assists=job.assists), job.seed, WORK_S)
     if job.part == "rests":
         trials = [rest(on, share, float(rng.choice(HANDS_N_M)), rng) for share in SHARES]
         return Result(job, [], [each for each in trials if each is not None])
@@ -115,12 +120,26 @@ def by_joint(results: Sequence[Result]) -> dict[str, Any]:
 @click.option("--first", type=click.IntRange(min=0), default=1)
 @click.option("--part", type=click.Choice(PARTS), default=None, help="Only this part.")
 @click.option("--no-probe", is_flag=True, help="With `admittance.probe: false`.")
+@click.option("--no-assist", is_flag=True, help="With `admittance.assist: false`.")
+@click.option("--circle", type=click.Path(path_type=Path), default=None, help="Draw a circle.")
 @JOBS
 def main(
-    arms: int, first: int, part: Part | None, no_probe: bool, processes: int, as_json: bool
+    arms: int,
+    first: int,
+    part: Part | None,
+    no_probe: bool,
+    no_assist: bool,
+    circle: Path | None,
+    processes: int,
+    as_json: bool,
 ) -> None:
+    if circle is not None:
+        from bench.study.circle import circles  # noqa: PLC0415  # matplotlib takes a second
+
+        print_report("hand", first, [], circles(first, WORK_S, circle), as_json=as_json)
+        return
     parts, seeds = PARTS if part is None else (part,), range(first, first + arms)
-    jobs = [Job(seed, each, not no_probe) for each in parts for seed in seeds]
+    jobs = [Job(seed, each, not no_probe, not no_assist) for each in parts for seed in seeds]
     done = spread(run, jobs, processes, "arms")
     results = sorted(done, key=lambda result: jobs.index(result.job))
     rested = [asdict(each) for result in results for each in result.rested]

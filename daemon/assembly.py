@@ -178,6 +178,7 @@ def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
         bounds=AllowanceSettings(c.admittance.max_duration_s, c.admittance.max_excursion),
         enable_timeout_s=c.supervisor.enable_timeout_s,
         stop_timeout_s=c.supervisor.stop_timeout_s,
+        assists=c.admittance.assist,
         probes=c.admittance.probe,
     )
     t = build_transmission(c)

@@ -38,7 +38,7 @@ COMES_S, RESTS_S, LEAVES_S, BEFORE_S = 0.8, 30.0, 10.0, 3.0
 GOES_ON: Final = frozenset({Mode.TRACKING, Mode.RETURNING})
 
 
-def robot_of(*, probes: bool = True) -> Robot:
+def robot_of(*, probes: bool = True, assists: bool = True) -> Robot:
     """The Romeo arm with balanced gains, which swings all joints, and may be led for long."""
     robot = load_robot(ROMEO)
     c, change = robot.configuration, msgspec.structs.replace
@@ -49,6 +49,7 @@ def robot_of(*, probes: bool = True) -> Robot:
         max_excursion=6.3,
         after_quiet=AfterQuiet.RETURN,
         probe=probes,
+        assist=assists,
     )
     c = change(
         c,

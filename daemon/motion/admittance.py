@@ -4,14 +4,22 @@
 
 r_bar is the thresholded residual, from which the threshold is subtracted: at the threshold the
 velocity starts from zero. As a mass M and a damper D pushed by r_bar: D = 1 / K_a, M = tau / K_a.
+
+A hand that leads gets an `Assist` beside: a push that lasts moves the arm more easily than one that
+shakes, so that K_a can stay below what a stiff hand bears.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from common.arrays import Vector
 
+# Rates at which an assist grows with a hand, sinks without, and leaks [1/s].
+GROWS: Final = 5.0
+SINKS: Final = 20.0
+LEAKS: Final = 2.0
 # A changed gain is reached evenly over this time, without a jerk in the person's hand [s].
 GAIN_RAMP_S = 0.5
 
@@ -24,11 +32,18 @@ class AdmittanceLaw:
     velocity: Vector  # [rad/s]
 
     def velocity_after(
-        self, before: Vector, gain: Vector, thresholded: Vector, dt: float
+        self,
+        before: Vector,
+        gain: Vector,
+        thresholded: Vector,
+        dt: float,
+        assist: Vector | float = 0.0,
     ) -> Vector:
         """Desired velocity [rad/s] one interval dt [s] after `before`, pushed by the thresholded
-        residual [Nm]; `gain` is K_a. Backward Euler: stable for every dt."""
-        target = np.minimum(np.maximum(gain * thresholded, -self.velocity), self.velocity)
+        residual [Nm]; `gain` is K_a, `assist` [rad/s] is added. Backward Euler: stable for every
+        dt."""
+        pushed = gain * thresholded + assist
+        target = np.minimum(np.maximum(pushed, -self.velocity), self.velocity)
         velocity: Vector = before + dt / (self.virtual_mass_s + dt) * (target - before)
         return velocity
 
@@ -54,6 +69,33 @@ class Gains:
             arrived = np.abs(left) <= reach
             self.value = np.where(arrived, self.goal, self.value + np.sign(left) * reach)
             self._rate[arrived] = 0.0
+
+
+class Assist:
+    """Velocity a (n,) [rad/s] added in the direction of a hand that is witnessed to lead.
+
+        a_dot = K_a GROWS e - LEAKS a        e [Nm], by which it exceeds what witnesses a hand
+
+    Below that it sinks by K_a SINKS e, and it is gone without a push, or with one the other way: it
+    cannot last by what moves an arm without a hand. A push that lasts meets 1 / (1 + GROWS / LEAKS)
+    of the damper, and one that changes faster than that the whole of it.
+    """
+
+    def __init__(self, most: Vector) -> None:
+        """most: largest (n,) [rad/s]."""
+        self.velocity: Vector = np.zeros_like(most)
+        self._most = most
+
+    def stop(self) -> None:
+        """End it at once."""
+        self.velocity = np.zeros_like(self._most)
+
+    def step(self, gain: Vector, push: Vector, excess: Vector, dt: float) -> None:
+        """Take thresholded residual and signed excess [Nm] of dt [s]; `gain` is K_a."""
+        way = np.sign(push)
+        beyond, size = excess * way, np.maximum(self.velocity * way, 0.0)
+        grown = size + dt * (np.where(beyond > 0.0, GROWS, SINKS) * gain * beyond - LEAKS * size)
+        self.velocity = way * np.minimum(np.maximum(grown, 0.0), self._most)
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,6 +69,8 @@ class HandWitness:
         self._stands = np.zeros(n, dtype=np.bool_)
         self.hand = False
         """True once a hand was witnessed since the arm began to yield."""
+        self.excess: Vector = np.zeros(n)
+        """residual beyond what witnesses a hand (n,) [Nm]; against the residual where it is less"""
 
     @property
     def stands(self) -> bool:
@@ -84,15 +86,21 @@ class HandWitness:
         self, independent: IndependentResidual, motor_velocity: Vector
     ) -> NDArray[np.bool_]:
         """Joints (n,) on which a hand is witnessed in this tick."""
-        friction = self._coulomb + self._viscous * np.abs(motor_velocity)
-        beyond = np.maximum(independent.stated, independent.configured + friction)
-        hand: NDArray[np.bool_] = np.abs(independent.agreed) > beyond
+        hand: NDArray[np.bool_] = self._beyond(independent, motor_velocity) > 0.0
         return hand
+
+    def _beyond(self, independent: IndependentResidual, motor_velocity: Vector) -> Vector:
+        """Size of the residual beyond what witnesses a hand (n,) [Nm]; negative where it is less"""
+        friction = self._coulomb + self._viscous * np.abs(motor_velocity)
+        least = np.maximum(independent.stated, independent.configured + friction)
+        beyond: Vector = np.abs(independent.agreed) - least
+        return beyond
 
     def step(self, independent: IndependentResidual, motor_velocity: Vector, dt: float) -> Vector:
         """Thresholded residual [Nm] that may move the arm in the next dt [s]."""
         size, speed = np.abs(independent.agreed), np.abs(motor_velocity)
-        hand = self.witnessed(independent, motor_velocity)
+        beyond = self._beyond(independent, motor_velocity)
+        hand, self.excess = beyond > 0.0, np.sign(independent.agreed) * beyond
         self.hand = self.hand or bool(hand.any())
         self._seen_s = np.where(hand, ALONE_S, np.maximum(self._seen_s - dt, 0.0))
         seen = self._seen_s > 0.0

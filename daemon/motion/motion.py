@@ -7,7 +7,7 @@ import numpy as np
 
 from common.arrays import Vector
 from daemon.modes.table import SENSING, Mode
-from daemon.motion.admittance import AdmittanceLaw, Gains
+from daemon.motion.admittance import AdmittanceLaw, Assist, Gains
 from daemon.motion.limits import Limits
 from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
@@ -55,6 +55,9 @@ class Motion:
         self.probing = np.zeros_like(limits.lower)
         """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""
         self._probed = self._yielding = self.probing
+        self.excess: Vector | None = None
+        """residual beyond what witnesses a hand, of `hand_witness`; None in doubt [Nm]"""
+        self._assist = Assist(law.velocity)
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
         self._loose = False  # stands with no position loop, as it backs away from nothing
@@ -102,6 +105,7 @@ class Motion:
         follow: it drops at once to `motor_velocity` [rad/s], from which the ramp begins.
         """
         self.probing = self._probed = np.zeros_like(self.velocity)
+        self._assist.stop()
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )
@@ -193,7 +197,12 @@ class Motion:
                 low, high = np.minimum(self._probed, 0.0), np.maximum(self._probed, 0.0)
                 swung = np.minimum(np.maximum(self.velocity - self._yielding, low), high)
                 before, self._probed = self.velocity - swung, self.probing
-                self._yielding = self._law.velocity_after(before, self.gains.value, push, dt)
+                gains, assist = self.gains.value, self._assist
+                if self.excess is None:
+                    assist.stop()
+                else:
+                    assist.step(gains, push, self.excess, dt)
+                self._yielding = self._law.velocity_after(before, gains, push, dt, assist.velocity)
                 return self.limits.soft_stop(q, self._yielding + self.probing, gain, play)
             case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them

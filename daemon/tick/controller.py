@@ -200,7 +200,9 @@ class Controller:
         witness, independent = self._witness, observed.independent
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
-        return witness.step(independent, observed.motor_velocity, dt)
+        push = witness.step(independent, observed.motor_velocity, dt)
+        self.motion.excess = witness.excess if self._tuning.assists and observed.sure else None
+        return push
 
     def _backed_away(self, observed: ControlInput) -> Vector:
         """Thresholded residual (n,) [Nm] that the arm backs away from: that of joints on which a

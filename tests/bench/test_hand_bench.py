@@ -1,6 +1,7 @@
 """An arm in a hand that rests waits, and goes on as usual without; targets of `bench.hand`."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from bench.hand import Job, Result, targets
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import leading
+from bench.study.circle import circles
 from bench.study.leading import Led, Rested, arm_at_work, lead, rest, robot_of
 from daemon.modes.table import Event, Mode
 
@@ -53,15 +55,31 @@ def test_one_that_does_not_probe_goes_on_in_the_hand(monkeypatch: pytest.MonkeyP
     assert trial(arm, 0.55).missed
 
 
-def test_a_joint_is_led(arm: ArmInTheLoop) -> None:
+def led(arm: ArmInTheLoop) -> Led:
     arm.request(Event.PAUSE)
     while arm.mode is not Mode.HOLDING:
         arm.step()
     found = lead(arm, 3, 1500.0)
     assert found is not None
-    assert found.leads_off < 6.0 < found.leads < 15.0
-    assert found.work > found.work_off > 0.0
-    assert found.coasts_rad < 0.05
+    return found
+
+
+def test_a_joint_is_led_and_with_less_force_where_the_arm_assists(arm: ArmInTheLoop) -> None:
+    found, without = led(arm), led(arm_at_work(robot_of(assists=False), SEED, WORK_S))
+    assert found.leads_off < found.leads < 0.75 * without.leads
+    assert 6.0 < without.leads < 15.0
+    assert found.work_off < found.work < without.work
+    assert found.coasts_rad < 0.02
+
+
+def test_a_circle_is_drawn_by_the_hand_with_and_without_the_assist(tmp_path: Path) -> None:
+    drawn = circles(SEED, 2.0, tmp_path / "circle.png")
+    assert {name: 3.0 < one["median_N"] < 20.0 for name, one in drawn.items()} == {
+        "assist": True, "no assist": True,
+    }  # fmt: skip
+    assert all(0.04 < one["least_radius_m"] < 0.06 for one in drawn.values())
+    assert drawn["assist"] != drawn["no assist"]
+    assert (tmp_path / "circle.png").read_bytes().startswith(b"\x89PNG")
 
 
 LED = Led("a", 3.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)

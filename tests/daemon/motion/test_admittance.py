@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daemon.motion.admittance import GAIN_RAMP_S, AdmittanceLaw, Allowance, AllowanceSettings, Gains
+from daemon.motion.admittance import (
+    GAIN_RAMP_S,
+    GROWS,
+    LEAKS,
+    AdmittanceLaw,
+    Allowance,
+    AllowanceSettings,
+    Assist,
+    Gains,
+)
 
 DT = 0.01
 GAIN = np.array([0.08, 0.5, 0.0])
@@ -155,3 +164,43 @@ def test_a_contact_during_another_does_not_move_home() -> None:
     allowance.take(np.full(1, 0.4))
     assert allowance.home == 0.0
     assert allowance.bound_reached(np.full(1, 0.6))
+
+
+def assisted(*, seconds: float = 3.0, push: float = 1.0, excess: float = 0.5) -> Assist:
+    """Assist of a hand that has pushed three joints for so long."""
+    assist = Assist(LAW.velocity)
+    for _ in range(round(seconds / DT)):
+        assist.step(GAIN, np.full(3, push), np.full(3, excess), DT)
+    return assist
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_push_that_lasts_is_assisted_by_what_it_has_beyond_a_witness(way: float) -> None:
+    wanted = way * np.minimum(0.5 * GAIN * GROWS / LEAKS, LAW.velocity)
+    at_once, later = (
+        assisted(seconds=0.05, push=way, excess=0.5 * way),
+        assisted(push=way, excess=0.5 * way),
+    )
+    np.testing.assert_allclose(later.velocity, wanted, rtol=1e-2)
+    assert (np.abs(at_once.velocity) <= 0.2 * np.abs(wanted)).all()
+    bounded = assisted(push=way, excess=1e3 * way)
+    np.testing.assert_allclose(bounded.velocity, way * LAW.velocity * (GAIN > 0.0))
+
+
+@pytest.mark.parametrize(
+    ("push", "excess", "ends_s"),
+    [
+        (0.0, -1.0, DT),  # let go
+        (-0.5, 0.5, DT),  # a hand the other way
+        (0.5, -0.5, 0.2),  # what no hand but friction might be
+        (0.5, 0.0, 5.0),
+    ],
+)
+def test_an_assist_ends_without_a_hand(push: float, excess: float, ends_s: float) -> None:
+    assist, before = assisted(), assisted().velocity
+    for tick in range(round(ends_s / DT)):
+        assist.step(GAIN, np.full(3, push), np.full(3, excess), DT)
+        after = assist.velocity
+        assert (after >= 0.0).all() if push >= 0.0 else (after <= 0.0).all(), tick
+        assert (np.abs(after) < np.abs(before) + 1e-12).all()
+    assert (np.abs(assist.velocity) < 1e-2 * (1.0 + (push < 0.0))).all()

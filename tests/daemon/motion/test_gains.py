@@ -5,6 +5,7 @@ import pytest
 
 from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.motion.admittance import AllowanceSettings
+from daemon.motion.hand_witness import HandWitness, IndependentResidual
 from tests.ideal_arm import T, tracking_arm
 
 SOFT = Reactions(ContactReaction.ADMITTANCE, ContactReaction.ADMITTANCE)
@@ -43,3 +44,15 @@ def test_what_is_no_gain_is_refused_and_changes_nothing(
     assert words in arm.controller.set_gain(joint, gain, "me")[0]
     arm.run(1.0)
     np.testing.assert_array_equal(arm.controller.motion.gains.value, [0.5, 0.5])
+
+
+@pytest.mark.parametrize(("sure", "assists", "gain"), [(True, True, 3.5), (False, True, 1.0),
+                                                       (True, False, 1.0)])  # fmt: skip
+def test_only_a_hand_beyond_doubt_is_assisted(sure: bool, assists: bool, gain: float) -> None:
+    """Led by 0.2 Nm at a level of 0.1 Nm, without friction."""
+    arm = tracking_arm(reactions=SOFT, bounds=FAR, assists=assists)
+    arm.controller._witness = HandWitness(np.zeros(2), np.zeros(2))
+    felt, level = np.array([0.2, 0.0]), np.full(2, 0.1)
+    independent = IndependentResidual(felt, level, level, level)
+    arm.run(3.0, **{**arm.push(0.1), "independent": independent, "sure": sure})
+    assert arm.decisions[-1].velocity[0] == pytest.approx(gain * 0.5 * 0.1, rel=1e-2)

@@ -138,3 +138,20 @@ def test_a_hand_is_remembered_until_the_arm_begins_to_yield_anew() -> None:
         assert on.hand == seen
     on.begin()
     assert not on.hand
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("size", "speed", "stated", "excess"),
+    [
+        (1.5, 0.5, 0.4, 1.5 - (CONTACT + COULOMB + 0.5 * VISCOUS)),
+        (0.5, 0.5, 0.4, 0.5 - (CONTACT + COULOMB + 0.5 * VISCOUS)),
+        (1.5, 0.0, 1.2, 0.3),
+    ],
+)
+def test_the_excess_is_what_a_residual_has_beyond_a_witness(
+    way: float, size: float, speed: float, stated: float, excess: float
+) -> None:
+    on = witness()
+    step(on, way * size, way * speed, stated)
+    assert on.excess == pytest.approx(way * excess)
