@@ -176,7 +176,7 @@ def motion(scene: Scene, kind: str, seed: int) -> dict[str, Any]:
             wish = c.control.position_gain * (target - q) if kind == "streamed" else thrown
         late, wanted, sent = sent, limits.bound_velocity(q, wish, sent, dt), np.empty_like(q)
         began = thread_time()
-        walls.bound(q, wanted, play, sent)
+        walls.bound(q, v, wanted, play, sent)
         times.append(thread_time() - began)
         bounds.append((wanted, sent))
         slowed += walls.slows

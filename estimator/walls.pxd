@@ -15,13 +15,14 @@ cdef class Walls:
     cdef readonly Py_ssize_t nearest
     cdef readonly double distance
     cdef readonly bint slows
-    cdef double[::1] _acceleration, _most
+    cdef double[::1] _acceleration, _most, _moved
     cdef long long[::1] _active
     cdef double _reaction_s, _margin
 
     @cython.locals(c=Clearance, known=double, moves=double, active=Py_ssize_t, over=bint)
     cpdef void bound(
-        self, const double[:] q, const double[:] wanted, const double[:, :] play, double[::1] out
+        self, const double[:] q, const double[:] moved, const double[:] wanted,
+        const double[:, :] play, double[::1] out
     ) noexcept
     @cython.locals(c=Clearance, active=Py_ssize_t, closing=double, used=double, gap=double,
                    g=double, most=double)
@@ -30,5 +31,7 @@ cdef class Walls:
     cdef double _funnel(self, double gap, double A) noexcept
     @cython.locals(c=Clearance, slowed=bint, over=double, square=double, g=double, v=double)
     cdef bint _slow(self, Py_ssize_t row, double most, double[::1] out) noexcept
-    @cython.locals(c=Clearance, share=double, row=Py_ssize_t, closing=double, most=double)
+    @cython.locals(closing=double, g=double, v=double)
+    cdef double _closing(self, Py_ssize_t row, double[::1] out) noexcept
+    @cython.locals(share=double, closing=double, most=double)
     cdef void _fulfil(self, Py_ssize_t active, double[::1] out) noexcept

@@ -10,8 +10,10 @@ and their own accelerations a_i slow it down by
 
 Only the joints that close a gap are slowed, the more the more they close it, and none beyond 0: the
 others go on, so the arm slides along, and nothing moves that was not to move. Standing always
-fulfils it. Drives lag, so that a slide along what is curved sinks beyond the gap that was kept: by
--d there, it has to open, at d / (4 tau), as far as what closes it is slowed for that.
+fulfils it. A joint that opens a gap counts only as far as it is measured to move: one that is held
+makes no room for the others. Drives lag, so that a slide along what is curved sinks beyond the gap
+that was kept: by -d there, it has to open, at d / (4 tau), as far as what closes it is slowed for
+that.
 
 Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
 """
@@ -44,16 +46,18 @@ class Walls:
         self._acceleration, self._reaction_s = acceleration.copy(), reaction_s
         self._margin = margin
         self._active = np.zeros(rows, dtype=np.int64)
-        self._most = np.zeros(rows)
+        self._most, self._moved = np.zeros(rows), np.zeros(clearance.n)
         self.nearest, self.distance, self.slows = -1, 1e300, False
 
-    def bound(self, q: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
-        """Velocity (n,) [rad/s] into out, at q (n,) [rad] with links that may fall by `play` (2, n)
-        [rad] in their gaps, as in `Limits.bound_velocity`. 0 at a position that is not a number; a
-        velocity that is none stays: the drives are commanded to stop."""
+    def bound(self, q: Vector, moved: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
+        """Velocity (n,) [rad/s] into out, at q (n,) [rad] and measured velocities `moved` (n,), 0
+        where not a number, with links that may fall by `play` (2, n) [rad] in their gaps, as in
+        `Limits.bound_velocity`. 0 at a position that is not a number; a velocity that is none
+        stays: the drives are commanded to stop."""
         c, known, moves = self.clearance, 0.0, 0.0
         for i in range(c.n):
             out[i] = wanted[i]
+            self._moved[i] = moved[i] if moved[i] - moved[i] == 0.0 else 0.0
             known += q[i]
             moves += wanted[i]
         self.slows, self.nearest, self.distance = False, -1, 1e300
@@ -114,10 +118,9 @@ class Walls:
         velocity, in which none passes 0. True if it closed faster."""
         c, slowed = self.clearance, False
         for _ in range(c.n):
-            over, square = -most, 0.0
+            over, square = self._closing(row, out) - most, 0.0
             for i in range(c.n):
                 g = c.gradient[row, i]
-                over -= g * out[i]
                 square += g * g if g * out[i] < 0.0 else 0.0
             if over <= _TINY or square == 0.0:
                 break
@@ -129,14 +132,26 @@ class Walls:
                     out[i] = v if v * out[i] > 0.0 else 0.0
         return slowed
 
+    def _closing(self, row: int, out: Vector) -> float:
+        """Speed at which the gap of a row closes [m/s]."""
+        closing = 0.0
+        for i in range(self.clearance.n):
+            g, v = self.clearance.gradient[row, i], out[i]
+            if g * v > 0.0:
+                v = (
+                    min(max(self._moved[i], 0.0), v)
+                    if v > 0.0
+                    else max(min(self._moved[i], 0.0), v)
+                )
+            closing -= g * v
+        return closing
+
     def _fulfil(self, active: int, out: Vector) -> None:
         """Slow all joints where so many sweeps did not do."""
-        c, share = self.clearance, 1.0
+        share = 1.0
         for k in range(active):
-            row, closing, most = self._active[k], 0.0, max(self._most[k], 0.0)
-            for i in range(c.n):
-                closing -= c.gradient[row, i] * out[i]
+            closing, most = self._closing(self._active[k], out), max(self._most[k], 0.0)
             if closing * share > most + 1e-9:
                 share = most / closing
-        for i in range(c.n):
+        for i in range(self.clearance.n):
             out[i] *= share

@@ -162,22 +162,25 @@ class Motion:
         push: Vector,
         dt: float,
         play: Vector | float = 0.0,
+        moved: Vector | None = None,
     ) -> None:
         """Set velocity and reference for the next dt [s].
 
         They follow from the thresholded residual `push` (n,) [Nm], from q (n,) [rad], which was
-        measured age_s [s] ago (None: now), and from the links' `play`, as in
-        `Limits.bound_velocity`.
+        measured age_s [s] ago (None: now), from the links' `play`, as in `Limits.bound_velocity`,
+        and from the velocities `moved` (n,) [rad/s] of the motors (None: the setpoints).
         """
         self.gains.step(dt)
         desired = self._desired(mode, q, push, dt, play)
         # A joint whose sample is old has moved on at its setpoint.
         here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
-            self.velocity = self.limits.bound_velocity(here, desired, self.velocity, dt, play)
+            before = self.velocity
+            self.velocity = self.limits.bound_velocity(here, desired, before, dt, play)
             if self.walls is not None:
                 wanted, self.velocity = self.velocity, np.empty_like(desired)
-                self.walls.bound(here, wanted, self.limits.each(play), self.velocity)
+                moved = before if moved is None else moved
+                self.walls.bound(here, moved, wanted, self.limits.each(play), self.velocity)
                 if mode is Mode.HOLDING and self.walls.slows and self.walls.touch(self.reference):
                     self.hold(q)  # what it is held back from is no place to go to later
         else:

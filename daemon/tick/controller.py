@@ -167,9 +167,8 @@ class Controller:
         self._follow(self._contacts.trigger(time_s, observed), time_s)
         self._follow(self._own.trigger(time_s, dt, observed), time_s)
         self._hear(time_s, observed.hit or observed.touched)
-        motion = self.motion
-        push = self._push(observed, dt)
-        motion.step(self.machine.mode, observed.q, observed.age_s, push, dt, observed.play)
+        motion, o, push = self.motion, observed, self._push(observed, dt)
+        motion.step(self.machine.mode, o.q, o.age_s, push, dt, o.play, o.motor_velocity)
         self._report_phase()
         resetting = self._resetting(time_s)
         return Decision(self._power(), resetting, motion.velocity, motion.reference)

@@ -24,7 +24,7 @@ def test_without_walls_it_would(openarm: Scene, monkeypatch: pytest.MonkeyPatch)
     class Open:
         clearance, slows = openarm.walls.clearance, False
 
-        def bound(self, q, wanted, play, out) -> None:
+        def bound(self, q, moved, wanted, play, out) -> None:
             out[:] = wanted
 
     unbound = Scene(*(getattr(openarm, name) for name in ("name", "robot")), Open(),

@@ -57,9 +57,12 @@ def walls(*obstacles, margin: float = 0.005) -> Walls:
     return Walls(arm(*obstacles), ACCELERATION, REACTION_S, margin)
 
 
-def bounded(one: Walls, q: np.ndarray, wanted: np.ndarray, play: np.ndarray = STILL) -> np.ndarray:
+def bounded(
+    one: Walls, q: np.ndarray, wanted: np.ndarray, play: np.ndarray = STILL,
+    moved: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
     out = np.empty(3)
-    one.bound(q, wanted, play, out)
+    one.bound(q, wanted if moved is None else moved, wanted, play, out)
     return out
 
 
@@ -83,10 +86,13 @@ def test_never_adds_motion(seed: int) -> None:
     assert slowed > 500
 
 
+@pytest.mark.parametrize("held", [None, 0, 1, 2])
 @pytest.mark.parametrize("seed", range(3))
-def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(seed: int) -> None:
-    """Setpoints jump, joints follow by their acceleration and a lag; the margin takes up
-    what a joint that opens a gap does while it is reversed."""
+def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(
+    seed: int, held: int | None
+) -> None:
+    """Setpoints jump, joints follow by their acceleration and a lag, one not at all; the margin
+    takes up what a joint that opens a gap does while it is reversed."""
     rng, one, least, nearest = np.random.default_rng(seed), walls(TABLE, BOX), 1.0, 1.0
     for _ in range(25):
         q, v, sent = clear_pose(one, rng), np.zeros(3), np.zeros(3)
@@ -94,8 +100,10 @@ def test_random_setpoints_never_reach_the_wall_with_drives_that_lag(seed: int) -
             if k % 25 == 0:
                 wanted = rng.choice([-2.0, 0.0, 2.0], 3)
             ramped = np.clip(wanted, sent - ACCELERATION * DT, sent + ACCELERATION * DT)
-            late, sent = sent, bounded(one, q, ramped)
+            late, sent = sent, bounded(one, q, ramped, moved=v)
             v = v + (late - v) * DT / (DT + 0.01)
+            if held is not None:
+                v[held] = 0.0
             q = q + v * DT
             one.clearance.at(q)
             least = min(least, float(np.min(one.clearance.gap)))
@@ -125,6 +133,17 @@ def test_slides_along_a_wall_and_does_not_stick() -> None:
     out = bounded(one, q, np.array([-0.3, 0.0, 0.3 * np.sign(gradient[2])]))
     assert abs(out[2]) == pytest.approx(0.3)
     assert abs(out[0]) < 0.3 * abs(gradient[2] / gradient[0]) + 0.01
+
+
+def test_a_joint_that_opens_counts_as_far_as_it_moves() -> None:
+    one, q, gradient = beside_table(0.0052)
+    along = np.array([-0.3, 0.3 * gradient[0] / gradient[1], 0.0])
+    alone = bounded(one, q, np.array([-0.3, 0.0, 0.0]))[0]
+    free, held, half = (bounded(one, q, along, moved=s * along)[0] for s in (1.0, 0.0, 0.5))
+    assert held == pytest.approx(alone)
+    assert bounded(one, q, along, moved=-along)[0] == pytest.approx(alone)
+    assert free < half < held
+    assert bounded(one, q, along, moved=np.full(3, np.nan))[0] == pytest.approx(alone)
 
 
 def test_a_slide_that_sank_into_the_margin_comes_out_of_it() -> None:
