@@ -8,7 +8,7 @@ import pytest
 from common.errors import ModelError
 from estimator.estimate import SampleRows
 from estimator.estimator import Estimator
-from tests.estimator.test_kernel import BESIDE, T, masks
+from tests.estimator.golden import BESIDE, T, arrivals
 
 VECTORS = ("q", "q_dot", "theta", "phi", "phi_sigma", "tau_M", "threshold", "thresholded", "side")
 
@@ -25,7 +25,7 @@ def sampled(motion: Any, ticks: int) -> SampleRows:
         link_position=motion.q[:ticks],
         motor_velocity=motion.theta_dot[:ticks],
         motor_position=motion.theta[:ticks],
-        fresh=masks(5, ticks),
+        fresh=arrivals(ticks),
         interval_s=interval_s,
     )
 

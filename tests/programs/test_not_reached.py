@@ -127,8 +127,8 @@ def test_a_way_on_which_the_daemon_falls_silent(
     assert result.stderr.startswith(said)
 
 
-@pytest.mark.parametrize("command", ["status", "start", "enable"])
+@pytest.mark.parametrize("command", ["status", "start", "enable", "record x.mcap"])
 def test_what_brings_nothing_to_rest_says_only_why(tmp_path: Path, command: str) -> None:
-    result = say(tmp_path / "nothing", command)
+    result = say(tmp_path / "nothing", *command.split())
     assert result.exit_code == 69
     assert result.stderr.startswith("contactctl: no contactd serves ")
