@@ -78,7 +78,9 @@ def test_no_power_is_cut_and_nothing_moves(
     rig, wire, joint = held
     wire.velocity, wire.left = velocity, frames
     assert furthest(rig, 3.0) < STILL
-    assert rig.mode is (Mode.HOLDING if frames == 2 else Mode.FAULTED)
+    # A motor whose velocity is its link's too shows an implausible residual in the first frames.
+    at_once = wire.arm == BEAM and velocity < -2.0
+    assert rig.mode is (Mode.HOLDING if frames == 2 and not at_once else Mode.FAULTED)
     assert rig.samples.drives[joint].condition.powered
 
 
