@@ -39,6 +39,9 @@ VISIBLE_RAD = 5e-4  # a shorter way is shown as none
 NO_COLLISION_CHECK = (
     "There is no collision check: the arm takes this way through its own body, the table and you."
 )
+SHAPES_CHECKED = (
+    "Checked against shapes.yaml and surroundings.yaml alone: the arm does not know where you are."
+)
 
 
 _speed = click.option(
@@ -61,9 +64,9 @@ def go(options: Options, words: tuple[str, ...], speed: float, yes: bool) -> Non
     """Move to a pose of the configuration, or joints to positions in rad: the arm moves.
 
     Shows distance and time per joint, and asks. The way is a straight line through joint space
-    within all limits, and nothing checks it for collisions. A contact halts the arm where it is
-    not armed; armed it reacts as on any trajectory, and goes on to the pose. After a halt, ask
-    again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
+    within all limits, checked for collisions only where the arm has shapes. A contact halts the
+    arm where it is not armed; armed it reacts as on any trajectory, and goes on to the pose. After
+    a halt, ask again. Ctrl-C stops. Needs an identified arm. Without an argument: lists the poses.
     """
     move(options, words, speed, yes=yes)
 
@@ -96,7 +99,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
                 "no confirmation with --json, or without a terminal; pass --yes to skip it"
             )
         if not options.json:
-            say(in_words(reply.way))
+            say(in_words(reply.way, shapes=client.ask_status().near is not None))
             for warning in reply.warnings:
                 say(f"  warning: {warning}", err=True)
     if not yes and not sure("Move the arm?"):
@@ -115,8 +118,8 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
     answer(options, ended)
 
 
-def in_words(way: "Way") -> str:
-    """Table of the way, a line for each joint that moves, and the missing check for collisions."""
+def in_words(way: "Way", *, shapes: bool) -> str:
+    """Table of the way, a line for each joint that moves, and which collisions are checked."""
     lines = [f"{'':16} {'from':>8} {'to':>8} {'distance':>9} {'speed':>9} {'time':>7}"]
     joints = zip(way.joints, way.start, way.goal, way.speed, strict=True)
     for name, start, goal, speed in joints:
@@ -126,7 +129,7 @@ def in_words(way: "Way") -> str:
     if len(lines) == 1:
         return f"{way.name}: the arm stands there"
     lines.append("rad and rad/s; all joints set out and arrive together, other joints stay.")
-    return "\n".join([*lines, NO_COLLISION_CHECK])
+    return "\n".join([*lines, SHAPES_CHECKED if shapes else NO_COLLISION_CHECK])
 
 
 def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":

@@ -35,7 +35,8 @@ SLOWER = 0.8  # from one share of the led speed to the next that is tried
 def playback(options: Options, file: Path, speed: float | None, yes: bool) -> None:
     """Repeat a lead: the arm moves to where it began, after a question, then as it was led.
 
-    Without FILE, a lead of the armed arm is recorded first. There is no collision check.
+    Without FILE, a lead of the armed arm is recorded first. It is checked for
+    collisions only where the arm has shapes.
     """
     from daemon.motion.trajectory_file import read_trajectory
     from programs.clients.led_way import led_way

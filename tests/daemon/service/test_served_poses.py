@@ -12,7 +12,7 @@ import pytest
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
-from daemon.protocol.replies import Check, Status, Trajectory
+from daemon.protocol.replies import Check, Status, Trajectory, Way
 from daemon.protocol.requests import Go, Request, Stop
 from daemon.service.status import ASK_AGAIN
 from programs.clients.client import Client
@@ -62,6 +62,14 @@ def test_it_goes_there_and_says_what_it_does(
     assert end.startswith("holding: the way to ")
     served.run(0.3)
     assert stands(served) == pytest.approx(goal, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "words"), [(True, command.SHAPES_CHECKED), (False, command.NO_COLLISION_CHECK)]
+)
+def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
+    way = Way(name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0)
+    assert command.in_words(way, shapes=shapes).splitlines()[-1] == words
 
 
 def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:
