@@ -201,8 +201,7 @@ class Controller:
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
         push = witness.step(independent, observed.motor_velocity, dt)
-        if self._tuning.assists and observed.sure:
-            self.motion.excess = witness.excess
+        self.motion.excess = witness.excess if self._tuning.assists and observed.sure else None
         return push
 
     def _backed_away(self, observed: ControlInput) -> Vector:
