@@ -76,9 +76,9 @@ class Assist:
 
         a_dot = K_a GROWS e - LEAKS a        e [Nm], by which it exceeds what witnesses a hand
 
-    Below that it sinks by K_a SINKS e, and it is gone without a push, or with one the other way: it
-    cannot last by what moves an arm without a hand. A push that lasts meets 1 / (1 + GROWS / LEAKS)
-    of the damper, and one that changes faster than that the whole of it.
+    Below that it sinks by K_a SINKS e, and it is gone without a push or gain, or with a push the
+    other way: it cannot last by what moves an arm without a hand. A push that lasts meets
+    1 / (1 + GROWS / LEAKS) of the damper, and one that changes faster than that the whole of it.
     """
 
     def __init__(self, most: Vector) -> None:
@@ -95,7 +95,7 @@ class Assist:
         way = np.sign(push)
         beyond, size = excess * way, np.maximum(self.velocity * way, 0.0)
         grown = size + dt * (np.where(beyond > 0.0, GROWS, SINKS) * gain * beyond - LEAKS * size)
-        self.velocity = way * np.minimum(np.maximum(grown, 0.0), self._most)
+        self.velocity = way * np.minimum(np.maximum(grown, 0.0), self._most * (gain > 0.0))
 
 
 @dataclass(frozen=True, slots=True)

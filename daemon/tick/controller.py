@@ -197,6 +197,7 @@ class Controller:
     def _push(self, observed: ControlInput, dt: float) -> Vector:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
         witness, independent = self._witness, observed.independent
+        self.motion.excess = None
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
         push = witness.step(independent, observed.motor_velocity, dt)

@@ -58,6 +58,7 @@ class OwnEvents:
             return self._yielding(mode, observed)
         self._allowance.recover(dt)
         self._rests = ""
+        self._ahead = self._ahead if mode is Mode.RETURNING else None
         self._probe.forget()
         if mode is Mode.RELEASING:
             return self._releasing(dt, observed)

@@ -204,3 +204,10 @@ def test_an_assist_ends_without_a_hand(push: float, excess: float, ends_s: float
         assert (after >= 0.0).all() if push >= 0.0 else (after <= 0.0).all(), tick
         assert (np.abs(after) < np.abs(before) + 1e-12).all()
     assert (np.abs(assist.velocity) < 1e-2 * (1.0 + (push < 0.0))).all()
+
+
+def test_an_assist_ends_with_its_gain() -> None:
+    assist = assisted()
+    assert assist.velocity.any()
+    assist.step(np.zeros(3), np.full(3, 1.0), np.full(3, 0.5), DT)
+    assert not assist.velocity.any()

@@ -54,5 +54,8 @@ def test_only_a_hand_beyond_doubt_is_assisted(sure: bool, assists: bool, gain: f
     arm.controller._witness = HandWitness(np.zeros(2), np.zeros(2))
     felt, level = np.array([0.2, 0.0]), np.full(2, 0.1)
     independent = IndependentResidual(felt, level, level, level)
-    arm.run(3.0, **{**arm.push(0.1), "independent": independent, "sure": sure})
+    led = {**arm.push(0.1), "independent": independent, "sure": sure}
+    arm.run(3.0, **led)
     assert arm.decisions[-1].velocity[0] == pytest.approx(gain * 0.5 * 0.1, rel=1e-2)
+    arm.run(1.0, **arm.push(0.1))  # it is not known whose push it is
+    assert arm.decisions[-1].velocity[0] == pytest.approx(0.5 * 0.1, rel=1e-2)

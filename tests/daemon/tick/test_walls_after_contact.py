@@ -4,8 +4,8 @@ no reference inside a wall."""
 import numpy as np
 import pytest
 
-from daemon.modes.contact_reactions import AfterQuiet
-from daemon.modes.table import Mode
+from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
+from daemon.modes.table import Event, Mode
 from estimator.clearance import Clearance, Plane
 from estimator.walls import Walls
 from tests.daemon.motion.test_walls import ACCELERATION, links_of
@@ -93,3 +93,24 @@ def test_a_finger_between_is_felt_and_nothing_closes_further() -> None:
         assert gap() > 0.0045
     assert arm.mode is Mode.ADMITTANCE
     assert gap() < 0.006
+
+
+def test_what_was_looked_at_before_a_stop_is_no_look_at_the_next_way() -> None:
+    """Stopped as it looked along a way that is clear, it backs away later for longer than the quiet
+    time, below a ceiling that the rest of the trajectory meets."""
+    both = Reactions(ContactReaction.ADMITTANCE, ContactReaction.RETRACT)
+    arm = tracking_arm(walls=below(2.0), quiet_s=0.2, reactions=both)
+    arm.touch(0.5)
+    arm.run(0.25)
+    assert arm.mode is Mode.ADMITTANCE  # it looks
+    assert arm.request(Event.STOP) == []
+    arm.run_until(Mode.HOLDING)
+    assert arm.request(Event.START) == []
+    arm.controller.motion.walls = below(0.85)
+    arm.run(0.1)
+    assert arm.controller.arm("me") == []
+    arm.hit(-0.4)
+    assert arm.mode is Mode.RETRACTING
+    while arm.mode is Mode.RETRACTING:
+        arm.step()
+    assert arm.mode is Mode.HOLDING
