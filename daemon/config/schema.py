@@ -137,7 +137,8 @@ class Admittance(Settings, frozen=True):
     after_quiet: AfterQuiet = AfterQuiet.RESUME  # how an interrupted trajectory goes on
     # before it goes on, swing by some 2 mm to find a hand that rests; not with quiet_s below 1.9
     probe: bool = True
-    assist: bool = True  # a hand that is witnessed to lead: it pushes less
+    # a hand that leads pushes less; so does a load or a cable that pulls, which goes further
+    assist: bool = False
     return_velocity: Speed = 0.2  # with `after_quiet: return` [rad/s]
 
 

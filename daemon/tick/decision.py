@@ -23,7 +23,7 @@ class ControllerSettings:
     bounds: AllowanceSettings
     enable_timeout_s: float
     stop_timeout_s: float
-    assists: bool = True  # a hand that leads
+    assists: bool = False  # a hand that leads
     probes: bool = True  # for a hand that rests, before a trajectory goes on
 
 

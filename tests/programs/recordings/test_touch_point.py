@@ -186,9 +186,8 @@ def test_the_table_of_words(fields: dict[str, Any], word: str) -> None:
 
 
 def goes_on(c: Configuration) -> Configuration:
-    """It goes on in a hand that rests, and does not free itself from one that clamps."""
-    admittance = msgspec.structs.replace(c.admittance, probe=False, assist=False)
-    return msgspec.structs.replace(c, admittance=admittance)
+    """It goes on in a hand that rests."""
+    return msgspec.structs.replace(c, admittance=msgspec.structs.replace(c.admittance, probe=False))
 
 
 def played(*hand: AnyAct, seconds: float = 8.0) -> tuple[list[State], Snapshot]:
