@@ -157,7 +157,7 @@ def described(act: AnyAct) -> str:
             most = "softly" if act.torque is None else f"with {act.torque:g} Nm"
             words = f"move {act.joint} in its gap {most}, {act.times} times"
         case Press():
-            words = f"press the tool with {' '.join(f'{part:g}' for part in act.force)} N"
+            words = f"press the tool with {' '.join(f'{part + 0.0:g}' for part in act.force)} N"
         case Clamp():
             words = "clamp " + ", ".join(act.joints)
         case Hold():

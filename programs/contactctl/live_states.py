@@ -64,7 +64,9 @@ def touches(options: Options, file: Path | None) -> None:
             yield snapshot
             yield from states
 
-    seen: Touches | None = None
+    if not options.json and file is None:
+        click.echo("contacts, each when it is over; Ctrl-C ends", err=True)
+    seen, count = None, 0
     with suppress(KeyboardInterrupt):
         for message in read_log(file) if file else live():
             if isinstance(message, Snapshot):
@@ -73,8 +75,11 @@ def touches(options: Options, file: Path | None) -> None:
             assert seen is not None  # a snapshot comes first
             if (contact := seen.take(message)) is None:
                 continue
+            count += 1
             line = json.dumps(contact.report()) if options.json else str(contact)
             click.echo(line if options.json else f"{contact.evidence.begin_s:8.2f} s  {line}")
+    if count == 0 and file is not None:
+        click.echo(f"{file}: no contact", err=True)
 
 
 @click.command(cls=Command)

@@ -164,7 +164,9 @@ def test_contacts_of_a_recording(tmp_path: Path) -> None:
     assert (said["link"], said["decided"], said["word"]) == ("l_wrist", True, "touched")
     off = [msgspec.structs.replace(state, mode=Mode.OFF) for state in states]
     path = str(written(tmp_path / "b.mcap", [snapshot, *off]))
-    assert CliRunner().invoke(main, ["touches", path]).output == ""
+    answer = CliRunner().invoke(main, ["touches", path])
+    assert (answer.exit_code, answer.stdout) == (0, "")
+    assert answer.stderr == f"{path}: no contact\n"
 
 
 @pytest.mark.parametrize(
