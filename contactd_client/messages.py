@@ -51,8 +51,7 @@ class Sensitivity(TypedDict):
 
 
 class Way(TypedDict):
-    """Way to a pose: a straight line through joint space, on which all joints arrive together.
-    Obstacles are not taken into account."""
+    """Way to a pose: a straight line through joint space, on which all joints arrive together."""
 
     name: str
     joints: list[str]
@@ -60,6 +59,7 @@ class Way(TypedDict):
     goal: list[float]  # [rad]
     speed: list[float]  # largest on the way [rad/s]
     duration_s: float  # from standstill to standstill, unless a contact comes in between
+    shapes: NotRequired[bool]  # it is checked against those of the arm and its surroundings
 
 
 class StreamState(TypedDict):

@@ -44,8 +44,7 @@ class Sensitivity(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Way(msgspec.Struct, frozen=True, kw_only=True):
-    """Way to a pose: a straight line through joint space, on which all joints arrive together.
-    Obstacles are not taken into account."""
+    """Way to a pose: a straight line through joint space, on which all joints arrive together."""
 
     name: str
     joints: list[str]
@@ -53,6 +52,7 @@ class Way(msgspec.Struct, frozen=True, kw_only=True):
     goal: PerJoint  # [rad]
     speed: PerJoint  # largest on the way [rad/s]
     duration_s: float  # from standstill to standstill, unless a contact comes in between
+    shapes: bool = False  # it is checked against those of the arm and its surroundings
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

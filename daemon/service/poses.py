@@ -67,6 +67,7 @@ class Poses:
             goal=path.goal.tolist(),
             speed=path.fastest(0.0).tolist(),
             duration_s=run_time_s(path.duration, self._ramp_s),
+            shapes=self.robot.walls is not None,
         )
 
     def short_of(self, path: PosePath) -> list[str]:

@@ -99,7 +99,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
                 "no confirmation with --json, or without a terminal; pass --yes to skip it"
             )
         if not options.json:
-            say(in_words(reply.way, shapes=client.ask_status().near is not None))
+            say(in_words(reply.way))
             for warning in reply.warnings:
                 say(f"  warning: {warning}", err=True)
     if not yes and not sure("Move the arm?"):
@@ -118,7 +118,7 @@ def move(options: Options, words: Sequence[str], speed: float, *, yes: bool) -> 
     answer(options, ended)
 
 
-def in_words(way: "Way", *, shapes: bool) -> str:
+def in_words(way: "Way") -> str:
     """Table of the way, a line for each joint that moves, and which collisions are checked."""
     lines = [f"{'':16} {'from':>8} {'to':>8} {'distance':>9} {'speed':>9} {'time':>7}"]
     joints = zip(way.joints, way.start, way.goal, way.speed, strict=True)
@@ -129,7 +129,7 @@ def in_words(way: "Way", *, shapes: bool) -> str:
     if len(lines) == 1:
         return f"{way.name}: the arm stands there"
     lines.append("rad and rad/s; all joints set out and arrive together, other joints stay.")
-    return "\n".join([*lines, SHAPES_CHECKED if shapes else NO_COLLISION_CHECK])
+    return "\n".join([*lines, SHAPES_CHECKED if way.shapes else NO_COLLISION_CHECK])
 
 
 def _wait(client: "Client", way: "Way", interrupted: Callable[[], bool]) -> "Reply | None":

@@ -68,8 +68,11 @@ def test_it_goes_there_and_says_what_it_does(
     ("shapes", "words"), [(True, command.SHAPES_CHECKED), (False, command.NO_COLLISION_CHECK)]
 )
 def test_the_way_says_what_is_checked(shapes: bool, words: str) -> None:
-    way = Way(name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0)
-    assert command.in_words(way, shapes=shapes).splitlines()[-1] == words
+    way = Way(
+        name="home", joints=["joint"], start=[0.0], goal=[0.3], speed=[0.2], duration_s=2.0,
+        shapes=shapes,
+    )  # fmt: skip
+    assert command.in_words(way).splitlines()[-1] == words
 
 
 def test_its_time_and_speed_are_kept(served: ServedDaemon) -> None:

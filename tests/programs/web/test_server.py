@@ -45,7 +45,7 @@ def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) -> None:
             texts, frame = await messages(live, {"hello", "words", "advice", "summary"})
             assert texts["hello"]["arms"] == ["Romeo left arm"]
             assert texts["hello"]["may_command"]
-            assert texts["words"]["mode"] == texts["summary"]["modes"][0]
+            assert texts["summary"]["modes"][0] in ("", texts["words"]["mode"])  # of another moment
             assert [check["passed"] for check in texts["advice"]["checks"]] == [False, True, False]
             (length,) = struct.unpack_from("<I", frame)
             assert length == len(frame) - 4
