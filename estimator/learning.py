@@ -46,8 +46,7 @@ _OFF, _REMAINS = 0.5, 0.15
 # doubt; and share of the learned one that may be off.
 _LOAD_SPREADS, _LOAD_OFF = 2.0, 0.3
 # For _FROZEN_S after the residual was further than this share of the level in force from what is
-# expected, no share is learned; and beyond it, the residual is loud. Where friction was seen to be
-# another, up to _THAWS of it teach.
+# expected, no share is learned. Where friction was seen to be another, up to _THAWS of it teach.
 _FREEZES, _THAWS, _FROZEN_S = 0.5, 0.9, 0.3
 # A gear that has stood for _STANDS_S cools down: its friction is forgotten _RESTING times as slowly
 # as in motion.

@@ -96,4 +96,4 @@ def test_it_holds_the_arm_of_a_daemon_that(
             again = Daemon(second, tmp_path / "again")
             again.becomes("off")
             assert np.abs(positions(again) - stood).max() < STILL
-    assert simulator.told == []  # no motor let go
+    assert simulator.reported == []  # no motor let go

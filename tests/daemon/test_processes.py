@@ -46,11 +46,11 @@ class Simulator:
     process: subprocess.Popen[str]
     port: int
     robot: Path
-    told: list[str] = field(default_factory=list)
+    reported: list[str] = field(default_factory=list)
     """What it said its drives did."""
 
     def drives_that(self, did: str) -> int:
-        return len({line.split(":")[0] for line in self.told if did in line})
+        return len({line.split(":")[0] for line in self.reported if did in line})
 
 
 @dataclass
@@ -116,7 +116,7 @@ def listen(simulator: Simulator) -> None:
     for line in simulator.process.stdout:
         event = json.loads(line)
         if event.get("kind") == "drive":
-            simulator.told.append(event["text"])
+            simulator.reported.append(event["text"])
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +162,7 @@ def daemon(simulator: Simulator, tmp_path: Path) -> Iterator[Daemon]:
     with gone_afterwards(run(simulator, tmp_path / "door")) as process:
         daemon = Daemon(process, tmp_path / "door")
         daemon.becomes("off")
-        simulator.told.clear()
+        simulator.reported.clear()
         yield daemon
 
 
@@ -207,7 +207,7 @@ def test_twice_then_stopped_then_terminated_while_moving(
     while reasons := daemon.ask("reset"):
         assert "not seen to stand yet" in reasons[0]
     daemon.becomes("off")
-    simulator.told.clear()
+    simulator.reported.clear()
     daemon.moves()
 
     # Told to end while it moves.
