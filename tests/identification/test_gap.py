@@ -1,6 +1,5 @@
-"""Half-gap by a hand, by ramps of torque and in motion; and logs that have none to give."""
+"""Half-gap by a hand; and logs that have none to give."""
 
-import gzip
 import itertools
 import os
 import re
@@ -13,11 +12,9 @@ from scipy.signal import lfilter
 
 from bench.rigs.arm_batch import SoftHand, record_fleet
 from identification.gap import identify_gap
-from identification.gap_in_motion import from_motion
 from identification.gap_result import GapVerdict
 from identification.motion_log import MotionLog
 from identification.plateaus import from_plateaus
-from identification.ramps import from_ramps
 from simulator.description import SimulationSettings
 
 DATA = Path(os.environ.get("CONTACTD_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -308,238 +305,6 @@ def test_the_noise_of_a_velocity_adds_up_to_no_motion(phi, verdict):
     assert not found.usable or abs(found.half_gap - 0.0015) < found.confidence, found
 
 
-def two_encoders(skew_s: float, alpha: float, seconds: float = 60.0) -> tuple[np.ndarray, ...]:
-    """Both encoders of a joint with friction, moved at speeds that vary; the link's is late."""
-    fine = np.arange(0.0, seconds, 0.001)
-    theta = 0.5 * np.sin(2 * np.pi * 0.21 * fine) + 0.2 * np.sin(2 * np.pi * 0.47 * fine)
-    q = np.empty_like(theta)
-    q[0] = theta[0]
-    for k in range(1, len(q)):
-        q[k] = min(max(q[k - 1], theta[k] - alpha), theta[k] + alpha)
-    late = np.interp(fine - skew_s, fine, q)
-    rng = np.random.default_rng(0)
-    rows = slice(None, None, 10)
-    noise = 2e-5 * rng.standard_normal((2, len(fine[rows])))
-    return fine[rows], late[rows] + noise[0], theta[rows] + noise[1]
-
-
-def test_motion_shows_gap_and_skew_apart():
-    alpha, skew = 0.004, 0.003
-    t, q, theta = two_encoders(skew, alpha)
-    gap = from_motion("j", t, q, theta, np.gradient(theta, t))
-    assert gap.skew_s == pytest.approx(skew, abs=3e-4)
-    assert gap.half_gap == pytest.approx(alpha, rel=0.05)
-    # Taken for phi as it is, the skew would look like a gap.
-    assert np.percentile(np.abs(q - theta), 95) > 1.3 * alpha
-
-
-@pytest.mark.parametrize("gives", [0.0003, 0.0012, 0.002])
-def test_what_a_gear_bends_in_motion_is_in_the_interval(gives):
-    """Friction of 1 Nm at the link and 1 Nm at the motor: phi rests that much beyond its gap, each
-    time the same, and scatters by nothing."""
-    alpha = 0.01
-    t, q, theta = two_encoders(0.0, alpha)
-    way = np.sign(np.gradient(theta, t))
-    at_border = np.clip((theta - q) / alpha, -1.0, 1.0)
-    q = q - gives * at_border
-    current = at_border + way
-    velocity = np.gradient(theta, t)
-    log = MotionLog(("j",), t, *(x[:, None] for x in (current, q, velocity, theta)))
-    gap = identify_gap(log, 0, 1.0)
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert abs(gap.half_gap - alpha) < gap.confidence < 0.3 * alpha, gap
-    wrong = identify_gap(replace(log, current=1000.0 * log.current), 0, 1.0)  # mA
-    assert wrong.verdict is GapVerdict.UNCLEAR, wrong
-    assert "another unit" in wrong.reason
-
-
-@pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
-def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
-    alpha = 0.0015
-    t, q, theta = two_encoders(0.001, alpha)
-    off = 0.0005 * np.sin(turns * theta + 1.0) + 0.0003 * np.sin(2.0 * turns * theta)
-    off += 0.0004 * np.cos(2.0 * q + 0.3)
-    gap = from_motion("j", t, q + off, theta, np.gradient(theta, t), gear=turns)
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert gap.half_gap == pytest.approx(alpha, rel=0.02)
-    found = {(one.encoder, one.order): one.amplitude for one in gap.harmonics}
-    assert found["motor", 1] == pytest.approx(0.0005, rel=0.1)
-    assert found["motor", 2] == pytest.approx(0.0003, rel=0.1)
-    assert {encoder for encoder, _ in found} == {"motor"}  # half a turn of the link shows none
-    assert all(one.interval < 0.3 * one.amplitude for one in gap.harmonics)
-    # Without the gear's ratio the motor's turns are not known: refused, with figure and cause.
-    blind = from_motion("j", t, q + off, theta, np.gradient(theta, t))
-    assert blind.verdict is GapVerdict.UNCLEAR
-    assert blind.estimate == pytest.approx(alpha, rel=0.1)
-    assert blind.limit is not None
-    assert "scatter of phi" in blind.reason
-
-
-@pytest.mark.parametrize(
-    ("alpha", "gives"), [(0.0022, 0.0), (0.0016, 0.0011), (0.0022, 0.0011), (0.0022, 0.0028)]
-)
-def test_an_eccentric_encoder_of_an_elastic_gear_hides_no_gap(alpha, gives):
-    """Its map repeats with the position, and oftener than twice a turn; the load differs."""
-    t, q, theta = two_encoders(0.001, alpha)
-    map_ = 0.0008 * np.cos(3.0 * q + 0.3) + 0.0006 * np.sin(5.0 * q) + 0.0003 * np.cos(11.0 * q)
-    border = np.clip((theta - q) / alpha, -1.0, 1.0)
-    load = border * (0.4 + 0.2 * np.sin(1.7 * t))
-    off = map_ - gives * load
-    torque = load + 0.4 * np.sign(np.gradient(theta, t))
-    gap = from_motion("j", t, q + off, theta, np.gradient(theta, t), torque=torque)
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert abs(gap.half_gap - alpha) < gap.confidence < 0.6 * alpha, gap
-
-
-@pytest.mark.parametrize("unit", [1e-3, 0.0])
-def test_a_torque_that_no_gear_carries_so_little_of_gives_no_narrow_interval(unit):
-    t, q, theta = two_encoders(0.0, 0.0038)
-    border = np.clip((theta - q) / 0.0038, -1.0, 1.0)
-    torque = unit * (border + np.sign(np.gradient(theta, t)))
-    gap = from_motion("j", t, q + 0.0007 * border, theta, np.gradient(theta, t), torque=torque)
-    assert gap.verdict is GapVerdict.UNCLEAR, gap
-    assert gap.limit.name == "what a gear carries at least, over its torque"
-    assert np.isfinite(gap.estimate)
-
-
-@pytest.mark.parametrize("measured", [True, False])
-def test_an_encoder_that_was_not_read_is_not_accused(measured):
-    turns = 100.0
-    t, q, theta = two_encoders(0.0, 0.0015)
-    off = 0.0005 * np.sin(turns * theta + 1.0)
-    columns = (np.zeros_like(t), q + off, np.gradient(theta, t))
-    position = theta[:, None] if measured else None
-    log = MotionLog(("j",), t, *(one[:, None] for one in columns), position)
-    assert (
-        "motor" in {one.encoder for one in identify_gap(log, 0, 1.0, turns).harmonics}
-    ) is measured
-
-
-def test_good_encoders_are_not_accused():
-    t, q, theta = two_encoders(0.0, 0.004)
-    assert from_motion("j", t, q, theta, np.gradient(theta, t), gear=100.0).harmonics == ()
-
-
-def test_borders_that_wander_in_motion_are_none():
-    t, q, theta = two_encoders(0.0, 0.004)
-    wander = 0.003 * np.sin(2 * np.pi * 0.05 * t)
-    gap = from_motion("j", t, q + wander, theta, np.gradient(theta, t))
-    assert gap.verdict is GapVerdict.UNCLEAR, gap
-    assert np.isnan(gap.half_gap)
-
-
-def test_one_border_is_no_proof_of_no_gap():
-    t, q, theta = two_encoders(0.0, 0.0)
-    gap = from_motion("j", t, q + 0.02, theta, np.gradient(theta, t))
-    assert gap.verdict is GapVerdict.UNCLEAR
-    assert not gap.usable
-
-
-def clamped(name: str) -> tuple[MotionLog, float]:
-    """Torque ramps of a cycloidal gear whose output is clamped: position is the motor's."""
-    path = DATA / "cycloid" / f"{name}.csv.gz"
-    if not path.exists():
-        pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")
-    with gzip.open(path, "rt") as stream:
-        rows = np.genfromtxt(stream, delimiter=",", names=True)
-    rows = rows[rows["test_nr"] >= 100]
-    t = np.linspace(rows["TIME"][0], rows["TIME"][-1], len(rows))  # quantised to 16 ms
-    theta = 2 * np.pi * rows["POSITION"][:, None]
-    current = rows["Q_CURRENT"][:, None]
-    large = np.abs(current[:, 0]) > 1.0
-    constant = float(np.median(rows["TORQUE"][large] / current[large, 0]))
-    still = np.zeros_like(theta)
-    return MotionLog(("j",), t, current, still, np.gradient(theta, t, axis=0), theta), constant
-
-
-def test_real_torque_ramps_with_a_dead_zone():
-    gap = identify_gap(*clamped_with("base_runin1"))
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert gap.half_gap == pytest.approx(0.0325, rel=0.05)
-    assert gap.stiffness == pytest.approx(1066, rel=0.1)
-    assert gap.coulomb == pytest.approx(2.5, rel=0.1)
-    assert abs(gap.half_gap - 0.0325) < gap.confidence < 0.006
-
-
-@pytest.mark.parametrize("begin_s", [0.0, 6.0])
-@pytest.mark.parametrize("every", [1, 17, 25])  # up to 60 ms
-def test_real_torque_ramps_however_slowly_and_from_wherever_they_are_sampled(begin_s, every):
-    def answer(name: str):
-        log, constant = clamped(name)
-        rows = slice(round(begin_s / log.period_s), None, every)
-        return identify_gap(log.select(rows), 0, constant)
-
-    gap = answer("base_runin1")
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert gap.half_gap == pytest.approx(0.0325, abs=0.0015), gap
-    preloaded = answer("split_3pre1")
-    assert preloaded.verdict is GapVerdict.UNCLEAR, preloaded
-
-
-def sharp_gap(alpha: float, period_s: float) -> tuple[np.ndarray, ...]:
-    """Time, phi and torque of two ramps from rest to 20 Nm and back against a clamped link: gear of
-    1000 Nm/rad, friction of 2 Nm, and a gap that the motor crosses within a sample."""
-    t = np.arange(0.0, 40.0, period_s)
-    torque = 20.0 * np.interp(t, [0, 5, 15, 25, 35, 40], [0, 1, -1, 1, -1, 0])
-    bent = np.zeros_like(t)
-    for k in range(1, len(t)):
-        bent[k] = min(max(bent[k - 1], (torque[k] - 2.0) / 1000.0), (torque[k] + 2.0) / 1000.0)
-    rng = np.random.default_rng(0)
-    theta = bent + alpha * np.sign(bent) + 2e-5 * rng.standard_normal(len(t))
-    return t, -theta, torque + 0.05 * rng.standard_normal(len(t))
-
-
-@pytest.mark.parametrize("period_s", [0.01, 0.06])
-def test_the_sharpest_gap_is_the_clearest(period_s):
-    gap = from_ramps("j", *sharp_gap(0.02, period_s))
-    assert gap.verdict is GapVerdict.CLEAR, gap
-    assert gap.half_gap == pytest.approx(0.02, rel=0.02)
-    assert gap.stiffness == pytest.approx(1000.0, rel=0.05)
-
-
-def test_the_first_ramp_counts_from_its_end_on():
-    t, phi, torque = sharp_gap(0.02, 0.01)
-    from_rest = from_ramps("j", t, phi, torque)
-    torque = np.where(t < 3.0, -torque, torque)  # whatever the friction was before
-    assert from_ramps("j", t, phi, torque) == from_rest
-
-
-def test_a_gap_that_velocities_do_not_show_is_not_called_none():
-    """The motor crosses it between two samples of its velocity, or is caught on the way now and
-    then: what is left is no gear without a gap."""
-    t, phi, torque = sharp_gap(0.02, 0.03)
-    velocity = -np.gradient(phi, t)
-    fast = np.abs(velocity) > 0.1
-    for shown in (0.0, 0.3):
-        seen = np.where(fast, shown * velocity * (np.arange(len(t)) % 3 > 0), velocity)
-        still = np.zeros((len(t), 1))
-        gap = identify_gap(MotionLog(("j",), t, torque[:, None], still, seen[:, None]), 0, 1.0)
-        assert gap.verdict is GapVerdict.UNCLEAR, gap
-        assert "log its position" in gap.reason, gap
-
-
-def test_a_gear_that_stiffens_with_its_load_is_in_the_interval_of_ramps():
-    t, phi, torque = sharp_gap(0.02, 0.01)
-    for hardens in (0.0, 0.5, 1.0):
-        beyond = np.abs(phi) - 0.02
-        bent = np.where(beyond > 0.0, beyond * (1.0 + hardens * np.exp(-beyond / 0.004)), beyond)
-        gap = from_ramps("j", t, np.sign(phi) * (0.02 + bent), torque)
-        assert gap.verdict is GapVerdict.CLEAR, gap
-        assert abs(gap.half_gap - 0.02) < gap.confidence < 0.25 * 0.02, gap
-
-
-def test_real_torque_ramps_of_preloaded_gears():
-    """What is refused shows its figure, the limit that it broke, and why that may be."""
-    gap = identify_gap(*clamped_with("split_3pre1"))
-    assert gap.verdict is GapVerdict.UNCLEAR, gap
-    assert np.isnan(gap.half_gap)
-    assert 0.01 < gap.estimate < 0.03
-    assert gap.limit is not None
-    assert gap.limit.value > gap.limit.most
-    assert "slope inside over slope outside" in gap.reason
-    assert "preloaded" in gap.reason
-
-
 def columns(name: str) -> np.ndarray:
     """Of a file of the TX40, at 100 Hz, (N, 6)."""
     path = DATA / "tx40" / f"{name}.csv.gz"
@@ -556,8 +321,3 @@ def test_a_real_arm_with_one_position_per_joint_has_no_link_encoder():
         gap = identify_gap(log, i, 1.0)
         assert gap.verdict is GapVerdict.NO_LINK_ENCODER, gap
         assert not gap.usable
-
-
-def clamped_with(name: str) -> tuple[MotionLog, int, float]:
-    log, constant = clamped(name)
-    return log, 0, constant
