@@ -97,9 +97,15 @@ def _write(
     robot = load_robot(folder)
     aligned, _ = without_skew(log, robot.model, robot.configuration.estimator)
     found = scales(aligned, robot.model)
-    usual = float(np.median([abs(one.constant) for one in found if one.constant] or [1.0]))
-    known = read_names(logs[0])
-    constants = [_constant(name, one, usual, known) for name, one in zip(names, found, strict=True)]
+    shown = [one for one in found if one.constant]
+    usual = float(np.median([abs(one.constant) for one in shown] or [1.0]))
+    # One program wrote them all: where the surest torque is at the link, so are the others.
+    surest = abs(min(shown, key=lambda one: one.error).constant) if shown else 1.0
+    at_link, known = _AS_IT_IS[0] < surest < _AS_IT_IS[1], read_names(logs[0])
+    constants = [
+        _constant(name, one, usual, known, at_link=at_link)
+        for name, one in zip(names, found, strict=True)
+    ]
     factors = {name: (one[0], one[2]) for name, one in zip(names, constants, strict=True)}
     columns = {path: one.scaled(factors) for path, one in columns.items()}
     write_names()
@@ -130,16 +136,15 @@ def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
 
 
 def _constant(
-    joint: str, scale: Scale, usual: float, named: NamedLog | None
+    joint: str, scale: Scale, usual: float, named: NamedLog | None, *, at_link: bool
 ) -> tuple[float, float, str]:
     """Factor of a joint's column, its torque constant [Nm/A], and the reason; usual: that of other
-    joints."""
+    joints; at_link: torques are."""
     k = scale.constant
     if named is not None and f"torque.{joint}" in named.conversions:
         if not k:
             return (-1.0 if scale.against else 1.0), 1.0, str(scale)
-        fits = _AS_IT_IS[0] < k < _AS_IT_IS[1]
-        return (1.0 if fits else k), 1.0, f"{k:.3g} {scale}"
+        return (float(np.sign(k)) if at_link else k), 1.0, f"{k:.3g} {scale}"
     if not k:
         sign = -1.0 if scale.against else 1.0
         return sign, usual, f"as other joints: {scale}; it is the motor's, times the gear"
