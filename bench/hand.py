@@ -1,6 +1,6 @@
 """The arm in a hand: what it asks of one that leads it, and whether it goes on in one that rests.
 
-    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--no-assist]
+    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--assist]
                          [--circle PNG] [--jobs N] [--json]
 
 N arms as wide as the world, with the three laws of friction, each around a pose of its own, armed
@@ -12,6 +12,7 @@ leads   A hand of 1000, 1500 or 4000 N/m sets out each joint by itself, from res
 rests   One of 300, 1500 or 4000 N/m at the tool takes the arm from its trajectory, then rests with
         0.2 to 0.9 of the level in force on the joint that it loads most, holds still for 30 s, and
         lets go; or lets go at once. A miss is a trajectory that goes on while the hand is there.
+pulled  A steady torque of 1.2 times what sets a joint out, as of a load or a cable, for 3 s.
 
 --circle draws instead the circle of a hand at the tool of the first arm, and its force, as a PNG.
 """
@@ -26,11 +27,11 @@ import numpy as np
 
 from bench.options import JOBS, command
 from bench.report import Target, plain, print_report
-from bench.study.leading import Led, Rested, arm_at_work, lead, rest, robot_of
+from bench.study.leading import Led, Rested, arm_at_work, lead, pull, rest, robot_of
 from bench.study.monte_carlo import spread
 from daemon.modes.table import Event, Mode
 
-Part = Literal["leads", "rests"]
+Part = Literal["leads", "rests", "pulled"]
 PARTS: Final[tuple[Part, ...]] = get_args(Part)
 WORK_S: Final = 60.0
 HANDS_N_M: Final = (300.0, 1500.0, 4000.0)
@@ -47,7 +48,7 @@ class Job:
     seed: int
     part: Part
     probes: bool = True
-    assists: bool = True
+    assists: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,8 @@ class Result:
     job: Job
     led: list[Led]
     rested: list[Rested]
+    carried: dict[str, float]
+    """of each joint that a steady torque set out [rad]"""
 
 
 def run(job: Job) -> Result:
@@ -65,12 +68,15 @@ def run(job: Job) -> Result:
     on = arm_at_work(robot_of(probes=job.probes, assists=job.assists), job.seed, WORK_S)
     if job.part == "rests":
         trials = [rest(on, share, float(rng.choice(HANDS_N_M)), rng) for share in SHARES]
-        return Result(job, [], [each for each in trials if each is not None])
+        return Result(job, [], [each for each in trials if each is not None], {})
     on.request(Event.PAUSE)
     while on.mode is not Mode.HOLDING:
         on.step()
+    if job.part == "pulled":
+        ways = {name: pull(on, i) for i, name in enumerate(on.drives.names)}
+        return Result(job, [], [], {name: way for name, way in ways.items() if way is not None})
     found = [lead(on, i, LEADING_N_M[job.seed // 3 % 3]) for i in range(len(on.drives.names))]
-    return Result(job, [each for each in found if each is not None], [])
+    return Result(job, [each for each in found if each is not None], [], {})
 
 
 def targets(results: Sequence[Result]) -> list[Target]:
@@ -120,7 +126,7 @@ def by_joint(results: Sequence[Result]) -> dict[str, Any]:
 @click.option("--first", type=click.IntRange(min=0), default=1)
 @click.option("--part", type=click.Choice(PARTS), default=None, help="Only this part.")
 @click.option("--no-probe", is_flag=True, help="With `admittance.probe: false`.")
-@click.option("--no-assist", is_flag=True, help="With `admittance.assist: false`.")
+@click.option("--assist", is_flag=True, help="With `admittance.assist: true`.")
 @click.option("--circle", type=click.Path(path_type=Path), default=None, help="Draw a circle.")
 @JOBS
 def main(
@@ -128,7 +134,7 @@ def main(
     first: int,
     part: Part | None,
     no_probe: bool,
-    no_assist: bool,
+    assist: bool,
     circle: Path | None,
     processes: int,
     as_json: bool,
@@ -139,12 +145,17 @@ def main(
         print_report("hand", first, [], circles(first, WORK_S, circle), as_json=as_json)
         return
     parts, seeds = PARTS if part is None else (part,), range(first, first + arms)
-    jobs = [Job(seed, each, not no_probe, not no_assist) for each in parts for seed in seeds]
+    jobs = [Job(seed, each, not no_probe, assist) for each in parts for seed in seeds]
     done = spread(run, jobs, processes, "arms")
     results = sorted(done, key=lambda result: jobs.index(result.job))
     rested = [asdict(each) for result in results for each in result.rested]
     data = {
         "joints": by_joint(results),
+        "carried_rad": {
+            f"{result.job.seed} {joint}": way
+            for result in results
+            for joint, way in result.carried.items()
+        },
         "trials": len(rested),
         "missed": [row for row in rested if row["share"] and np.isfinite(row["went_on_s"])],
     }

@@ -33,12 +33,13 @@ LIGHTEST: Final = 0.3  # damping beyond that of a light link in a millisecond wo
 STRONGEST_N: Final = 40.0
 RISES_N_S: Final = 4.0  # force of a hand that sets a joint out
 MOVES: Final = 0.02  # [rad/s]
+PULLS, PULLS_S = 1.2, 3.0  # a load or a cable, over what set the joint out
 REACH_M, SPEED_M_S, TRIES = 0.12, 0.15, 8  # of a hand that takes the tool
 COMES_S, RESTS_S, LEAVES_S, BEFORE_S = 0.8, 30.0, 10.0, 3.0
 GOES_ON: Final = frozenset({Mode.TRACKING, Mode.RETURNING})
 
 
-def robot_of(*, probes: bool = True, assists: bool = True) -> Robot:
+def robot_of(*, probes: bool = True, assists: bool = False) -> Robot:
     """The Romeo arm with balanced gains, which swings all joints, and may be led for long."""
     robot = load_robot(ROMEO)
     c, change = robot.configuration, msgspec.structs.replace
@@ -122,16 +123,9 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
     """Set a joint of an arm that holds out, lead it at 0.25 rad/s, and let go in motion; None where
     it did not set out."""
     plant, start = on.harness.plant, on.harness.plant.q.copy()
-    lever = float(levers(on.robot.model.tool_jacobian(start)[np.newaxis])[0, joint])
-    limits, force = limits_of(on.robot.configuration), 0.0
-    way = float(np.sign(limits.lower[joint] + limits.upper[joint] - 2.0 * start[joint]))
-    while not yields(on) or way * plant.theta_dot[joint] < MOVES:
-        force += RISES_N_S * on.period_s
-        on.drives.external[joint] = way * force * lever
-        if force > STRONGEST_N:
-            on.drives.external[:] = 0.0
-            return None
-        on.step()
+    if (begun := _set_out(on, joint)) is None:
+        return None
+    way, force, lever = begun
     on.drives.external[:] = 0.0
     k, row = hand_n_m * lever**2, np.eye(plant.n)[[joint]]
     anchor, rate = row @ plant.q + way * force * lever / k, np.array([way * LEADING_RAD_S])
@@ -157,6 +151,41 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
         tremble=float(speed[late].std() / max(abs(speed[late].mean()), 1e-6)),
         coasts_rad=coasts,
     )
+
+
+def _set_out(on: ArmInTheLoop, joint: int) -> tuple[float, float, float] | None:
+    """Push at a joint of an arm that holds until it moves, and go on pushing. Returns the direction
+    of the push, towards the joint's middle, its force at the tool [N] and lever [m]; None where the
+    joint did not set out."""
+    plant, start = on.harness.plant, on.harness.plant.q.copy()
+    lever = float(levers(on.robot.model.tool_jacobian(start)[np.newaxis])[0, joint])
+    limits, force = limits_of(on.robot.configuration), 0.0
+    way = float(np.sign(limits.lower[joint] + limits.upper[joint] - 2.0 * start[joint]))
+    while not yields(on) or way * plant.theta_dot[joint] < MOVES:
+        force += RISES_N_S * on.period_s
+        on.drives.external[joint] = way * force * lever
+        if force > STRONGEST_N:
+            on.drives.external[:] = 0.0
+            return None
+        on.step()
+    return way, force, lever
+
+
+def pull(on: ArmInTheLoop, joint: int) -> float | None:
+    """Way [rad] that a steady torque, as of a load or a cable, carries a joint that it set out;
+    None where that did not set out."""
+    plant = on.harness.plant
+    if (begun := _set_out(on, joint)) is None:
+        return None
+    way, force, lever = begun
+    start = float(plant.q[joint])
+    on.drives.external[joint] = way * PULLS * force * lever
+    on.run(PULLS_S)
+    carried = way * (float(plant.q[joint]) - start)
+    on.drives.external[:] = 0.0
+    while yields(on):
+        on.step()
+    return carried
 
 
 def _along(

@@ -10,7 +10,7 @@ from bench.hand import Job, Result, targets
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import leading
 from bench.study.circle import circles
-from bench.study.leading import Led, Rested, arm_at_work, lead, rest, robot_of
+from bench.study.leading import Led, Rested, arm_at_work, lead, pull, rest, robot_of
 from daemon.modes.table import Event, Mode
 
 SEED, WORK_S = 3, 10.0
@@ -18,7 +18,7 @@ SEED, WORK_S = 3, 10.0
 
 @pytest.fixture(scope="module")
 def arm() -> ArmInTheLoop:
-    return arm_at_work(robot_of(), SEED, WORK_S)
+    return arm_at_work(robot_of(assists=True), SEED, WORK_S)
 
 
 def trial(arm: ArmInTheLoop, share: float) -> Rested:
@@ -65,11 +65,25 @@ def led(arm: ArmInTheLoop) -> Led:
 
 
 def test_a_joint_is_led_and_with_less_force_where_the_arm_assists(arm: ArmInTheLoop) -> None:
-    found, without = led(arm), led(arm_at_work(robot_of(assists=False), SEED, WORK_S))
+    found, without = led(arm), led(arm_at_work(robot_of(), SEED, WORK_S))
     assert found.leads_off < found.leads < 0.75 * without.leads
     assert 6.0 < without.leads < 15.0
     assert found.work_off < found.work < without.work
     assert found.coasts_rad < 0.02
+
+
+def test_a_steady_torque_carries_an_arm_that_assists_further() -> None:
+    ways = []
+    for assists in (False, True):
+        on = arm_at_work(robot_of(assists=assists), SEED, WORK_S)
+        on.request(Event.PAUSE)
+        while on.mode is not Mode.HOLDING:
+            on.step()
+        ways.append(pull(on, 2))
+    without, with_it = ways
+    assert without is not None
+    assert with_it is not None
+    assert 0.1 < without < 0.8 * with_it
 
 
 def test_a_circle_is_drawn_by_the_hand_with_and_without_the_assist(tmp_path: Path) -> None:
@@ -85,7 +99,7 @@ def test_a_circle_is_drawn_by_the_hand_with_and_without_the_assist(tmp_path: Pat
 LED = Led("a", 3.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
 RESTED = Rested(0.5, "a", 300.0, 1.0, np.inf, 2.1)
 ALONE = replace(RESTED, share=0.0)
-GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE])
+GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE], {})
 
 
 @pytest.mark.parametrize(
