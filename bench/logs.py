@@ -55,7 +55,7 @@ MOTIONS: dict[str, tuple[Callable[[Style, Stranger], bool], str]] = {
         "swing",
     ),
 }
-"""What shows no friction, though the rest may be answered, and words of the answer."""
+"""Motions that show no friction, though the rest may be answered, and words of the answer."""
 
 
 @dataclass(slots=True)

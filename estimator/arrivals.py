@@ -58,7 +58,7 @@ class Arrivals:
         return flags
 
     def starting(self) -> int:
-        """STARTING where samples do for no joint yet, or a joint has none; else 0."""
+        """STARTING while no joint has samples enough, or one has none; else 0."""
         ready, counted = False, True
         for i in range(self._n):
             ready = ready or self._alignment.count[i] >= _SAMPLES

@@ -1,5 +1,5 @@
-"""Bound of the links that `bench.wrench` finds decided: the posterior over links of one who knows
-what no arm does: the noise of each, its shapes, and how hands are drawn (`hands.drawn`)."""
+"""Upper bound on the links that `bench.wrench` finds decided: the posterior over links with what no
+arm knows, its own noise, the true shapes, and how hands are drawn (`hands.drawn`)."""
 
 from typing import Final
 
