@@ -6,8 +6,8 @@ N arms as wide as the world, with the three laws of friction and gains of 0.1 to
 their own, swing with all joints for four minutes, armed. Then each meets one change: something that
 rubs, both ways, one way or with the motion, leans on it for 1 to 20 minutes, or pulls at a place
 like a cable, all with 0.2 to 0.9 of a joint's stated level; friction that steps to 0.5 to 2 times
-itself, or grows by half in a rest; a load that comes and goes; lost samples. After that nobody is
-there. The whole tick runs, around an arm without a bus.
+itself, or grows by half in a rest; a load that comes and goes; lost samples. After that it is
+untouched. The whole tick runs, around an arm without a bus.
 
 Judged by the plant. *Alone* is a joint whose rotor moves faster than 0.02 rad/s while the arm
 yields, and no person does work on it, nor did half a second ago; what is left of the speed with
@@ -39,7 +39,7 @@ LATER_S = 0.15  # than usual, from which on a touch is missed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """What became of one arm."""
+    """Result of one arm."""
 
     job: Job
     change: Change

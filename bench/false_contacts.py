@@ -5,7 +5,7 @@
                                    [--motor-position measured|integrated] [--no-learning]
                                    [--gears CONDITION] [--load-known X] [--unseen] [--json]
 
-N arms for each law of friction, each at work for N minutes with nobody touching it: sinusoids,
+N arms for each law of friction, each at work for N minutes untouched: sinusoids,
 moves from point to point with rests, creeping at 0.02 rad/s, one joint at a time to and fro, and
 standing. Their friction is 40 % off and drifts by 20 % in ten minutes, with a rise near rest of up
 to 30 % (lugre); pre-sliding is 0.1 to 2 mrad, gears have 300 to 4000 Nm/rad, some drives step.
@@ -128,7 +128,7 @@ def tally(
 
 
 def targets(found: dict[Law, Tally], deciding: str) -> list[Target]:
-    """What the residual that decides must do."""
+    """Targets of the residual that decides."""
     return [
         Target(f"false contacts in {one.hours:.3g} h, {deciding}, {law}", one.alarms[0].sum(), 0)
         for law, one in found.items()

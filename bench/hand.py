@@ -53,7 +53,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What was seen of one arm."""
+    """Result of one arm."""
 
     job: Job
     led: list[Led]

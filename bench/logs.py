@@ -46,7 +46,7 @@ LACKS = {
     "too short": (Style(), "of motion"),
     "a load": (Style(), "`contactctl payload"),
 }
-"""What a log lacks, and words of the answer that name it."""
+"""Lack of a log, and words of the answer that name it."""
 
 MOTIONS: dict[str, tuple[Callable[[Style, Stranger], bool], str]] = {
     "a fast log": (lambda style, _: style.rate_Hz < 12.5, "log faster"),

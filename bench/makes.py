@@ -70,7 +70,7 @@ def _half_rated(found: re.Match[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What an arm detects."""
+    """Detections of an arm."""
 
     level: Vector  # in force, median in motion (n,) [Nm]
     delays_s: Vector  # of the touches; infinite where one was missed, NaN where it was a fault

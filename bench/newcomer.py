@@ -30,7 +30,7 @@ from bench.rigs.generated_makes import MAKES
 from bench.rigs.makers import RIGHT, makers, verdict, wrong
 from bench.rigs.motor_owner import MODELS, MotorOwner, motor_arm
 from bench.rigs.owner import Owner, Story
-from bench.study.mistakes import MISTAKES, checkable, told
+from bench.study.mistakes import MISTAKES, checkable, reported
 from bench.study.unrefused import met
 
 LEAST = 57
@@ -38,32 +38,32 @@ COMMANDS, FIELDS = 15, 10
 
 
 def planted(arm: GeneratedArm, folder: Path) -> dict[str, Any]:
-    """What became of the mistakes in one arm: how many were told at their field, how many refused,
+    """Mistakes in one arm: how many were reported at their field, how many refused,
     and the words of those that were missed."""
     missed, refused = [], 0
     for mistake in checkable():
-        said = told(mistake.plant(arm, folder))
+        said = reported(mistake.plant(arm, folder))
         refused += said.refused
         if not said.of(mistake.field):
             missed.append(mistake.words)
     there = sum(not mistake.only_wiring for mistake in MISTAKES)
-    told_of = there - len(missed)
-    return {"make": arm.make.name, "told": told_of, "refused": refused, "missed": missed}
+    found = there - len(missed)
+    return {"make": arm.make.name, "reported": found, "refused": refused, "missed": missed}
 
 
 def of_mistakes(folder: Path, arms: int) -> tuple[list[Target], dict[str, Any]]:
     """Targets and data of the planted mistakes, and of arms without one."""
     makes = range(len(MAKES))
     found = [planted(generate(seed), folder / f"planted{seed}") for seed in makes]
-    clean = [told(generate(seed).write(folder / f"clean{seed}")) for seed in range(arms)]
+    clean = [reported(generate(seed).write(folder / f"clean{seed}")) for seed in range(arms)]
     at_arms = [
         met(mistake, generate(k % len(MAKES)), folder / f"met{k}")
         for k, mistake in enumerate(MISTAKES)
     ]
     warned = sum(bool(said.lines) for said in clean)
     targets = [
-        Target("mistakes told at the right field, at least, of 60", min(f["told"] for f in found),
-               LEAST, better="higher"),
+        Target("mistakes reported at the right field, at least, of 60",
+               min(f["reported"] for f in found), LEAST, better="higher"),
         Target(f"arms without mistakes that are warned of, of {arms}", warned, 0),
         Target(f"of {len(MISTAKES)} mistakes, those with which an arm was armed or ran, or that "
                "neither check nor wiring tell", sum(one.harmful for one in at_arms), 0),

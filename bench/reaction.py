@@ -56,7 +56,7 @@ PATIENCE_TICKS = 100
 FULL_SPEED = 0.95  # of the velocity limit
 FAST = (all_frozen, encoder_frozen, samples_repeat, pdos_stale, stone_deaf, heartbeat_lost, runaway)
 # Made at nearly full speed, too. A drive that hears no setpoint any more is not among them: it goes
-# on as it was told until its setpoints are others.
+# on as commanded until its setpoints are others.
 
 
 def stop_sent(on: BreakableArm, reaction: Response) -> bool:
@@ -73,7 +73,7 @@ class Course:
     reaction: Response
     began: np.ndarray
     found: int | None = None
-    told: int | None = None
+    reported: int | None = None
     mute: int = 0  # ticks after it was found in which the bus took nothing
     stood: int | None = None
     proved: int | None = None
@@ -84,7 +84,7 @@ class Course:
 
     @property
     def stops(self) -> bool:
-        """True where the drives are told to stop, other than by the end of the program."""
+        """True where the drives are commanded to stop, other than by the end of the program."""
         return self.reaction in (Response.HOLD, Response.QUICK_STOP)
 
     def see(self, on: BreakableArm, case: Case, tick: int) -> None:
@@ -98,9 +98,9 @@ class Course:
         self.furthest = np.maximum(self.furthest, np.abs(on.joints - self.began).max(axis=0))
         if self.found is None:
             return
-        if self.stops and self.told is None:
-            self.told = tick if stop_sent(on, self.reaction) else None
-            self.mute += self.told is None and on.mute
+        if self.stops and self.reported is None:
+            self.reported = tick if stop_sent(on, self.reaction) else None
+            self.mute += self.reported is None and on.mute
         if self.proved is None and not on.rig.last.unproved:
             self.proved = tick
 
@@ -110,7 +110,7 @@ class Course:
             return bool(self.found)
         latched = self.reaction is Response.QUICK_STOP
         seen = not latched or bool(self.proved) or on.rig.tick.drives.silenced
-        return bool(self.stood) and seen and not (self.stops and self.told is None)
+        return bool(self.stood) and seen and not (self.stops and self.reported is None)
 
 
 def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
             break
     if hasattr(fault, "close"):
         fault.close()
-    found, told = course.found, course.told
+    found, reported = course.found, course.reported
     moved = course.reaction is not Response.CONTINUE
     latched = course.reaction is Response.QUICK_STOP
     bound = on.own_travel if case.own else on.travel
@@ -137,7 +137,7 @@ def measure(on: BreakableArm, case: Case) -> dict[str, Any]:
         on,
         case,
         found_tick=found,
-        stop_ticks_after_found=told - found - course.mute if found and told else None,
+        stop_ticks_after_found=reported - found - course.mute if found and reported else None,
         mute_ticks=course.mute,
         stands_tick=course.stood if moved else None,
         proved_tick=course.proved if latched else None,

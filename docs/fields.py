@@ -1,4 +1,4 @@
-"""Structs of the code as their source tells them: which there are, and the words beside fields."""
+"""Structs of the code as their source has them: which there are, and the words beside fields."""
 
 import ast
 import inspect
@@ -38,7 +38,7 @@ def inner_structs(kind: types.Type) -> Iterator[type]:
 
 
 def comments_of(cls: type) -> dict[str, str]:
-    """What stands beside, above or as text below each field, or member of an enum, in the code."""
+    """Text beside, above or as text below each field, or member of an enum, in the code."""
     base = cls.__mro__[1]
     inherited = comments_of(base) if base.__module__.startswith(("drivers", cls.__module__)) else {}
     source = inspect.getsource(cls)

@@ -1,6 +1,6 @@
 """docs/troubleshooting.md as a page of the page's server, to which its fault banner links.
 
-Whoever stands at the arm with a phone has no clone: the page's server brings that page along. Links
+Who stands at the arm with a phone has no clone: the page's server brings that page along. Links
 to other documents, which it does not bring, become plain words.
 """
 

@@ -108,7 +108,7 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
 
 
 def _table(*rows: tuple[str, ...]) -> str:
-    """Of Markdown; the first row is the head."""
+    """Table in Markdown; the first row is the head."""
     escaped = [[cell.replace("|", "\\|") for cell in row] for row in rows]
     head, *others = ["| " + " | ".join(row) + " |" for row in escaped]
     return "\n".join([head, "|---" * len(rows[0]) + "|", *others])

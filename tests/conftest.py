@@ -2,7 +2,7 @@
 
 How long a machine takes is no property of the code, so neither has a deadline. `make test` draws
 its examples from the tests themselves, so that a failure is the change's, and is found again by
-whoever runs it. `make fuzz` draws thousands from a random seed that it prints. A property with a
+who runs it. `make fuzz` draws thousands from a random seed that it prints. A property with a
 number of examples of its own writes `max_examples=scaled(50)`, so that `make fuzz` reaches it, too.
 """
 

@@ -27,7 +27,7 @@ class Handler:
         return Reply(ok=True, mode="off", snapshot=self.snapshot)
 
 
-def told(client: socket.socket) -> dict[str, object]:
+def reported(client: socket.socket) -> dict[str, object]:
     reply = json.loads(client.recv(1 << 20))
     assert isinstance(reply, dict)
     return reply

@@ -1,4 +1,4 @@
-"""What lies in wheel and source archive: all of the project, and nothing of whoever builds them."""
+"""Contents of wheel and source archive: all of the project, and nothing of who builds them."""
 
 import shutil
 import subprocess

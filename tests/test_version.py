@@ -56,15 +56,15 @@ CASES: dict[str, tuple[list[Callable[[Path], object]], str]] = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_it_is_told_by_the_tag_and_how_far_it_lies_behind(tmp_path: Path, case: str) -> None:
-    steps, told = CASES[case]
+def test_it_follows_from_the_tag_and_how_far_it_lies_behind(tmp_path: Path, case: str) -> None:
+    steps, reported = CASES[case]
     root = tmp_path / "clone"
     root.mkdir()
     (root / "CHANGELOG.md").write_text(CHANGES)
     for step in steps:
         step(root)
-    name = git(root, "rev-parse", "--short", "HEAD").strip() if "HASH" in told else ""
-    assert version(root) == told.replace("HASH", name)
+    name = git(root, "rev-parse", "--short", "HEAD").strip() if "HASH" in reported else ""
+    assert version(root) == reported.replace("HASH", name)
 
 
 def test_a_changelog_without_a_release_is_refused(tmp_path: Path) -> None:

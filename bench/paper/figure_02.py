@@ -69,7 +69,7 @@ def numbers(recording: Recording) -> dict[str, Any]:
 
 def picture(recording: Recording) -> Figure:
     """Positions above, residuals below, as in the paper; the crossings shaded."""
-    figure = canvas(8.0, 5.6, "Fig. 2: a joint with a gap of 0.1 rad in motion, nobody near")
+    figure = canvas(8.0, 5.6, "Fig. 2: a joint with a gap of 0.1 rad in motion, no person near")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(1.0, 1.2))
     for axes in (above, below):
         draw_crossings(axes, recording, 0)

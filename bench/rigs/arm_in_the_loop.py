@@ -57,7 +57,7 @@ class IdealDrives:
             harness.period((self.external + held(harness.plant.q, harness.plant.q_dot))[np.newaxis])
 
     def collect(self, deadline: float) -> Samples:
-        """What the drives measured at the SYNC."""
+        """Measurements of the drives at the SYNC."""
         del deadline
         measured, fresh = self._harness.sample(), ~self.lost
         measured[:, self.lost] = self._last[:, self.lost]

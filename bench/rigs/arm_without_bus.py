@@ -216,7 +216,7 @@ class Harness:
             self.servo.follow(joint, counts * self._velocity_unit[joint], self._over_s)
 
     def run(self, milliseconds: int) -> None:
-        """So many milliseconds, in which nobody touches the arm."""
+        """So many milliseconds, without a touch."""
         self.periods.run(milliseconds, self._steps, None)
 
     def period(self, external: Matrix) -> None:
@@ -225,7 +225,7 @@ class Harness:
 
 
 Act = Callable[[Harness, float], Vector]
-"""What changes the arm at a time [s] of the scenario."""
+"""Change of the arm at a time [s] of the scenario."""
 
 
 def _displace(model: pin.Model, distance_m: float, seed: int) -> None:

@@ -67,7 +67,8 @@ MAKES = (ROMEO_ARM, DESK, DURAND, DAMIAO, ROBSTRIDE)
 FAST_HZ = 0.4
 
 Fault = Callable[["BreakableArm"], Iterator[None]]
-"""What is between two `yield`s happens before a tick; when it is closed, the cause is gone."""
+"""Cause, tick by tick: what is between two `yield`s happens before a tick; when it is
+    closed, the cause is gone."""
 
 
 def for_ever() -> Iterator[None]:
@@ -120,7 +121,7 @@ class BreakableArm:
     late_s: float = 0.0  # How late the next ticks begin.
     left_out: int = 0  # Deadlines that this costs, each time.
     changes: list[Callable[[Readings], Readings]] = field(default_factory=list)
-    """What becomes of the readings of the drives' sensors, one after the other."""
+    """Changes of the readings of the drives' sensors, one after the other."""
 
     @property
     def period_s(self) -> float:
@@ -157,7 +158,7 @@ class BreakableArm:
         return self.make.speech.answers(drive)
 
     def say(self, cob_id: int, data: bytes = b"", *, error: bool = False) -> None:
-        """Let a frame of somebody else arrive before the next SYNC."""
+        """Let another node's frame arrive before the next SYNC."""
         self.rig.line.far.send(
             can.Message(
                 arbitration_id=cob_id & ~EXTENDED,
@@ -219,8 +220,8 @@ class BreakableArm:
 
     @property
     def stops(self) -> bool:
-        """True if the last tick told every drive to stop that is set up, and none to move (others
-        are told by SDO); or if nothing but silence is left."""
+        """True if the last tick commanded each drive that is set up to stop, and none to move
+        (others get SDOs); or if nothing but silence is left."""
         if self.rig.drives.silenced:
             return True
         setpoints, drives = self.setpoints(), self.rig.drives
@@ -251,7 +252,7 @@ class BreakableArm:
 
     @property
     def travel(self) -> np.ndarray:
-        """How far each joint may go after a fault, as `contactd check` prints it (n,) [rad]."""
+        """Way that each joint may go after a fault, as `contactd check` prints it (n,) [rad]."""
         return np.array([travel.total for travel in travels(self.rig.robot.configuration)])
 
     @property
@@ -310,7 +311,7 @@ class BreakableArm:
         return _among(self.wire.twice, cob_ids)
 
     def not_sending(self, *cob_ids: int) -> AbstractContextManager[None]:
-        """These frames of ours reach nobody inside the block."""
+        """These frames of ours reach no node inside the block."""
         return _among(self.wire.unsent, cob_ids)
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Faults of the bus: frames lost, late or somebody else's, and failing adapters."""
+"""Faults of the bus: frames lost, late or another node's, and failing adapters."""
 
 import errno
 from collections.abc import Iterator

@@ -122,7 +122,7 @@ def restarts_operational(on: BreakableArm) -> Iterator[None]:
         on.simulated.make = make
 
 
-# Somebody else's tool chooses another mode of operation, turns the RPDO off that brings the target
+# Another program chooses another mode of operation, turns the RPDO off that brings the target
 # velocity, or gives SYNC another identifier (0x1005).
 mode_changed = lasting(
     lambda on: on.simulated.on_sdo(foreign_tool.mode_changed(OTHER_MODE[on.make.name]))
@@ -211,6 +211,6 @@ deaf_to_setpoints = throughout(lambda on: _deaf(on, "setpoints"))
 # An NMT stop is all that it hears; and not even that: our silence would stop it.
 deaf_to_sdo_too = throughout(lambda on: _deaf(on, "set-up"))
 deaf_to_nmt_too = throughout(lambda on: _deaf(on, "all but silence"))
-# It never takes a setpoint, nor answers, and our heartbeat tells it that all is well.
+# It never takes a setpoint, nor answers, and our heartbeat shows it that all is well.
 deaf_to_sync = throughout(lambda on: _deaf(on, "requests"))
 stone_deaf = throughout(lambda on: _deaf(on, "all"))  # and sends its heartbeat

@@ -72,7 +72,7 @@ _COMMANDS: Final = (
 )
 
 
-_NOBODY_ELSE: Final = nullcontext()
+_NO_OTHER: Final = nullcontext()
 
 
 class PolledBus:
@@ -125,11 +125,11 @@ class DurandDrive:
         self.velocity = 0.0  # [rad/s]
         self.states: list[str] = []  # Every power state it was in, in order.
         self.sense = self.read
-        """What it says of its sensors; who wants it to lie puts something else in its place."""
+        """Readings of its sensors; replaced where it is to lie."""
         self.power_on()
 
     def power_on(self) -> None:
-        """For the first time or again: a boot-up message, and nothing that it was told is left."""
+        """For the first time or again: a boot-up message, and nothing that was written is left."""
         self.network.forget()
         self._clock = VirtualScheduler()
         set_scheduler(self._clock)  # durand has one for all
@@ -156,15 +156,13 @@ class DurandDrive:
         set_scheduler(self._clock)
         self.network.hear(cob_id, data)
 
-    def pump(
-        self, timeout: float = 0.0, alone: AbstractContextManager[object] = _NOBODY_ELSE
-    ) -> None:
+    def pump(self, timeout: float = 0.0, alone: AbstractContextManager[object] = _NO_OTHER) -> None:
         """Answer what is on the bus, frame by frame `alone`."""
         set_scheduler(self._clock)
         self.network.pump(timeout, alone)
 
     def let_pass(self, seconds: float) -> None:
-        """While serving: let so much time pass for the drive, and not less for whoever waits."""
+        """While serving: let so much time pass for the drive, and not less for who waits."""
         time.sleep(seconds)
         with self._alone:
             self.advance(seconds)
@@ -216,7 +214,7 @@ class DurandDrive:
         self._locked = self._locked and state is not StateEnum.INITIALISATION
 
     def switch_off(self) -> None:
-        """Somebody takes the voltage away."""
+        """Loss of the voltage."""
         self._enter("SWITCH ON DISABLED")
 
     @contextmanager

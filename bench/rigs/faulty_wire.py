@@ -24,7 +24,7 @@ class FaultyWire:
         self._held: list[Frame] = []
         self._ready: deque[Frame] = deque()
         self.queue: list[Frame] | None = None
-        """Where frames of ours wait for a bus that is off; None while it is not."""
+        """Queue in which frames of ours wait for a bus that is off; None while it is not."""
         self.sending: Exception | None = None
         self.receiving: Exception | None = None
         self.sent: list[tuple[int, bytes]] = []  # Since the last tick began.

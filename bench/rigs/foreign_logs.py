@@ -43,7 +43,7 @@ class Stranger:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """How another program writes a log."""
+    """Format in which another program writes a log."""
 
     rate_Hz: float = 100.0
     late_s: dict[str, float] = field(default_factory=dict)

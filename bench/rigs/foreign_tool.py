@@ -1,4 +1,4 @@
-"""What somebody else's tool writes to a drive that is ours: SDO downloads to its server."""
+"""Writes of another program's tool to a drive that is ours: SDO downloads to its server."""
 
 import struct
 from typing import Final

@@ -51,11 +51,11 @@ class GeneratedArm:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints."""
+        """Names of the joints."""
         return _NAMES[: len(self.joints)]
 
     def configuration(self) -> dict[str, Any]:
-        """What a careful owner writes, with sensible guesses of what is to be identified."""
+        """Configuration of a careful owner, with sensible guesses of what is to be identified."""
         return {
             "version": 1,
             "name": f"Generated arm {self.seed}",

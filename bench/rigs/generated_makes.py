@@ -18,7 +18,7 @@ _CODES = {
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a data sheet says of a quantity: object, type, unit of a count, sign and offset."""
+    """Data sheet's entry of a quantity: object, type, unit of a count, sign and offset."""
 
     index: int
     type: str

@@ -11,7 +11,7 @@ from drivers.can.wire import Frame, Wire
 
 PATIENCE_S = 20.0  # with this machine: whatever is waited for so long is lost
 READ_SIZE = 65_536
-MARK = 0x7FF  # an identifier that nobody uses
+MARK = 0x7FF  # an identifier that is not used
 
 
 class InterfaceEnd:

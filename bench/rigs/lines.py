@@ -70,7 +70,7 @@ class FrameQueue(Queue[can.Message]):
     def put(self, item: can.Message, block: bool = True, timeout: float | None = None) -> None:
         with self.mutex:
             self.queue.append(item)
-            if len(self.queue) == 1:  # nobody waits for more than the first
+            if len(self.queue) == 1:  # no one waits for more than the first
                 self.not_empty.notify()
 
 
@@ -169,7 +169,7 @@ def slcan_line() -> Iterator[Line]:
 
 @contextmanager
 def socketcan_line() -> Iterator[Line]:
-    """One of `INTERFACES`, which nobody else uses meanwhile."""
+    """One of `INTERFACES`, which no other test uses meanwhile."""
     channel = INTERFACES.popleft()
     full = OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
     try:
@@ -201,7 +201,7 @@ def _awaited_line(opened: OpenBus, far: TextEnd | InterfaceEnd, full: Exception)
     unplug = far.unplug if isinstance(far, TextEnd) else None
 
     def hand_over() -> None:
-        """What SDO has left on the line is not counted: both ends read up to a mark. The drives
+        """Discard what SDO has left on the line: both ends read up to a mark. The drives
         have done with what came before it; the daemon has not."""
         near.wire.send([(MARK, b"")])
         found = None

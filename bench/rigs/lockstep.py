@@ -227,7 +227,7 @@ def lockstep_rig(
     `between` what stands before the daemon's wire. `truth` is the folder whose arm is simulated,
     where the daemon's own believes something else, and `identification` the arming check for the
     robot and the drives' serial numbers. `line` opens the bus. `described`
-    is the arm of that folder: as its configuration says, unless told otherwise."""
+    is the arm of that folder: as its configuration says, unless stated otherwise."""
     robot = load_robot(folder)
     true = load_robot(truth) if truth else robot
     simulation = read_simulation(true)

@@ -1,4 +1,4 @@
-"""Numbers that are none, sensors that lie, and somebody stronger than the arm."""
+"""Numbers that are none, sensors that lie, and a person stronger than the arm."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

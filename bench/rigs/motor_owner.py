@@ -75,7 +75,7 @@ class MotorOwner(Owner):
             joint["wiring"]["node"] = known["wiring"]["node"]
 
     def gaps(self, served: ServedDaemon) -> None:
-        """Of motors whose output has an encoder."""
+        """Gaps of motors whose output has an encoder."""
         if self.arm.make.name == "damiao":
             super().gaps(served)
 

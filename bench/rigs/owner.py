@@ -34,7 +34,7 @@ from simulator.mismatch import true_parameters
 
 OF_DATA_SHEETS = ("node", "gear", "rated_current_A", "max_current_A")
 SEEN = 0.01  # as exactly as an angle is read off an arm [rad]
-TOLD = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
+REPORTED = re.compile(r"[Ss]et\s+(control|supervisor)\.(\w+)\s+to\s+(\S+)")
 TRIES = 4  # of the wiring: a joint that sags keeps others from being checked
 MASSES = "contactd identify masses"
 REPEATS = 3  # of a step that says what to change
@@ -49,7 +49,7 @@ class GivenUpError(Exception):
 
 @dataclass(slots=True)
 class Story:
-    """How far an owner came with one arm."""
+    """Progress of an owner with one arm."""
 
     seed: int
     make: str
@@ -176,18 +176,18 @@ class Owner:
             raise GivenUpError(f"gap: {output}")
 
     def _identified(self, served: ServedDaemon, step: str) -> None:
-        """A step; where it tells another gain, or asks for masses, that and the step once more."""
+        """A step; where it names another gain, or asks for masses, that and the step once more."""
         for _ in range(REPEATS):
             good, output = self.identify(served, step)
             if good:
                 return
-            told = TOLD.search(output)
-            if told:
-                self._edit(partial(self._set, told[1], told[2], float(told[3])))
+            reported = REPORTED.search(output)
+            if reported:
+                self._edit(partial(self._set, reported[1], reported[2], float(reported[3])))
             asked = "identify masses" in output and MASSES not in self.story.commands
             if asked:
                 self._identified(served, "masses")
-            if not told and not asked:
+            if not reported and not asked:
                 break
         raise GivenUpError(f"{step}: {output}")
 
@@ -314,7 +314,7 @@ class Owner:
 
 
 class Pushes(io.RawIOBase):
-    """What a person types who is asked which way a link went, joint by joint: pushes it first."""
+    """Answers of a person who is asked which way a link went, joint by joint: pushes it first."""
 
     def __init__(self, served: ServedDaemon, owner: Owner) -> None:
         self._rig, self._owner = served.rig, owner

@@ -21,7 +21,7 @@ _USUAL_HZ: Final = BANDWIDTH / (2.0 * np.pi)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reaching:
-    """How the drives of one arm reach their setpoints."""
+    """Lag of the drives of one arm behind their setpoints."""
 
     way: Way = "ramps"
     bandwidth_Hz: float = _USUAL_HZ

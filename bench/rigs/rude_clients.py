@@ -99,7 +99,7 @@ def stampede(path: str) -> Iterator[None]:
 
 
 def garrison(path: str) -> Iterator[None]:
-    """As many connections as there are places, kept; whoever is put out comes again, and asks."""
+    """As many connections as there are places, kept; who is put out comes again, and asks."""
     held = [_dial(path) for _ in range(300)]
     while True:
         for i, one in enumerate(held):
@@ -136,7 +136,7 @@ def _attack(name: str, path: str) -> None:
 def attacking(name: str, path: Path) -> Iterator[None]:
     """Processes that attack while the block lasts."""
     context = multiprocessing.get_context("fork")
-    # Whoever holds a thousand connections is one, the others are many.
+    # Who holds a thousand connections is one, the others are many.
     count = 1 if name == "crowd" else ATTACKERS
     made = [
         context.Process(target=_attack, args=(name, str(path)), daemon=True) for _ in range(count)

@@ -61,7 +61,7 @@ class Speech(Protocol):
         """True for a simulated drive with torque."""
 
     def answer_kind(self, data: bytes) -> int:
-        """Which of the answers that share an identifier this is."""
+        """Kind of this answer among those that share an identifier."""
 
     def deaf(self, to: str) -> tuple[str, ...]:
         """Methods of a simulated drive by which it hears `setpoints`, `set-up`, `all but
@@ -119,7 +119,7 @@ class Canopen:
         }[to]
 
     def setpoints(self, drives: Sequence[Any], sent: Sequence[Frame]) -> dict[int, tuple[int, int]]:
-        """Of the RPDOs."""
+        """Setpoints in the RPDOs."""
         frames, found = dict(sent), {}
         for drive in drives:
             sent_to_it: dict[str, int] = {}
@@ -176,7 +176,7 @@ class Damiao:
         return [drive.node + ANSWERS]
 
     def link_scale(self, drive: Any) -> float:
-        """Of the sensor in the motor."""
+        """Scale of the sensor in the motor."""
         return float(drive.wiring.link_sign * TURN / ENCODER_COUNTS)
 
     def foreign(self, drive: Any) -> tuple[Frame, Frame, Frame]:

@@ -233,7 +233,7 @@ class Watch:
         last = armings[-1] == "armed" if armings else before.armed
         check("a change of permission is reported", last == state.armed, now, words)
         if Mode(state.mode) in GUIDED and Mode(before.mode) not in GUIDED:
-            check("nobody guides an arm that is not armed", before.armed or "armed" in armings, now)
+            check("no unarmed arm is guided", before.armed or "armed" in armings, now)
 
 
 def false_alarms(contacts_s: Sequence[float], touches_s: Sequence[tuple[float, float]]) -> int:

@@ -9,7 +9,7 @@ import click
 
 from bench.soak.trend import Bound, Trend, trend
 
-CASES_TOLD = 5  # Cases of each broken rule that are described in words
+CASES_REPORTED = 5  # Cases of each broken rule that are described in words
 
 # The kinds of touches and faults come back in some minutes; a shared machine has no such rhythm.
 RHYTHM_S, NEVER = 900.0, float("inf")
@@ -44,7 +44,7 @@ class Ledger:
         self.checked[rule] += 1
         if not holds:
             self.broken[rule] += 1
-            if self.broken[rule] <= CASES_TOLD:
+            if self.broken[rule] <= CASES_REPORTED:
                 self.cases.append(f"{time_s:.2f} s: {rule}: {words}")
 
 

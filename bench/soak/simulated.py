@@ -42,7 +42,7 @@ from daemon.service.status import Process
 from daemon.tick.loop import Loop
 
 # Not at random: what leaves the arm somewhere it cannot be enabled from, what ends the program,
-# what needs a certain motion to be noticed, what stands in for somebody else's part, and what is
+# what needs a certain motion to be noticed, what stands in for another program's part, and what is
 # stronger than a drive: no setpoint keeps it inside a joint limit.
 UNFIT = {
     "adapter gone", "drive deaf to setpoints", "... and to SDO", "... and to NMT",

@@ -29,7 +29,7 @@ _RAMP_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """What a course may use: bounds (n,) [rad], speeds (n,) [rad/s], and the period [s]."""
+    """Range of a course: bounds (n,) [rad], speeds (n,) [rad/s], and the period [s]."""
 
     lower: Vector
     upper: Vector

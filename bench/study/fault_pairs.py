@@ -78,7 +78,7 @@ def sampled(number: int | None, seed: int) -> Sequence[Pair]:
 
 @dataclass
 class Verdict:
-    """What was said of a joint and did not hold, each once: joints, in words."""
+    """Statements on a joint that did not hold, each once: joints, in words."""
 
     proved: list[str] = field(default_factory=list)  # said to stand, and moved
     reset: list[str] = field(default_factory=list)  # `reset` would have been accepted meanwhile
@@ -109,8 +109,8 @@ class Judge:
             servo = on.rig.arm.servo
             energised, speed = servo.energised(joint), self._speed(joint)
             obey()
-            told_first = on.rig.drives.stopped_in_vain(joint)
-            if energised and not servo.energised(joint) and speed >= MOVES and not told_first:
+            reported_first = on.rig.drives.stopped_in_vain(joint)
+            if energised and not servo.energised(joint) and speed >= MOVES and not reported_first:
                 self.verdict.cut.append(f"{self._name(joint)} at {speed:.2f} rad/s")
 
         axis.on_controlword = watched  # type: ignore[method-assign]

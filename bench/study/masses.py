@@ -62,7 +62,7 @@ def carrying(arm: PlantParameters, by: Model, load: Payload) -> PlantParameters:
 
 
 def true_bodies(arm: PlantParameters) -> dict[str, BodyInertia]:
-    """What the joints move in truth, by joint."""
+    """Bodies that the joints move in truth, by joint."""
     model = arm.model
     return {
         model.names[i]: BodyInertia.of(model.inertias[i].toDynamicParameters())
@@ -96,7 +96,7 @@ class Subjects(Fleet):
     """A fleet whose masses are not the URDF's."""
 
     def __init__(self, arms: int, seed: tuple[int, int], reaching: Reaching = RAMPING) -> None:
-        # Masses are what is looked for; a torque constant cannot be told from them.
+        # Masses are what is looked for; a torque constant cannot be distinguished from them.
         scatter = Scatter(mass=1.0, center_of_mass=1.0, torque_constant=1.0, half_gap=1.0)
         super().__init__(arms, seed, scatter)
         self.reaching = reaching
@@ -211,7 +211,7 @@ def examine(job: MassesJob) -> MassesFound:
 
 
 def _load(subjects: Subjects, arm: PlantParameters, bodies: dict[str, BodyInertia]) -> Vector:
-    """What becomes of ten seconds with a random load in the hand."""
+    """Result of ten seconds with a random load in the hand."""
     rng = subjects.rng
     place = subjects.model.tool_place + rng.uniform(-AWAY_M, AWAY_M, 3)
     load = Payload.of(float(rng.uniform(LIGHTEST, HEAVIEST)), place.tolist())

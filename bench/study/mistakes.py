@@ -49,8 +49,8 @@ class Mistake:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """What `contactd check` says of a folder, line by line, and whether it refuses it."""
+class Reported:
+    """Answer of `contactd check` to a folder, line by line, and whether it refuses it."""
 
     folder: Path
     refused: bool
@@ -69,15 +69,15 @@ class Told:
         return any(start.match(line) for line in self.lines)
 
 
-def told(folder: Path) -> Told:
-    """What `contactd check` refuses or warns of."""
+def reported(folder: Path) -> Reported:
+    """Answer of `contactd check`: refusals and warnings."""
     try:
         robot = load_robot(folder)
     except ContactdError as error:
-        return Told(folder, True, str(error).splitlines())
+        return Reported(folder, True, str(error).splitlines())
     c = robot.configuration
     warned = (*near(c, robot.model), *suspects(c, robot.urdf, folder))
-    return Told(folder, False, [robot.in_words(problem) for problem in warned])
+    return Reported(folder, False, [robot.in_words(problem) for problem in warned])
 
 
 # --- edits ----------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ free     contact-free motion of all joints, with stops        -> alarms, lowest 
 moving   steps of torque on single joints, in motion          -> trials, errors
 rest     the same while the arm stands after a motion         -> trials
 
-Every arm has been at work before, with nobody there: what it learned then, it knows.
+Every arm has been at work before, untouched: what it learned then, it knows.
 """
 
 import dataclasses

@@ -88,7 +88,7 @@ def _answered(answer: Answer) -> Answer:
 
 def peak_mb(arguments: Sequence[object], folder: Path) -> float:
     """Most memory that `contactd ...` had at any time [MB], in a process of its own with a new
-    cache. The process says so itself: what the kernel tells a parent counts the parent's, too."""
+    cache. The process says so itself: a parent's figure from the kernel counts the parent, too."""
     cache = tempfile.mkdtemp(dir=folder)
     process = subprocess.run(
         [sys.executable, "-c", _PEAK, *map(str, arguments)],
@@ -104,7 +104,7 @@ def peak_mb(arguments: Sequence[object], folder: Path) -> float:
 
 
 def growth_mb(short: Path, long: Path, joint: str, folder: Path) -> dict[str, float]:
-    """How much more memory each command takes of the longer recording [MB]."""
+    """Additional memory that each command takes of the longer recording [MB]."""
     page = folder / "page.html"
     commands: dict[str, list[object]] = {
         "replay": ["replay"],

@@ -86,7 +86,7 @@ def kalman(residual: Matrix, K: float, period_s: float) -> Matrix:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How a network is trained: Adam, its rate falling as a cosine. Of all epochs, that counts
+    """Training of a network: Adam, its rate falling as a cosine. Of all epochs, that counts
     which is best in the last fifth of the motion, on which it does not train."""
 
     hidden: int = 64

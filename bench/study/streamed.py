@@ -136,7 +136,7 @@ def ticks(
 
 
 def track(robot: Robot, coming: list[Arrival], seconds: float) -> Track:
-    """What the stream makes of targets."""
+    """Setpoints of the stream after targets."""
     stream = stream_of(robot, coming[0].target)
     rows = [
         (now_s, reference.q, reference.velocity, stream.delay_s)

@@ -12,7 +12,7 @@ import yaml
 
 from bench.rigs.generated_arms import GeneratedArm, in_yaml
 from bench.rigs.served_daemon import served_daemon
-from bench.study.mistakes import JOINT, Mistake, told
+from bench.study.mistakes import JOINT, Mistake, reported
 from common.errors import ContactdError
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
@@ -24,10 +24,10 @@ POSE = 0.3  # of every joint [rad], so that it carries something
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """What became of a mistake at the arm. `ended` is empty where it got to the wiring check."""
+    """Outcome of a mistake at the arm. `ended` is empty where it got to the wiring check."""
 
     words: str
-    told: bool
+    reported: bool
     refused: bool = False
     ended: str = ""
     armed: bool = False
@@ -37,16 +37,16 @@ class Met:
     @property
     def harmful(self) -> bool:
         """True where the arm was armed or ran, or nothing keeps the owner from that."""
-        return self.armed or self.ran or (self.wiring_good and not self.told)
+        return self.armed or self.ran or (self.wiring_good and not self.reported)
 
 
 def met(mistake: Mistake, arm: GeneratedArm, folder: Path) -> Met:
-    """What happens with a mistake in this arm's files; the arm itself is without it. `folder` is
+    """Outcome of a mistake in this arm's files; the arm itself is without it. `folder` is
     that of no other make before: an EDS is read once."""
-    said = told(mistake.plant(arm, folder))
+    said = reported(mistake.plant(arm, folder))
     warned = bool(said.lines)
     if said.refused:
-        return Met(mistake.words, told=True, refused=True)
+        return Met(mistake.words, reported=True, refused=True)
     (folder / TRUE_URDF).write_text(arm.urdf)
     path = folder / "simulation.yaml"
     truth = yaml.safe_load(path.read_text()) | {"urdf": TRUE_URDF}

@@ -1,4 +1,4 @@
-"""Population of arms as wide as the world: what nobody identified, or what has changed since.
+"""Population of arms as wide as the world: what was not identified, or what has changed since.
 
 Every quantity of MISMATCH is off by its whole percentage and only the sign is drawn, so each arm is
 a corner of what is allowed, not its middle. Friction drifts by 20 % in ten minutes, too; it is

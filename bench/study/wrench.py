@@ -118,7 +118,7 @@ def said(
     job: Job, hands: Hands, rows: EstimateRows, t: Vector, estimator: Estimator,
     finder: TouchFinder, contact: Vector,
 ) -> dict[str, Any]:  # fmt: skip
-    """What was said: of every press the named links, tick by tick, and the point of contact; of
+    """Answers: for every press the named links, tick by tick, and the point of contact; of
     presses at the tool the force and its bounds; between presses whether a force was shown."""
     free = t > FIRST_S + 1.0
     forces: list[dict[str, Any]] = []

@@ -19,7 +19,7 @@ _AT_TOOL, _BESIDE, _ON_LINKS = np.array([0.3, 0.3, 0.3]) / 0.9
 def posteriors(
     hands: Hands, rows: EstimateRows, t: Vector, contact: Vector
 ) -> list[tuple[bool, float, bool, float]]:
-    """Of each press that is not two: whether the most likely link is right, and how likely it is;
+    """For each press that is not two: whether the most likely link is right, and how likely it is;
     by the odds of the draw, then with every link as likely as any other beforehand."""
     single = [press for press in hands.presses if press.place != "two"]
     begin, end = SETTLED_S
@@ -54,7 +54,8 @@ def most_decided(right: Vector, sure: Vector) -> float:
 
 
 def _likelihood(J: Matrix, r: Vector, weight: Matrix) -> Vector:
-    """Of each point, J (p, n, 3), but for a factor: a force of any of the sizes along any way."""
+    """Likelihood of each point, J (p, n, 3), but for a factor: a force of any of the sizes along
+    any way."""
     JW = np.einsum("pia,ij->paj", J, weight)
     S = JW @ J + np.eye(3) / np.square(_SIZES_N)[..., np.newaxis, np.newaxis]
     h = JW @ r

@@ -39,7 +39,7 @@ export class Elsewhere {
     show(at("stop-elsewhere"), may);
   }
 
-  /** Draw all arms elsewhere. Rows stay where they are: nobody clicks on one and hits another. */
+  /** Draw all arms elsewhere. Rows stay where they are: no one clicks on one and hits another. */
   draw({ arms, why }) {
     show(at("elsewhere-section"), true);
     show(at("elsewhere"), arms.length > 0);

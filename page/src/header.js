@@ -113,7 +113,7 @@ export class Header {
   #drawLoad(load) {
     show(at("load"), Boolean(load));
     if (!load) return;
-    const what = load.announced ? "The arm counts a load" : "There seems to be a load that nobody announced";
+    const what = load.announced ? "The arm counts a load" : "There seems to be an unannounced load";
     say(at("load"), `${this.#stale ? "Then: " : ""}${what}: ${load.text}.`);
   }
 

@@ -184,17 +184,17 @@ class Card {
   }
 
   #drawState(flags, beyond) {
-    const told = [];
-    if (flags.unproved) told.push("✖ not seen to stand");
-    if (!flags.sensing) told.push("✖ senses nothing");
-    if (!flags.fresh) told.push("◌ sample missing");
-    if (this.#energised && !OPERATING.has(this.#drive)) told.push(`✖ ${this.#drive}`);
-    if (beyond) told.push("▲ felt");
-    if (flags.touched) told.push("◉ touched");
-    const bad = told.some((text) => text.startsWith("✖"));
+    const parts = [];
+    if (flags.unproved) parts.push("✖ not seen to stand");
+    if (!flags.sensing) parts.push("✖ senses nothing");
+    if (!flags.fresh) parts.push("◌ sample missing");
+    if (this.#energised && !OPERATING.has(this.#drive)) parts.push(`✖ ${this.#drive}`);
+    if (beyond) parts.push("▲ felt");
+    if (flags.touched) parts.push("◉ touched");
+    const bad = parts.some((text) => text.startsWith("✖"));
     const state = this.#parts.state;
     state.dataset.kind = bad ? "bad" : beyond || flags.touched ? "felt" : "";
-    if (told.length === 0 && this.#energised) say(state, this.#stale ? "◌ sensed then" : "✓ senses");
-    else say(state, `${this.#stale ? "then: " : ""}${told.join(" · ") || this.#drive}`);
+    if (parts.length === 0 && this.#energised) say(state, this.#stale ? "◌ sensed then" : "✓ senses");
+    else say(state, `${this.#stale ? "then: " : ""}${parts.join(" · ") || this.#drive}`);
   }
 }

@@ -111,7 +111,7 @@ function takeFrame(frame) {
   if (!frame.past) newest = { tick: frame.ticks.at(-1), frame };
 }
 
-/** Say of every part whether it is live; whatever is not is told as what was. */
+/** Say of every part whether it is live; whatever is not is shown as what was. */
 function tellAge(age_ms) {
   const was = stale;
   stale = isOld();

@@ -212,7 +212,7 @@ export class Scene {
     this.#frame();
   }
 
-  /** Move the camera so near that all corners are just in the picture; whoever turned it has it as it is. */
+  /** Move the camera so near that all corners are just in the picture; one that was turned stays. */
   #frame() {
     if (this.#turned || this.#corners.length === 0) return;
     const high = Math.tan((0.5 * this.#camera.fov * Math.PI) / 180);

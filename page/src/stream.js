@@ -128,7 +128,7 @@ export class Stream {
     this.#retry = setTimeout(() => this.#connect(), RETRY_MS);
   }
 
-  /** Give up a connection that is open and silent; its end may never be told. */
+  /** Give up a connection that is open and silent; its end may never be reported. */
   #watch() {
     const socket = this.#socket;
     if (socket === null || performance.now() - this.#heard_ms < SILENT_MS) return;

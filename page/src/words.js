@@ -1,6 +1,6 @@
 // Modes, durations and numbers in words. Pure.
 
-// A sign beside each mode: no state is told by its colour alone.
+// A sign beside each mode: no state is shown by its colour alone.
 export const MODES = {
   off: ["○", "off", "the drives have no power over the arm"],
   enabling: ["◔", "enabling", "the drives are being switched on"],
@@ -88,8 +88,8 @@ export function learned(found, i) {
   if (!found) return "";
   const names = [["coulomb", "friction"], ["viscous", "viscous friction"],
     ["load", "friction of load"]];
-  const told = names
+  const parts = names
     .filter(([key]) => Math.abs(found[key][i]) >= 0.005)
     .map(([key, name]) => `${name} ${signed(100 * found[key][i], 0)} %`);
-  return told.length ? `learned: ${told.join(", ")}` : "";
+  return parts.length ? `learned: ${parts.join(", ")}` : "";
 }

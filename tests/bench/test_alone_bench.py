@@ -1,4 +1,4 @@
-"""What `bench.alone` counts: contacts without a person, and which targets a result meets."""
+"""Counts of `bench.alone`: contacts without a person, and which targets a result meets."""
 
 import json
 from dataclasses import asdict, replace

@@ -66,7 +66,7 @@ def test_gap_under_load(load: float, side: int, expected: list[int]) -> None:
     assert found.gap_under_load.tolist() == expected
 
 
-def test_arms_of_the_world_differ_in_what_nobody_knows() -> None:
+def test_arms_of_the_world_differ_in_what_no_one_knows() -> None:
     robot = load_robot(ROMEO)
     subjects = [world.subject(robot, "lugre", seed) for seed in range(200)]
     settings = [subject.settings for subject in subjects]

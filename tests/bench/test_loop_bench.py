@@ -64,7 +64,7 @@ def test_loaded_at_250_hz_a_tick_takes_half_a_period_at_most(work_us: float, goo
     assert met(run(250, [one]), load=True)["tick, p99"] is good
 
 
-def test_an_arm_that_stopped_is_told_even_if_it_tracks_later() -> None:
+def test_an_arm_that_stopped_is_reported_even_if_it_tracks_later() -> None:
     stopped = replace(turn(100.0), mode="holding")
     assert met(run(100, [stopped, turn(100.0)]))["tracking all the time"] is False
     assert met(run(100, [turn(100.0)]))["tracking all the time"] is True

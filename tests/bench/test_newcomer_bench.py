@@ -35,7 +35,7 @@ def test_an_owner_finds_signs_and_zeros_of_the_links_by_pushing_them(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("words", "told", "says"),
+    ("words", "reported", "says"),
     [
         ("the motor's sign", False, "shoulder: the link goes the other way than the motor"),
         ("a gear of 80 in place of 100", False, "gear, or a scale"),
@@ -43,10 +43,10 @@ def test_an_owner_finds_signs_and_zeros_of_the_links_by_pushing_them(tmp_path: P
         ("an encoder in degrees per count", True, ""),
     ],
 )
-def test_a_mistake_that_is_not_refused_arms_nothing(words, told, says, tmp_path: Path) -> None:
+def test_a_mistake_that_is_not_refused_arms_nothing(words, reported, says, tmp_path: Path) -> None:
     # The gear of this arm's shoulder is 160.
     found = met(OF_WORDS[words], generate(2), tmp_path / "arm")
-    assert found.told is told
+    assert found.reported is reported
     assert not found.refused
     assert not found.harmful
     assert says in " ".join(found.ended.split())
@@ -55,11 +55,11 @@ def test_a_mistake_that_is_not_refused_arms_nothing(words, told, says, tmp_path:
 @pytest.mark.parametrize(
     ("met", "harmful"),
     [
-        (Met("told, and the wiring is good", told=True, wiring_good=True), False),
-        (Met("found by the wiring", told=False, ended="wrong"), False),
-        (Met("found by nothing", told=False, wiring_good=True), True),
-        (Met("armed", told=True, armed=True), True),
-        (Met("ran", told=True, ran=True), True),
+        (Met("reported, and the wiring is good", reported=True, wiring_good=True), False),
+        (Met("found by the wiring", reported=False, ended="wrong"), False),
+        (Met("found by nothing", reported=False, wiring_good=True), True),
+        (Met("armed", reported=True, armed=True), True),
+        (Met("ran", reported=True, ran=True), True),
     ],
 )
 def test_what_counts_as_harm(met: Met, harmful: bool) -> None:

@@ -54,7 +54,7 @@ def test_identification() -> None:
 
 
 def test_masses(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is found of an arm is tried in tests/identification/test_masses.py."""
+    """A small run; the result is tried in tests/identification/test_masses.py."""
 
     def examine(job: MassesJob) -> MassesFound:
         by = np.full((job.arms, 7), 1.1 if job.reaching.way == "ramps" else 1.3)

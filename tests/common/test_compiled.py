@@ -40,7 +40,7 @@ def test_checks_limits_and_counts_are_the_same_plain_to_the_last_bit() -> None:
 
 
 def judged(modules: dict[str, ModuleType]) -> list[bytes]:
-    """What a folder's functions make of 100 random ticks of three joints, as bytes."""
+    """Results of a folder's functions for 100 random ticks of three joints, as bytes."""
     rng, n, made = np.random.default_rng(1), 3, list[np.ndarray]()
     ones, out = np.ones(n), np.zeros(n)
     if measures := modules.get("measures"):

@@ -21,7 +21,7 @@ from daemon.tick.loop import Loop
 from drivers.canopen.boot.boot_up import DriveBoot
 from simulator.state_machine import State
 
-SOMEBODY = Peer(uid=1000, pid=1)
+A_PERSON = Peer(uid=1000, pid=1)
 
 
 @dataclass
@@ -32,7 +32,7 @@ class ServedDeskArm:
     service: Service
 
     def ask(self, command: str):
-        return self.service.commands.handle(bare(command), SOMEBODY)
+        return self.service.commands.handle(bare(command), A_PERSON)
 
     def silence(self, seconds: float) -> None:
         """The daemon stands still; the drives do not."""
@@ -172,9 +172,7 @@ def test_a_drive_that_is_gone_keeps_the_fault(served):
     assert rig.mode is Mode.FAULTED
 
 
-def test_while_it_waits_for_drives_the_watchdog_is_fed_and_nobody_else_is_missed(
-    served, monkeypatch
-):
+def test_while_it_waits_for_drives_the_watchdog_is_fed_and_no_other_is_missed(served, monkeypatch):
     rig = served.rig
     rig.run(0.5)  # off: without torque they stand, and go on counting as standing
     gone = rig.arm.drives[0]

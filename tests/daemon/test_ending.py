@@ -1,4 +1,4 @@
-"""How the program ends: from every mode to an arm at rest, each joint as configured."""
+"""End of the program: from every mode to an arm at rest, each joint as configured."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -141,7 +141,7 @@ def test_a_faulted_arm_stays_faulted() -> None:
 
 
 @pytest.mark.parametrize(("deaf_to_sdo", "named"), [(False, []), (True, ["joint"])])
-def test_a_drive_that_does_not_obey_is_told_by_sdo_and_else_named(
+def test_a_drive_that_does_not_obey_is_commanded_by_sdo_and_else_named(
     deaf_to_sdo: bool, named: list[str]
 ) -> None:
     with wound(Mode.HOLDING, "brake") as arm:
@@ -161,7 +161,7 @@ REQUIRED = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_at_the_end_nobody_energises_or_moves_the_arm(
+def test_at_the_end_no_client_energises_or_moves_the_arm(
     served: ServedDaemon, command: Command
 ) -> None:
     served.service.commands.ending = True

@@ -1,4 +1,4 @@
-"""What needs processes: `contactd run` beside `contactd simulate`, killed, stopped, and twice.
+"""Processes: `contactd run` beside `contactd simulate`, killed, stopped, and twice.
 
 One simulated arm serves all tests, one daemon after the other; the last one loses it.
 """
@@ -28,7 +28,7 @@ from programs.clients.reload import reload
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 120.0
-"""What is waited for comes in a second; a machine beside many others may take a minute."""
+"""An awaited event comes in a second; a machine beside many others may take a minute."""
 
 
 def eventually(what: Callable[[], object], why: Callable[[], str]) -> None:
@@ -47,7 +47,7 @@ class Simulator:
     port: int
     robot: Path
     reported: list[str] = field(default_factory=list)
-    """What it said its drives did."""
+    """Events of its drives, as printed."""
 
     def drives_that(self, did: str) -> int:
         return len({line.split(":")[0] for line in self.reported if did in line})
@@ -210,7 +210,7 @@ def test_twice_then_stopped_then_terminated_while_moving(
     simulator.reported.clear()
     daemon.moves()
 
-    # Told to end while it moves.
+    # Asked to end while it moves.
     daemon.process.terminate()
     code, log = daemon.ended()
     assert code == 0, log
@@ -284,7 +284,7 @@ def test_killed_while_it_reads_its_files_anew(simulator: Simulator, daemon: Daem
         another.becomes("off")
 
 
-def test_told_to_end_while_it_reads_its_files_anew(daemon: Daemon) -> None:
+def test_asked_to_end_while_it_reads_its_files_anew(daemon: Daemon) -> None:
     with Client(daemon.door) as client:
         eventually(lambda: off(daemon) and client.request("reload").ok, daemon.mode)
     daemon.process.terminate()

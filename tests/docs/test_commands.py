@@ -1,7 +1,7 @@
 """Every command that the documentation names: run as it stands, or known, with why it is not run.
 
 What no row of NOT_RUN matches is run, against the whole daemon and the simulated arm in lockstep,
-in the order of its page. So a new command in a page runs, or somebody says why not. All are looked
+in the order of its page. So a new command in a page runs, or a reason stands here. All are looked
 up, run or not: programs, commands and options, targets of the Makefile, files, benches.
 """
 
@@ -160,7 +160,7 @@ def test_a_mention_may_leave_values_open_and_no_option() -> None:
 
 # --- and the rest runs ------------------------------------------------------------------------
 
-ASKED = ["go", "home"]  # these ask, and nobody is there to answer
+ASKED = ["go", "home"]  # these ask, and no one is there to answer
 NEEDS_POWER = frozenset({"go", "home", "arm", "start"})
 POSES = {
     "home": {"LShoulderPitch": 0.5, "LShoulderYaw": 0.3, "LElbowRoll": -0.8, "LElbowYaw": -0.3},
@@ -191,7 +191,7 @@ def served(folder: Path) -> Iterator[ServedDaemon]:
         pytest.MonkeyPatch.context() as patch,
         served_daemon(folder, folder / "configs" / "my_arm") as served,
     ):
-        # Commands run in a thread here, which gets no signals: nobody interrupts.
+        # Commands run in a thread here, which gets no signals: no one interrupts.
         patch.setattr(signal, "signal", lambda *_: signal.SIG_DFL)
         yield served
 
@@ -218,7 +218,7 @@ def test_the_commands_of_a_page_run(
     (tmp_path / "labels.csv").write_text(LABELS)
     (tmp_path / "move.csv").write_text(MOVE)
     monkeypatch.chdir(tmp_path)
-    served.contactctl("payload", "none")  # what another page told is in no hand
+    served.contactctl("payload", "none")  # what another page set is in no hand
     for named in (named for named in RUN if named.page == page):
         result = run(named, served)
         assert result.exit_code == 0, f"{named}\n{result.output}"

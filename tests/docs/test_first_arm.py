@@ -69,7 +69,7 @@ class Terminals:
         return result
 
     def _by_hand(self, served: ServedDaemon) -> Result:
-        """What the page says of the one joint that may want a hand."""
+        """Words of the page on the one joint that may want a hand."""
         over = threading.Event()
 
         def hand() -> None:

@@ -11,7 +11,7 @@ _channels = count()
 
 @pytest.fixture
 def wire() -> Iterator[tuple[can.BusABC, can.BusABC]]:
-    """Both ends of a virtual bus that nobody else uses."""
+    """Both ends of a virtual bus that no other test uses."""
     channel = f"drivers-{next(_channels)}"
     ends = tuple(can.Bus(interface="virtual", channel=channel) for _ in range(2))
     yield ends[0], ends[1]

@@ -16,7 +16,7 @@ def presence() -> Presence:
     return presence
 
 
-def test_nobody_has_heard_us_before_we_began() -> None:
+def test_no_one_has_heard_us_before_we_began() -> None:
     fresh = Presence(PATIENCE_S, T)
     assert fresh.beats(0.0)
     assert fresh.gap_s(0.0) == float("inf")
@@ -36,7 +36,7 @@ def test_a_heartbeat_is_due_a_tick_before_a_third_of_the_patience(presence: Pres
 @pytest.mark.parametrize(
     ("unheard_s", "gap"), [(0.03, None), (0.0949, None), (0.0951, 0.0951), (3.0, 3.0)]
 )
-def test_a_gap_is_nearly_the_patience_and_is_told_once(
+def test_a_gap_is_nearly_the_patience_and_is_reported_once(
     presence: Presence, unheard_s: float, gap: float | None
 ) -> None:
     found = presence.gap_s(10.0 + unheard_s)
@@ -48,7 +48,7 @@ def test_a_gap_is_nearly_the_patience_and_is_told_once(
 
 
 @given(st.floats(0.003, 10.0), st.floats(0.001, 0.1))
-def test_whoever_beats_when_it_is_due_is_never_absent(patience_s: float, share: float) -> None:
+def test_who_beats_when_it_is_due_is_never_absent(patience_s: float, share: float) -> None:
     period_s = patience_s * min(share, 1 / 3)
     presence, now = Presence(patience_s, period_s), 0.0
     presence.begin(now)

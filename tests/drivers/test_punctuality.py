@@ -1,4 +1,4 @@
-"""Which TPDOs are a period late for ever, and which come from two drives."""
+"""TPDOs that are a period late for ever, and those that come from two drives."""
 
 import math
 from collections.abc import Sequence

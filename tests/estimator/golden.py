@@ -109,7 +109,7 @@ def estimates(run: Run, samples: np.ndarray, estimator: Estimator) -> list[Estim
 
 
 def rows(run: Run, answers: Sequence[Estimate]) -> dict[str, np.ndarray]:
-    """What is kept of them, by name."""
+    """Values that are kept, by name."""
     some = [e for k, e in enumerate(answers) if k % EVERY == EVERY // 2 or e.contacts]
     kept = {name: np.array([getattr(e, name) for e in some]) for name in (*EXACT, *CLOSE)}
     kept |= {f"beside {name}": np.array([e.beside[name] for e in some]) for name in some[0].beside}

@@ -59,7 +59,7 @@ class Detector:
         return contacts
 
 
-def test_levels_in_force_decide_and_are_told() -> None:
+def test_levels_in_force_decide_and_are_reported() -> None:
     levels = Thresholds(np.array([1.0, 2.0]), np.array([3.0, 4.0]), per_speed=np.array([0.2, 0.1]))
     d = Detector(thresholds=levels)
     np.testing.assert_allclose(d.put(np.full(2, 0.4), SPEED), [1.5, 2.6])
@@ -135,20 +135,20 @@ def test_what_is_refused() -> None:
 def test_a_joint_counts_as_touched_once_debounced_and_as_long_as_it_is() -> None:
     d = Detector(debounce=2)
     d.put(NONE, SPEED)
-    told = []
+    reported = []
     for r in ([1.5, 0.0], [1.5, 0.0], [1.5, -2.5], [0.5, -2.5], [0.0, 0.0]):
         d.step(r)
-        told.append(d.detector.touched().tolist())
-    assert told == [[False, False], [True, False], [True, False], [False, True], [False, False]]
+        reported.append(d.detector.touched().tolist())
+    assert reported == [[False, False], [True, False], [True, False], [False, True], [False, False]]
 
 
 def test_a_joint_counts_as_hit_past_its_collision_level_likewise() -> None:
     d = Detector(debounce=2)
-    told = []
+    reported = []
     for r in ([2.9, -4.5], [3.5, -4.5], [3.5, -3.5], [2.9, 0.0]):
         d.step(r)
-        told.append(d.detector.hit().tolist())
-    assert told == [[False, False], [False, True], [True, False], [False, False]]
+        reported.append(d.detector.hit().tolist())
+    assert reported == [[False, False], [False, True], [True, False], [False, False]]
 
 
 @pytest.mark.parametrize(

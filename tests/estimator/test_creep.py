@@ -58,7 +58,7 @@ def test_counts_of_an_encoder_are_no_creep() -> None:
     assert joint.side == Side.LEFT
 
 
-def test_a_load_tells_the_side_and_from_there_creep_counts_anew() -> None:
+def test_a_load_shows_the_side_and_from_there_creep_counts_anew() -> None:
     joint = Joint()
     joint.settle(2.0)
     at_border = joint.sigma

@@ -54,7 +54,7 @@ def test_a_load_in_the_middle_of_the_gap_is_never_dropped(
         joint.step(w=-0.1)
     assert abs(joint.phi) < 0.1 * ALPHA
     joint.step(w=speed, torque=torque)
-    # A load where there can be none: until it has been there for some ticks, nobody knows.
+    # A load where there can be none: until it has been there for some ticks, it is unknown.
     assert joint.side == (Side.GAP if gap else Side.UNKNOWN)
 
 
@@ -72,7 +72,7 @@ def test_clear_of_the_border_by_more_than_what_phi_may_be_off() -> None:
 
 def test_the_faster_it_turns_the_clearer_of_the_border_it_must_be() -> None:
     """By a millisecond of its way, which its link's sample may be older."""
-    speed, told = 0.8, 0
+    speed, reported = 0.8, 0
     for k in range(60):
         joint = Joint()
         joint.settle(2.0)
@@ -82,8 +82,8 @@ def test_the_faster_it_turns_the_clearer_of_the_border_it_must_be() -> None:
             from_border = ALPHA - abs(joint.phi) - 1.3 * joint.sigma
             if abs(from_border - 0.001 * speed) > joint.settings.hysteresis:
                 assert (joint.side == Side.GAP) == (from_border > 0.001 * speed), joint.phi
-            told += bool(0.0 < from_border < 0.001 * speed)
-    assert told > 3
+            reported += bool(0.0 < from_border < 0.001 * speed)
+    assert reported > 3
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -125,12 +125,12 @@ def test_a_phi_that_drifts_rests_all_the_same(sign: float) -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_load_that_bends_the_gear_as_far_as_the_gap_is_wide_tells_the_side(sign: float) -> None:
+def test_a_load_that_bends_the_gear_as_far_as_the_gap_is_wide_shows_the_side(sign: float) -> None:
     joint = Joint(GapSettings(compliance=0.001))
     joint.settle(sign * 30.0)
     assert joint.sigma == ALPHA
     assert joint.side == (Side.LEFT if sign > 0.0 else Side.RIGHT)
-    joint.step(torque=-sign * 30.0)  # nobody knows until it has been there for some ticks
+    joint.step(torque=-sign * 30.0)  # unknown until it has been there for some ticks
     assert joint.side == Side.UNKNOWN
 
 
@@ -193,7 +193,7 @@ def test_it_is_in_the_gap_up_to_the_margin_and_comes_in_further_inside() -> None
 @pytest.mark.parametrize("torque", [1.4, -1.4, 0.0])
 def test_in_doubt_it_counts_as_engaged_and_says_unknown(torque: float) -> None:
     # Nothing is known of phi but that it is somewhere; its mean is the middle of the gap. A load
-    # that changes its sign explains nothing and tells no side.
+    # that changes its sign explains nothing and shows no side.
     joint = Joint()
     for k in range(200):
         engaged = joint.step(torque=torque * (-1) ** k)

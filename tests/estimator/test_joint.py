@@ -159,7 +159,7 @@ def test_thresholds_of_a_joint_whose_side_is_unknown_are_raised(built, share: fl
     # It begins with all of the friction, of which nothing is known yet either.
     coulomb = PLAIN["motor_coulomb"]
     np.testing.assert_allclose(first.threshold, CONTACT * (1.0 + share * (loose > 0.0)) + coulomb)
-    # No torque that tells a side; then one that does, on the second joint.
+    # No torque that shows a side; then one that does, on the second joint.
     for _ in range(200):
         estimate = estimator.step(0.0 * ONE, 0.0 * ONE, 0.0 * ONE)
     np.testing.assert_array_equal(estimate.side == Side.UNKNOWN, loose > 0.0)

@@ -50,7 +50,7 @@ class Joint:
         speed: float = 0.5,
         doubt: float = 0.0,
     ) -> float:
-        """What the corrected residual is at the end [Nm]; the model has 1 Nm and 0.6 Nm s/rad.
+        """Corrected residual at the end [Nm]; the model has 1 Nm and 0.6 Nm s/rad.
         `load` is the friction of a transmitted torque [Nm] that swings with the pose."""
         rng = np.random.default_rng(self.k)
         for _ in range(round(seconds / DT)):
@@ -141,7 +141,7 @@ def test_of_a_hand_that_comes_and_goes_little_is_taken(push: float) -> None:
 
 
 def test_masses_that_are_off_do_not_hide_friction_that_is() -> None:
-    """What they make of the residual follows the pose, over seconds."""
+    """Their part of the residual follows the pose, over seconds."""
     joint = Joint()
     for k in range(600):
         joint.swing(0.5, coulomb=1.2, viscous=0.8, push=0.15 * np.sin(0.23 * k))
@@ -356,7 +356,7 @@ def test_an_arm_at_work_shows_less_and_is_felt_as_well(days: dict[str, Recording
 
 
 def test_its_levels_sink_to_what_it_needs(days: dict[str, Recording]) -> None:
-    """And no motion with nobody there goes beyond them."""
+    """And no untouched motion goes beyond them."""
     estimator, found = estimated(days["free"])
     learning, levels = estimator._kernel.learning, estimator.detector.levels
     share = np.array([learning.needed.level(i) for i in range(7)])
@@ -374,7 +374,7 @@ def test_its_levels_sink_to_what_it_needs(days: dict[str, Recording]) -> None:
 
 
 def test_where_one_joint_lands_the_others_may_be_shaken(days: dict[str, Recording]) -> None:
-    """Six tenths of the level at least, for whoever has a lower one, and at once."""
+    """Six tenths of the level at least, for joints with a lower one, and at once."""
     estimator, found = estimated(days["free"])
     contact = np.array([j.thresholds.contact for j in load_robot(ROMEO).configuration.joints])
     gap = found.side == Side.GAP

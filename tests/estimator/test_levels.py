@@ -64,7 +64,7 @@ def put(made: Levels, unsure: float = 0.0, speed: float = 0.0, dt: float = T) ->
 def test_friction_that_may_be_off(
     rest: float, unknown: float, factor: float, share: float, load: float
 ) -> None:
-    """What was learned in motion of the level says nothing about it."""
+    """A level learned in motion says nothing about it."""
     made = levels(share)
     for i in range(2):
         # rest**4: exp(-(v / 0.05)^2) at twice the speed

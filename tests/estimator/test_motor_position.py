@@ -12,7 +12,7 @@ from tests.estimator.one_joint import ALPHA, Joint, T
 
 
 @pytest.mark.parametrize("torque", [0.0, 0.9, -0.9])
-def test_a_torque_that_may_be_friction_tells_nothing(torque: float) -> None:
+def test_a_torque_that_may_be_friction_shows_nothing(torque: float) -> None:
     joint = Joint()
     for _ in range(100):
         joint.step(torque=torque)
@@ -23,7 +23,7 @@ def test_a_torque_that_may_be_friction_tells_nothing(torque: float) -> None:
 @pytest.mark.parametrize(
     ("torque", "side", "phi"), [(2.0, Side.LEFT, -ALPHA), (-2.0, Side.RIGHT, ALPHA)]
 )
-def test_a_clear_torque_tells_the_side_after_some_ticks(
+def test_a_clear_torque_shows_the_side_after_some_ticks(
     torque: float, side: Side, phi: float
 ) -> None:
     joint = Joint()

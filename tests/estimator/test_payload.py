@@ -96,15 +96,15 @@ def test_the_hand_of_another_order_and_of_a_fixed_tool(romeo: Model, romeo_urdf)
 def test_no_residual_jumps_when_the_model_changes(make_estimator, sine_motion, at: int) -> None:
     """r goes from that of the old model to that of the new one as it follows any torque: what is
     left of the difference fades by the pole of (13), from the first tick on."""
-    told, untold, always = make_estimator(), make_estimator(), make_estimator()
+    reported, untold, always = make_estimator(), make_estimator(), make_estimator()
     always.carry(CUP)
-    for each in (told, untold, always):
+    for each in (reported, untold, always):
         sine_motion.replay(each, slice(0, at))
-    told.carry(CUP)
+    reported.carry(CUP)
     rest = slice(at, at + 60)
     rows = [
         np.array([estimate.residual for estimate in sine_motion.replay(each, rest)])
-        for each in (told, untold, always)
+        for each in (reported, untold, always)
     ]
     pole = (2.0 - T * K) / (2.0 + T * K)
     left = rows[0] - rows[2]

@@ -244,7 +244,7 @@ def test_what_the_models_errors_look_like_is_taken_off(romeo: Model) -> None:
 
 
 def test_a_load_is_not_taken_for_an_error_while_it_is_looked_at(romeo: Model) -> None:
-    """Too little to be felt, so that every second of it tells of the model's errors, too."""
+    """Too little to be felt, so that every second of it shows the model's errors, too."""
     recognition = Recognition(romeo, T)
     assert run(recognition, load(0.0), romeo, 0.0, 30.0, noise=0.05) is None
     before = recognition._evidence.copy()
@@ -257,15 +257,15 @@ def test_a_load_is_not_taken_for_an_error_while_it_is_looked_at(romeo: Model) ->
     assert not np.allclose(recognition._evidence, before)  # of the motion before
 
 
-@pytest.mark.parametrize("told", [False, True])
+@pytest.mark.parametrize("reported", [False, True])
 def test_what_was_lifted_for_minutes_and_is_let_go_of_is_no_load(
-    romeo: Model, told: bool, monkeypatch: pytest.MonkeyPatch
+    romeo: Model, reported: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A hand below the level, or a payload that was told and not there."""
+    """A hand below the level, or a payload that was announced and is absent."""
     monkeypatch.setattr(f"{__name__}.LEVEL", 4.0 * LEVEL)
     recognition = Recognition(romeo, T)
     assert run(recognition, load(-0.3), romeo, 0.0, 180.0, noise=0.02) is None
-    if told:
+    if reported:
         recognition.begin()
         assert not recognition._evidence.any()
     assert run(recognition, load(0.0), romeo, 180.0, 30.0, noise=0.02) is None
@@ -289,7 +289,7 @@ def test_without_one_what_is_left_is_the_thresholded_residual(romeo: Model) -> N
 def test_whatever_is_shown_it_answers_with_a_payload_or_none(
     romeo: Model, seed: int, size: float, level: float, mass: float, amplitude: float
 ) -> None:
-    """Residuals of any size beside any load, at levels of any size: what is found may be told."""
+    """Residuals of any size beside any load, at levels of any size: a finding may be announced."""
     recognition, rng = Recognition(romeo, T), np.random.default_rng(seed)
     torque, threshold = load(mass), level * LEVEL
     for k in range(1000):

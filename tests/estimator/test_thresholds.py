@@ -28,7 +28,7 @@ def test_thresholds_out_of_order(contact: list[Any], collision: list[Any], messa
         Thresholds(np.array(contact), np.array(collision))
 
 
-def test_levels_do_not_grow_with_speed_unless_told_to() -> None:
+def test_levels_do_not_grow_with_speed_unless_configured_to() -> None:
     levels = Thresholds(CONTACT, 1.5 * CONTACT)
     np.testing.assert_array_equal(levels.per_speed, [0.0, 0.0])
 

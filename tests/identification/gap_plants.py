@@ -194,7 +194,7 @@ def _record(
 
 
 def _seen(log: MotionLog, place: int, length: int, joint: Joint) -> MotionLog:
-    """What the encoders of one joint say of its part of the log."""
+    """Readings of the encoders of one joint for its part of the log."""
     rows, column = slice(0, length), slice(place, place + 1)
     assert log.motor_position is not None
     q, theta = log.link_position[rows, column], log.motor_position[rows, column]

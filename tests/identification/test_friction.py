@@ -119,7 +119,7 @@ def test_friction_that_sticks_is_no_touch_and_spoils_no_coefficient(sticking, id
 
 @pytest.mark.parametrize("joint", [1, 6])
 def test_link_friction_shows_in_the_gap(fitted, moved, joint):
-    """Where a joint carries little, the middle of its gap must be found from phi itself, and what
+    """Joint that carries little: the middle of its gap must be found from phi itself, and what
     impacts leave in a difference of positions is no viscous friction."""
     values, true = fitted[0][0][joint].values, moved.arms[0]
     assert values["K_q_s"] == pytest.approx(true.coulomb[joint], rel=0.25)
@@ -349,7 +349,9 @@ def test_no_spring_of_a_gear_hides_a_wrong_torque_constant(arm, moved):
         assert fit.gravity_scale == pytest.approx(1.6, rel=0.06), fit
 
 
-def test_a_current_that_is_off_all_the_time_is_told_and_spoils_no_friction(moved, identify, arm):
+def test_a_current_that_is_off_all_the_time_is_reported_and_spoils_no_friction(
+    moved, identify, arm
+):
     """By 3 % of the range."""
     log, true = moved.filtered[0], moved.arms[0]
     off = 0.03 * arm.max_current * (np.arange(7) < 3)

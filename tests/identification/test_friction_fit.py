@@ -1,4 +1,4 @@
-"""How well friction is known, and after how long a motion it would be known better."""
+"""Uncertainty of friction, and how long a motion would make it smaller."""
 
 from dataclasses import replace
 

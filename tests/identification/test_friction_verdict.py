@@ -1,4 +1,4 @@
-"""What is said of a friction that explains too little: what helps, wherever gravity fits."""
+"""Verdict on a friction that explains too little: what helps, wherever gravity fits."""
 
 from types import SimpleNamespace
 from typing import cast
@@ -14,7 +14,7 @@ MOVING = 0.5 * np.sin(np.linspace(0.0, 60.0, 2000))
 
 @pytest.mark.parametrize("gravity", [0.96, 1.0, 1.049, 1.06, 1.2, 1.4, float("nan")])
 def test_a_poor_fit_asks_for_masses_whatever_gravity_says(gravity: float) -> None:
-    """Of torque constants 3 % off, gravity fits within 5 %, and friction at R2 0.88."""
+    """With torque constants 3 % off, gravity fits within 5 %, and friction at R2 0.88."""
     solved = cast(Solution, SimpleNamespace(condition=5.0, r2=0.88))
     verdict, reason = verdict_on(MOVING, 0.0, gravity, solved)
     assert verdict in (Verdict.BAD_FIT, Verdict.WRONG_GRAVITY)

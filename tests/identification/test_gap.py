@@ -58,7 +58,7 @@ def test_a_drifting_integral_changes_nothing():
 
 def test_what_no_scatter_of_plateaus_shows_is_in_the_interval():
     """An encoder of 4096 steps reads the same at each rest, and a gear that is pressed bends by as
-    much each time; without a torque nobody knows what the ends are."""
+    much each time; without a torque the ends are unknown."""
     phi = visits(0.01, 24)
     t, still = T * np.arange(len(phi)), np.zeros_like(phi)
     step = 2.0 * np.pi / 4096.0
@@ -177,7 +177,7 @@ def test_missing_samples_begin_no_sitting():
         (visits(0.0006, 40, strain=0.0007), 0.0, GapVerdict.NONE),  # not rigid, but hardly a gap
     ],
 )
-def test_what_cannot_be_told_is_not_told(phi, mean_velocity, verdict):
+def test_what_cannot_be_decided_is_not_answered(phi, mean_velocity, verdict):
     t, still = T * np.arange(len(phi)), np.zeros_like(phi)
     gap = from_plateaus("j", t, phi, still, mean_velocity, -np.sign(phi))
     assert gap.verdict is verdict, gap
@@ -206,7 +206,7 @@ def test_no_dead_zone_takes_a_hand_that_pressed_both_ways(phi, torque, verdict):
     assert ("pressed to one side only" in gap.reason) == (verdict is GapVerdict.ONE_BORDER)
 
 
-def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):
+def test_a_hand_that_stops_short_of_a_border_is_reported(arm, nominal):
     """It stops as exactly as at a border, but the motor feels little or nothing there."""
     settings = SimulationSettings(velocity_bias=0.001)
     q0 = np.array([joint.initial_position for joint in arm.description.joints])
@@ -224,7 +224,7 @@ def test_a_hand_that_stops_short_of_a_border_is_told(arm, nominal):
     assert refused >= 8, refused  # of fifteen
 
 
-def test_a_gear_that_bends_under_the_hand_is_told_from_its_gap(arm, nominal):
+def test_a_gear_that_bends_under_the_hand_is_distinguished_from_its_gap(arm, nominal):
     """Gears of 1000 Nm/rad, pressed with 3.5 Nm by a hand that is not gentle."""
     settings = SimulationSettings(velocity_bias=0.001, friction="dahl", presliding=0.001)
     arms = [replace(nominal, half_gap=np.full(7, alpha)) for alpha in (0.007, 0.02)]
@@ -295,7 +295,7 @@ def test_says_which_encoder_is_to_blame(q, theta, verdict):
     [(visits(0.0015, 60), GapVerdict.CLEAR), (np.zeros(10000), GapVerdict.NO_MOTION)],
 )
 def test_the_noise_of_a_velocity_adds_up_to_no_motion(phi, verdict):
-    """Of a motor that stands; its own position is not measured. It adds up to more than the gap."""
+    """Velocity of a motor that stands, whose noise adds up to more than the gap."""
     log = of(phi, np.zeros_like(phi))
     noise = np.random.default_rng(2).normal(0.0, 0.004, log.motor_velocity.shape)
     pressed = -np.sign(phi) * (np.abs(phi) > 0.0014)
@@ -306,7 +306,7 @@ def test_the_noise_of_a_velocity_adds_up_to_no_motion(phi, verdict):
 
 
 def columns(name: str) -> np.ndarray:
-    """Of a file of the TX40, at 100 Hz, (N, 6)."""
+    """Positions in a file of the TX40, at 100 Hz, (N, 6)."""
     path = DATA / "tx40" / f"{name}.csv.gz"
     if not path.exists():
         pytest.skip(f"no real measurements at {DATA} (set CONTACTD_DATA)")

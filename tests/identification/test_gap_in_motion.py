@@ -57,7 +57,7 @@ def test_what_a_gear_bends_in_motion_is_in_the_interval(gives):
 
 
 @pytest.mark.parametrize("turns", [40.0, 100.0, 160.0])
-def test_errors_that_repeat_with_a_turn_are_told_and_hide_no_gap(turns):
+def test_errors_that_repeat_with_a_turn_are_reported_and_hide_no_gap(turns):
     alpha = 0.0015
     t, q, theta = two_encoders(0.001, alpha)
     off = 0.0005 * np.sin(turns * theta + 1.0) + 0.0003 * np.sin(2.0 * turns * theta)

@@ -1,4 +1,4 @@
-"""Joints that swing by themselves: told from what was commanded, and from what fades."""
+"""Joints that swing by themselves: distinguished from what was commanded, and from what fades."""
 
 from dataclasses import replace
 
@@ -66,19 +66,19 @@ def test_what_is_no_cycle(velocity: np.ndarray) -> None:
 
 
 def test_what_was_commanded_is_no_cycle() -> None:
-    """Where the reference is known; a log of another controller does not have it."""
+    """Log with a known reference; a log of another controller does not have it."""
     log = log_of(swing(2.2, 0.1))
     assert limit_cycles(log, log.link_position) == []
     assert len(limit_cycles(log)) == 1
 
 
 def test_a_swing_meets_both_borders_of_its_gap() -> None:
-    """What rings at one border, as after each reversal of an excitation, is none."""
+    """Ringing at one border, as after each reversal of an excitation, is none."""
     log = log_of(swing(2.2, 0.01))
     stands = replace(log, link_position=np.zeros_like(log.link_position))
     assert len(limit_cycles(stands, half_gap=np.array([0.01]))) == 1
     assert limit_cycles(stands, half_gap=np.array([0.02])) == []
-    assert len(limit_cycles(stands, half_gap=np.zeros(1))) == 1  # nobody knows its gap
+    assert len(limit_cycles(stands, half_gap=np.zeros(1))) == 1  # its gap is unknown
     for half_gap in (0.01, 0.0):  # the link goes along
         assert limit_cycles(log, half_gap=np.array([half_gap])) == []
 

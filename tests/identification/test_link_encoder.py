@@ -1,4 +1,4 @@
-"""What a link's encoder errs with its turn, told from gap, bending gear and the motor's encoder."""
+"""Errors of a link's encoder with its turn, apart from gap, bending gear and motor encoder."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_harmonics_as_they_are(
          ("time_s", "current", "link_position", "motor_velocity"))), "no motor position"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_told_is_no_correction(log: MotionLog, says: str) -> None:
+def test_what_cannot_be_decided_is_no_correction(log: MotionLog, says: str) -> None:
     one = found(log)
     assert one.harmonics == ()
     assert says in one.reason

@@ -48,7 +48,7 @@ def test_the_unit_or_column_that_is_wrong_is_named(
         refuse_implausible(log, np.array([1.0]))
 
 
-def test_a_log_that_is_too_slow_is_told_to_be_faster() -> None:
+def test_a_log_that_is_too_slow_is_reported_to_be_faster() -> None:
     t = 0.1 * np.arange(400)
     q = 0.2 * np.sin(0.5 * np.pi * t)
     columns = (np.zeros_like(q), q, np.gradient(q, t))
@@ -132,7 +132,9 @@ def test_a_link_that_snaps_and_a_motor_that_stops_at_once_do_not_jump() -> None:
      (687.0, r"reaches 687 A, its drive gives 4 A: unit wrong by 1000 \(mA"),
      (4000.0, r"unit wrong by 1000")],
 )  # fmt: skip
-def test_a_current_beyond_what_its_drive_gives_is_told_by_how_far(peak: float, said: str) -> None:
+def test_a_current_beyond_what_its_drive_gives_is_reported_by_how_far(
+    peak: float, said: str
+) -> None:
     log = replace(measured(1.0), current=peak * Q[:, None] / Q.max())
     with pytest.raises(LogError, match=said):
         refuse_implausible(log, np.array([4.0]))

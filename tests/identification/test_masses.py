@@ -129,7 +129,7 @@ def test_a_short_log_is_refused(subjects, log) -> None:
 
 @pytest.mark.parametrize("share", [-1.0, 0.0, 0.1])
 def test_a_current_that_carries_no_such_arm_makes_no_masses(subjects, short, share) -> None:
-    """Of the other sign, that was not logged, of another unit: bodies fit it as well as any."""
+    """Currents of the other sign, not logged, or of another unit: bodies fit them as well."""
     found = identified(subjects, replace(short, current=share * short.current), shortest_s=10.0)
     assert not found.usable
     wrong = [fit for fit in found.fits if fit.verdict is MassesVerdict.WRONG_GRAVITY]
@@ -137,7 +137,7 @@ def test_a_current_that_carries_no_such_arm_makes_no_masses(subjects, short, sha
     assert all("sign and unit of the current" in fit.reason for fit in wrong)
 
 
-def test_a_joint_that_carries_nothing_by_its_urdf_tells_of_no_current(subjects, short) -> None:
+def test_a_joint_that_carries_nothing_by_its_urdf_shows_of_no_current(subjects, short) -> None:
     """Its last body has its centre on the axis: any gravity is many times none."""
     *_, last = subjects.c.joint_names
     body = BodyInertia.of(subjects.model.parameters()[-1])
@@ -296,7 +296,7 @@ def test_an_arm_lighter_than_its_model_is_no_load(subjects) -> None:
     ids=str,
 )
 def test_the_rotors_take_what_currents_miss_and_bodies_and_loads_stay_true(reaching) -> None:
-    """Of the current for acceleration a fifth to two thirds is missing."""
+    """A fifth to two thirds of the current for acceleration is missing."""
     subjects = Subjects(1, (7, 0), reaching)
     masses = identified(subjects, subjects.moved(subjects.arms, 24.0, seed=3)[0])
     assert masses.usable, masses

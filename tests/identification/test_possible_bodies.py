@@ -1,4 +1,4 @@
-"""Fits of bodies: only of those that can exist, and near the URDF where nothing tells."""
+"""Fits of bodies: only of those that can exist, and near the URDF where nothing shows more."""
 
 import numpy as np
 import pinocchio as pin
@@ -45,7 +45,7 @@ def test_no_measurement_makes_a_body_that_cannot_exist(wanted: float) -> None:
 
 
 def test_a_fifth_of_the_mass_is_one_standard_deviation() -> None:
-    """Of a body that is scaled as a whole."""
+    """Prior of a body that is scaled as a whole."""
     hessian = prior(NOMINAL[:1])
     assert float(NOMINAL[0] @ hessian @ NOMINAL[0]) == pytest.approx(1.0 / 0.2**2, rel=0.05)
 

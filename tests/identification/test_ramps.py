@@ -114,7 +114,7 @@ def test_a_gear_that_stiffens_with_its_load_is_in_the_interval_of_ramps():
 
 
 def test_real_torque_ramps_of_preloaded_gears():
-    """What is refused shows its figure, the limit that it broke, and why that may be."""
+    """A refusal shows its figure, the limit that it broke, and why that may be."""
     gap = identify_gap(*clamped_with("split_3pre1"))
     assert gap.verdict is GapVerdict.UNCLEAR, gap
     assert np.isnan(gap.half_gap)

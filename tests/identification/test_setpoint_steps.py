@@ -61,7 +61,7 @@ def test_a_log_without_setpoints_leaves_the_rotor_alone(moved, arm):
 
 
 @pytest.mark.parametrize("weighed", [True, False])
-def test_masses_that_nobody_identified_may_look_like_steps(moved, arm, monkeypatch, weighed):
+def test_masses_that_no_one_identified_may_look_like_steps(moved, arm, monkeypatch, weighed):
     monkeypatch.setattr(
         "identification.friction.stepping", lambda more, *_: np.arange(len(more)) > 0
     )

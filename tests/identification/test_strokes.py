@@ -89,7 +89,7 @@ def test_a_rigid_joint_has_no_gap_and_a_loaded_one_is_not_called_rigid():
     assert "one border" in found.reason
 
 
-def test_errors_of_the_motor_encoder_are_found_and_told():
+def test_errors_of_the_motor_encoder_are_found_and_reported():
     size = 0.0004
     wrong = replace(joint(loaded, half_gap=0.01), motor_error=np.array([[size, 1.0], [0.0, 0.0]]))
     [(found, _)] = searched([wrong], GUESS, SETTINGS)
@@ -257,7 +257,7 @@ def test_a_joint_that_carries_nothing_stays_where_it_is():
     np.testing.assert_array_equal(found, here)
 
 
-def test_strokes_are_told_from_a_hand_and_from_fast_motion(handled, moved):
+def test_strokes_are_distinguished_from_a_hand_and_from_fast_motion(handled, moved):
     assert stroking(stroke_log(0.06, 0.03, 1.0).motor_velocity[:, 0])
     for log in (handled[0], moved.filtered[0]):
         assert not any(stroking(log.motor_velocity[:, i]) for i in range(log.n))
@@ -267,7 +267,7 @@ def test_strokes_are_told_from_a_hand_and_from_fast_motion(handled, moved):
 def test_a_link_that_falls_through_its_gap_is_not_carried_there(friction):
     """Its motor is hardly seen inside the gap, so that its friction is not known: what seems to be
     load beyond it, while the link falls, is none. As it lets its link down, too, that friction is
-    told from alpha."""
+    distinguished from alpha."""
     t = np.arange(0.0, 5 * 5.0, 0.01)
     direction = np.where(t // 5.0 % 2.0 < 1.0, 1.0, -1.0)
     theta_dot = 0.016 * direction

@@ -226,7 +226,7 @@ def test_a_level_that_grows_with_speed_still_bears_what_came_at_rest():
 
 
 def test_a_level_says_what_it_has_seen():
-    """Of joints that swing by 0.5 and 0.2 rad, at 1 and 0.4 rad/s."""
+    """Log of joints that swing by 0.5 and 0.2 rad, at 1 and 0.4 rad/s."""
     first, second = identify_levels(("a", "b"), T, motion(noise(60.0), (0.5, 0.2)), PLAIN)
     assert first.seen.speed == pytest.approx(1.0, rel=0.02)
     assert (second.seen.lower, second.seen.upper) == pytest.approx((-0.2, 0.2), rel=0.02)

@@ -94,8 +94,8 @@ def test_a_share_that_chance_may_make_is_measured_again(wired, scale, unsure):
 
 
 def test_a_link_that_falls_to_its_other_border_is_no_wrong_scale(wired, check):
-    """Where gravity turns, the link runs ahead of a motor that goes back, and halts it for a moment
-    when it strikes: a short way of the motor, steady by chance, in which the gear carries
+    """Place where gravity turns: the link runs ahead of a motor that goes back, and halts it
+    for a moment when it strikes: a short, steady way of the motor in which the gear carries
     nothing."""
     moving = np.flatnonzero(np.abs(wired.motor_velocity[:, SHOULDER]) > 0.5 * WIRING_SPEED)
     back = moving[np.flatnonzero(np.diff(wired.motor_velocity[moving, SHOULDER] > 0.0))[0] + 1]
@@ -118,7 +118,7 @@ def floating(log: MotionLog, up: float, down: float) -> MotionLog:
     return replace(log, link_position=link)
 
 
-def test_a_link_that_floats_in_its_gap_tells_nothing_of_the_gear(wired, check):
+def test_a_link_that_floats_in_its_gap_shows_nothing_of_the_gear(wired, check):
     found = check(floating(wired, 1.0, 1.18), ELBOW)
     assert not found.passed
     assert not found.problems

@@ -36,7 +36,7 @@ def run(*words: str | Path, cwd: Path, **more: str) -> subprocess.CompletedProce
 
 
 def build(root: Path, out: Path, target: str, **more: str) -> Path:
-    """What hatchling makes of `root`, in `out`."""
+    """Archives that hatchling makes of `root`, in `out`."""
     words = (sys.executable, "-m", "hatchling", "build", "-t", target, "-d", out)
     run(*words, cwd=root, **more)
     (made,) = out.glob("*.whl" if target == "wheel" else "*.tar.gz")
@@ -82,7 +82,7 @@ def test_nothing_of_the_clone_is_needed(away: Path) -> None:
     assert run(away / "env/bin/python", "-P", "-m", "common.compiled", cwd=away).stdout == ""
 
 
-def test_the_examples_are_there_and_nobody_elses_arm(away: Path) -> None:
+def test_the_examples_are_there_and_no_other_arm(away: Path) -> None:
     (configs,) = (away / "env").rglob("site-packages/configs")
     assert {path.name for path in configs.iterdir()} == EXAMPLES
     assert not list(configs.rglob("*.mcap"))

@@ -48,7 +48,7 @@ def test_the_clients_number_is_that_of_the_latest_release() -> None:
     assert "contactd_client is" in release.the_client_has_its_number("9.9.9")
 
 
-def test_all_quick_points_are_told_and_nothing_long_begins(
+def test_all_quick_points_are_reported_and_nothing_long_begins(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def begun(_: str) -> str:

@@ -1,4 +1,4 @@
-"""What is taken out of an installed environment, and what stays."""
+"""Files taken out of an installed environment, and those that stay."""
 
 import os
 from pathlib import Path

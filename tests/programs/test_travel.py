@@ -45,7 +45,7 @@ def test_no_joint_goes_further_when_the_daemon_dies_at_full_speed() -> None:
             arm.command(PowerTarget.ON, np.array([joint.limits.velocity]))
             rig.ticks += 1
         assert abs(plant.q_dot[0]) > 0.95 * joint.limits.velocity
-        rig.arm.advance(rig.arm.now + 1.0)  # nobody sends anything any more
+        rig.arm.advance(rig.arm.now + 1.0)  # nothing is sent any more
         assert abs(plant.q_dot[0]) < 1e-3
         travelled = float(plant.q[0]) - heard
         (travel,) = worst_travel(c.joint_drives, c.period_s, 0.0)
@@ -67,7 +67,7 @@ def at_full_speed(rig: Rig, power: PowerTarget, velocity: float) -> None:
     rig.ticks += 1
 
 
-@pytest.mark.parametrize("tells", [True, False])
+@pytest.mark.parametrize("shows", [True, False])
 @pytest.mark.parametrize(
     "obeys",
     [
@@ -78,9 +78,9 @@ def at_full_speed(rig: Rig, power: PowerTarget, velocity: float) -> None:
     ],
 )
 def test_no_joint_goes_further_whatever_its_drive_obeys(
-    obeys: tuple[str, ...], tells: bool, monkeypatch: pytest.MonkeyPatch
+    obeys: tuple[str, ...], shows: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At full speed a drive gets deaf to more and more; it tells what it does, or nothing. Its
+    """At full speed a drive gets deaf to more and more; it shows what it does, or nothing. Its
     motor: the link swings on in its gap."""
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.enable()
@@ -90,7 +90,7 @@ def test_no_joint_goes_further_whatever_its_drive_obeys(
             at_full_speed(rig, PowerTarget.ON, velocity)
         assert plant.theta_dot[0] > 0.95 * velocity
         deaf = {"on_pdo", "on_sdo", "on_nmt"} - set(obeys)
-        for method in (*deaf, *([] if tells else ["transmit"])):
+        for method in (*deaf, *([] if shows else ["transmit"])):
             monkeypatch.setattr(drive, method, lambda *_: None)
         began = float(plant.theta[0])
         for _ in range(noticing_ticks(c)):

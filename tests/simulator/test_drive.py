@@ -114,7 +114,7 @@ def test_lost_master(master: Make, loss: int, state: State, energised: bool) -> 
     assert len(words) == 1
 
 
-def test_without_1016_nobody_notices(master: Make) -> None:
+def test_without_1016_no_one_notices(master: Make) -> None:
     one = master()
     moving(one)
     for node in range(1, 8):

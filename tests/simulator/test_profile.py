@@ -13,7 +13,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 @pytest.mark.parametrize(("robot", "profile"), [("romeo_left_arm", PROFILE), ("desk_arm", LOCKING)])
-def test_the_product_code_tells(robot, profile):
+def test_the_product_code_shows(robot, profile):
     assert profile_of(CONFIGS / robot / "drive.eds") is profile
 
 

@@ -70,7 +70,7 @@ def test_round_trip(server: Server) -> None:
 
 
 def test_plant_lives_without_sync(server: Server) -> None:
-    """Limp under gravity: nobody sends a SYNC, still the joint angle changes."""
+    """Limp under gravity: without a SYNC, still the joint angle changes."""
     with client(server.port) as bus:
         start = read(bus, 1, 0x60E4, 1)
         end = time.monotonic() + 5.0
@@ -120,7 +120,7 @@ def test_client_that_leaves_does_not_hurt(server: Server) -> None:
         assert read(bus, 2, 0x1000) == 0x00020192
 
 
-def test_lost_master_is_told_as_json(server: Server, events: io.BytesIO) -> None:
+def test_lost_master_is_reported_as_json(server: Server, events: io.BytesIO) -> None:
     with client(server.port) as bus:
         for index, sub, code, value in (
             (0x6007, 0, 0x2B, 3),

@@ -39,7 +39,7 @@ def test_what_the_client_sends_is_understood(frame: can.Message) -> None:
 
 
 @given(frames)
-def test_what_is_told_is_understood_by_the_client(frame: can.Message) -> None:
+def test_what_is_sent_is_understood_by_the_client(frame: can.Message) -> None:
     got = convert_ascii_message_to_can_message(frame_line(frame, 1.5).decode())
     assert got.equals(frame, timestamp_delta=None, check_direction=False)
     assert got.timestamp == 1.5

@@ -53,9 +53,9 @@ def test_any_make_is_set_up_enabled_and_moved_as_its_data_sheet_says(seed, tmp_p
         # Motors resist what pushes: the sign of their current, and of what they give, is the same.
         assert np.abs(rig.samples.link_position - plant.q).max() < 2e-4
         current = rig.arm.servo.current
-        told = rig.samples.current
+        commanded = rig.samples.current
         assert (np.abs(current) > 0.05).any()
-        assert np.abs(told - current).max() < 0.1 + 0.2 * np.abs(current).max()
+        assert np.abs(commanded - current).max() < 0.1 + 0.2 * np.abs(current).max()
         for drive, joint in zip(rig.arm.drives, rig.robot.configuration.joints, strict=True):
             assert drive.node == joint.wiring.node
             assert drive.state is State.OPERATION_ENABLED
@@ -239,7 +239,7 @@ def test_no_file_says_nothing(tmp_path):
 
 
 def test_an_arm_that_is_thrown_turns_faster_than_its_drives_can_say(tmp_path):
-    """What a drive measures stands at the end of its object, and the simulation goes on."""
+    """A measurement of a drive stays at the end of its object, and the simulation goes on."""
     folder = generate(0).write(tmp_path / "arm")
     sheet = folder / "drive.eds"
     wide = r"(?s)(\[606C\].*?DataType=0x0*)4"

@@ -108,7 +108,7 @@ def robot(request: pytest.FixtureRequest, vcan: bool) -> Iterator[Path]:
 
 @pytest.fixture
 def service(robot: Path, vcan: bool) -> Iterator[Service]:
-    """The installed unit, told by a drop-in to run this robot; stopped and forgotten at the end."""
+    """The installed unit, made by a drop-in to run this robot; stopped and forgotten at the end."""
     made = Service(robot)
     made.configure()
     if not vcan:

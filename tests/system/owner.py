@@ -96,7 +96,7 @@ class Owner:
         return done
 
     def status(self) -> dict[str, Any]:
-        """What `contactctl status` says; nothing where nobody answers."""
+        """Output of `contactctl status`; nothing where no daemon answers."""
         done = run("contactctl", "--json", "status")
         return dict(json.loads(done.stdout)) if done.returncode == 0 else {}
 
@@ -130,7 +130,7 @@ class Owner:
 
 
 def move_in(vcan: bool) -> None:
-    """An account, and the folder of an arm that nobody has identified."""
+    """An account, and the folder of an arm that was not identified."""
     run("useradd", "--create-home", "--shell", "/bin/bash", NAME, check=True)
     c = yaml.safe_load((CONFIGS / "single_joint" / "config.yaml").read_text())
     (drive,), (joint,) = c["drives"].values(), c["joints"]

@@ -39,7 +39,7 @@ def run(*command: str, check: bool = False) -> subprocess.CompletedProcess[str]:
 
 
 def wait_for(true: Callable[[], Any], what: str) -> Any:
-    """What `true()` returns once that is true; fails after minutes, with the service's journal."""
+    """Value of `true()` once it is true; fails after minutes, with the service's journal."""
     deadline = time.monotonic() + PATIENCE_S
     while True:
         asked = time.monotonic()
@@ -136,7 +136,7 @@ class Service:
 
     @property
     def pid(self) -> int:
-        """Of the main process; 0 for none."""
+        """PID of the main process; 0 for none."""
         return int(self.show("MainPID"))
 
     @property
@@ -162,7 +162,7 @@ class Service:
         return wait_for(answer, f"an answer to {command}")
 
     def status(self) -> Status:
-        """What `contactctl status` shows."""
+        """Output of `contactctl status`."""
         reply = self.request("status")
         assert reply.status is not None
         return reply.status
@@ -194,7 +194,7 @@ class Service:
 
 
 class Simulator:
-    """`contactd simulate`, and what it tells."""
+    """`contactd simulate`, and what it reports."""
 
     def __init__(self, robot: Path, *arguments: str) -> None:
         words = ["contactd", "simulate", str(robot), *arguments]
@@ -222,7 +222,7 @@ class Simulator:
         for line in self._process.stdout:
             self.events.append(json.loads(line))
 
-    def told(self, words: str, kind: str = "drive") -> list[float]:
+    def reported(self, words: str, kind: str = "drive") -> list[float]:
         """When events with these words happened [s, monotonic]."""
         found = [e for e in self.events if e["kind"] == kind and words in e["text"]]
         return [event["monotonic_s"] for event in found]
@@ -231,7 +231,7 @@ class Simulator:
         """When the first such event happened [s, monotonic]."""
 
         def happened() -> list[float]:
-            found = self.told(words, kind)
+            found = self.reported(words, kind)
             assert found or self._process.poll() is None, "the simulator ended"
             return found
 

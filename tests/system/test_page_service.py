@@ -42,8 +42,8 @@ for command in commands:
 
 
 def asked(path: Path, *commands: str, group: str) -> dict[str, tuple[bool | None, str]]:
-    """By command, whether it was carried out (None: nobody was reached), and what was said: asked
-    by nobody, who is in this group alone."""
+    """By command, whether it was carried out (None: none was reached), and what was said: asked
+    by user nobody, who is in this group alone."""
     done = subprocess.run(
         [sys.executable, "-c", ASKS, str(path), *commands],
         user="nobody",
@@ -64,7 +64,7 @@ def show(name: str) -> str:
 
 
 def fetch(path: str, command: str = "") -> str:
-    """What the page's server answers; a command is posted as the page's own script does."""
+    """Answer of the page's server; a command is posted as the page's own script does."""
     headers = {"Origin": URL, "X-Contactd-Command": command} if command else {}
     method = "POST" if command else "GET"
     request = urllib.request.Request(f"{URL}{path}", headers=headers, method=method)

@@ -52,7 +52,7 @@ def test_good_files_are_taken_up_by_the_same_process(
     assert service.show("StatusText") == "off, not armed: started"
     fed = service.show("WatchdogTimestampMonotonic")
     wait_for(lambda: service.show("WatchdogTimestampMonotonic") != fed, "food")
-    assert not simulator.told("heartbeat of the master lost")
+    assert not simulator.reported("heartbeat of the master lost")
     service.enable()
 
 

@@ -32,7 +32,7 @@ def show(name: str) -> str:
 
 
 def call(name: str, kind: str = TRIGGER) -> tuple[bool, str] | None:
-    """What a service says; None where there is no answer, or no router."""
+    """Answer of a service; None where there is no answer, or no router."""
     with (
         contextlib.suppress(zenoh.ZError),
         contextlib.closing(session_at(f"tcp/127.0.0.1:{PORT}", "client")) as session,

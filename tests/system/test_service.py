@@ -26,7 +26,7 @@ def policies(pid: int) -> list[int]:
 
 
 def kernel_status(pid: int) -> dict[str, str]:
-    """What the kernel says of a process."""
+    """Status of a process, from the kernel."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return {name: value.strip() for name, value in (line.split(":", 1) for line in lines)}
 
@@ -132,7 +132,7 @@ def test_killed_the_drives_stop_by_themselves_and_the_next_energises_nothing(
     assert energised(service)
 
 
-def test_frozen_for_a_while_a_fault_is_latched_until_somebody_resets_it(
+def test_frozen_for_a_while_a_fault_is_latched_until_a_person_resets_it(
     service: Service, simulator: Simulator
 ) -> None:
     service.configure("WatchdogSec=infinity")
@@ -172,7 +172,7 @@ def test_frozen_for_good_the_watchdog_ends_it_and_the_next_energises_nothing(
 
 
 def systemd_lines() -> list[str]:
-    """What systemd itself said of the service."""
+    """Lines of systemd itself on the service."""
     words = ("journalctl", "_PID=1", f"UNIT={SERVICE}", "-o", "cat", "--no-pager")
     return run(*words).stdout.splitlines()
 
@@ -191,7 +191,7 @@ def test_stopped_in_motion_it_brakes_holds_and_lets_go_in_this_order(
     assert changes[-3:] == ["tracking -> stopping", "stopping -> holding", "holding -> off"]
     assert ended.endswith("ended: hold: joint")
     # It took its leave: the drives do not miss it.
-    assert not simulator.told(LOST)
+    assert not simulator.reported(LOST)
 
 
 def test_a_wrong_configuration_is_not_tried_again(service: Service) -> None:

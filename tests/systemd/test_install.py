@@ -31,7 +31,7 @@ def files(root: Path) -> set[str]:
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
-    """What `make install` leaves, with next to nothing for an environment."""
+    """Files that `make install` leaves, with next to nothing for an environment."""
     assert make("install-files", tmp_path).returncode == 0
     environment = tmp_path / "opt/contactd"
     (environment / "bin").mkdir()
@@ -48,7 +48,7 @@ def installed(tmp_path: Path) -> Path:
 
 def test_the_example_arm_is_installed_on_can0(installed: Path) -> None:
     robot = load_robot(installed / "etc/contactd")
-    # What was found on the simulated drives is nobody's who installs it.
+    # What was found on the simulated drives is not for who installs it.
     assert not (installed / "etc/contactd/identified.yaml").exists()
     bus = robot.configuration.bus
     assert (bus.interface, bus.channel) == ("socketcan", "can0")
@@ -69,9 +69,11 @@ def test_the_end_of_the_daemon_fits_before_systemd_kills_it(installed: Path) -> 
 def test_another_interface_is_waited_for_as_the_head_of_its_file_says(name: str) -> None:
     """docs/installing.md leaves it to the head, from which the device is copied into a shell."""
     head, _, body = (ROOT / "systemd" / name).read_text().partition("\n[Unit]\n")
-    (told,) = re.findall(r"^#   systemctl add-wants (\S+) contactd\.service$", head, re.MULTILINE)
+    (reported,) = re.findall(
+        r"^#   systemctl add-wants (\S+) contactd\.service$", head, re.MULTILINE
+    )
     (bound,) = re.findall(r"^BindsTo=(\S+)$", body, re.MULTILINE)
-    assert told == bound.replace("can0", "can1")
+    assert reported == bound.replace("can0", "can1")
     assert re.search(r"^#   systemctl daemon-reload$", head, re.MULTILINE)
 
 

@@ -154,7 +154,7 @@ def test_motion_starts_and_stops_softly(t: float, rate: float) -> None:
 def test_the_torque_at_which_joints_break_away_is_that_of_the_arm_that_is_there(
     robot: Robot,
 ) -> None:
-    """Of gear and link, as far as it has drifted, and with its rise near rest."""
+    """Friction of gear and link, as far as it has drifted, and with its rise near rest."""
     exactly = Mismatch(**dict.fromkeys(Mismatch.__struct_fields__, 0.0))
     settings = SimulationSettings(seed=1, mismatch=exactly, friction="dahl", stribeck=1.3)
     still = Motion(home=np.zeros(7), amplitude=np.zeros(7), omega=np.ones(7), phase=np.zeros(7))

@@ -53,7 +53,7 @@ def notices(text: str) -> list[Notice]:
 
 
 def ledger_of(scenes: Iterable[Scene]) -> Ledger:
-    """What the rules have to say of these States."""
+    """Findings of the rules on these States."""
     ledger = Ledger()
     watch = Watch(C, ledger, GIVES_WAY)
     for each, touched, trouble in scenes:

@@ -9,7 +9,7 @@ from tests.bench.soak.scenes import MIDDLE, C, broken_by, first, notices, state
 
 
 def releasing(tick: int, velocity: float, way: float = 0.0) -> State:
-    """A joint that is pressed upwards, and what it is told."""
+    """A joint that is pressed upwards, and its commands."""
     felt, there = first(1.0), first(MIDDLE[0] + way, MIDDLE)
     changes = {"thresholded": felt, "link_position": there, "setpoint": first(velocity)}
     return state(tick, mode="releasing", **changes)
@@ -46,7 +46,7 @@ BROKEN: list[tuple[str, list[State]]] = [
     ),
     ("a change of permission is reported", [state(1), state(2, armed=True)]),
     (
-        "nobody guides an arm that is not armed",
+        "no unarmed arm is guided",
         [state(1), state(2, mode="admittance", notices=notices("holding -> admittance: x"))],
     ),
     ("a release goes the way of the push", [releasing(k, -0.02 * (k - 1)) for k in range(1, 4)]),
@@ -93,7 +93,7 @@ def test_what_is_right_breaks_no_rule() -> None:
     assert not broken_by(states)
 
 
-def test_a_contact_that_nobody_made_is_a_false_alarm() -> None:
+def test_a_contact_that_no_one_made_is_a_false_alarm() -> None:
     touches = [(10.0, 11.0), (20.0, 20.5)]
     assert false_alarms([10.0, 11.9, 20.4], touches) == 0
     assert false_alarms([9.9, 12.1, 15.0], touches) == 3

@@ -102,13 +102,13 @@ def test_what_was_asked_and_not_answered_may_have_been_granted() -> None:
     one, two = leases.connection(), leases.connection()
     leases.asked(Arm(lease_s=2.0), one)
     leases.closed(one, 10.0)
-    assert (leases.until_s, leases.ticks) == (10.0, HEARD_TICKS)  # whoever held it is gone
+    assert (leases.until_s, leases.ticks) == (10.0, HEARD_TICKS)  # who held it is gone
     leases.asked(Arm(lease_s=2.0, detached=True), two)
     leases.closed(two, 11.0)
     assert leases.until_s == 13.0  # a person's lease outlives their connection
     leases.asked(Arm(lease_s=2.0), one)
     leases.closed(one, 12.0)
-    assert leases.until_s == 13.0  # and nobody takes it from them
+    assert leases.until_s == 13.0  # and no one takes it from them
 
 
 @pytest.mark.parametrize("name", ["LShoulderYaw", "LWristYaw"])

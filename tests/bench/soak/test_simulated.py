@@ -41,7 +41,7 @@ def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
 ) -> None:
     """A wrist that its drive holds in quick stop gives way at once: no motion of the arm's own."""
 
-    def nobody_resets(rng: Random, c: Configuration) -> Person:
+    def no_reset(rng: Random, c: Configuration) -> Person:
         yield Step()
         for command in ("enable", "start"):
             yield Step((bare(command),), wait_s=0.5)
@@ -56,7 +56,7 @@ def test_a_hand_that_begins_within_a_tick_has_moved_the_arm_already(
     monkeypatch.setattr("bench.soak.simulated.MEAN_PAUSE_S", 3.0)
     monkeypatch.setattr("bench.soak.simulated.hand_script", push)
     for who in ("operator", "program"):
-        monkeypatch.setattr(f"bench.soak.simulated.{who}", nobody_resets)
+        monkeypatch.setattr(f"bench.soak.simulated.{who}", no_reset)
     part = run_lockstep(9, 4.0 / 3600.0)  # whose only fault comes after a second
     assert part.counts["ticks faulted"] > 280, part.counts
     assert not part.ledger.broken, part.ledger.cases
@@ -118,7 +118,7 @@ def test_a_sound_program_breaks_none(monkeypatch: pytest.MonkeyPatch, case: str)
             {"drivers.stopping.stop_watch.StopWatch.step": lambda self, now, seen: None},
             {"a stop is proved or the arm silent"},
         ),
-        # What was told to stop is taken for standing a tick later.
+        # What was commanded to stop is taken for standing a tick later.
         (
             "SYNC moved by a tool (0x1005)",
             {

@@ -39,7 +39,7 @@ BROKEN = [
     ("no joint goes further than is printed", GOES_ON),
     ("a stop is proved or the arm silent", DOUBTED),
     (
-        "a stop is proved or the arm silent",  # and nobody moves it
+        "a stop is proved or the arm silent",  # and no one moves it
         [
             msgspec.structs.replace(s, notices=[PROVED] if s.tick == 3 else s.notices)
             for s in DOUBTED

@@ -8,7 +8,7 @@ import pytest
 
 from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
-from bench.study.mistakes import MISTAKES, PROFILE, Mistake, checkable, told
+from bench.study.mistakes import MISTAKES, PROFILE, Mistake, checkable, reported
 from drivers.canopen.boot.data_sheet import load_data_sheet
 
 CHECKABLE = list(checkable())
@@ -23,20 +23,20 @@ def test_there_are_sixty_that_the_files_may_show() -> None:
 
 
 @pytest.mark.parametrize("mistake", CHECKABLE, ids=lambda mistake: mistake.words)
-def test_a_mistake_is_told_at_its_field(mistake, tmp_path: Path) -> None:
-    said = told(mistake.plant(generate(0), tmp_path / "arm"))
+def test_a_mistake_is_reported_at_its_field(mistake, tmp_path: Path) -> None:
+    said = reported(mistake.plant(generate(0), tmp_path / "arm"))
     assert said.of(mistake.field) is (mistake.words not in UNSEEN), "\n".join(said.lines)
 
 
 @pytest.mark.parametrize("mistake", [m for m in MISTAKES if m.only_wiring], ids=lambda m: m.words)
-def test_what_only_the_wiring_shows_is_not_told(mistake, tmp_path: Path) -> None:
+def test_what_only_the_wiring_shows_is_not_reported(mistake, tmp_path: Path) -> None:
     """Else it would belong to the others."""
-    assert told(mistake.plant(generate(0), tmp_path / "arm")).lines == []
+    assert reported(mistake.plant(generate(0), tmp_path / "arm")).lines == []
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_an_arm_without_mistakes_is_not_warned_of(seed: int, tmp_path: Path) -> None:
-    said = told(generate(seed).write(tmp_path / "arm"))
+    said = reported(generate(seed).write(tmp_path / "arm"))
     assert (said.refused, said.lines) == (False, [])
 
 
@@ -63,15 +63,15 @@ def _a_little_beyond(data: dict[str, Any]) -> None:
     data["joints"][1]["limits"]["lower"] = -1.3
 
 
-def test_a_drive_that_would_move_on_without_its_master_is_told(tmp_path: Path) -> None:
-    said = told(Mistake("", edit=_timeout).plant(generate(0), tmp_path / "arm"))
+def test_a_drive_that_would_move_on_without_its_master_is_reported(tmp_path: Path) -> None:
+    said = reported(Mistake("", edit=_timeout).plant(generate(0), tmp_path / "arm"))
     assert not said.refused
     assert said.of("drives.master_timeout_ms"), said.lines
     assert len(said.lines) == 1
 
 
 def test_limits_a_little_beyond_are_not_taken_for_degrees(tmp_path: Path) -> None:
-    said = told(Mistake("", edit=_a_little_beyond).plant(generate(0), tmp_path / "arm"))
+    said = reported(Mistake("", edit=_a_little_beyond).plant(generate(0), tmp_path / "arm"))
     assert said.refused
     assert "goes beyond the URDF's [-1.28, 1.81]" in said.lines[0]
     assert "degrees" not in said.lines[0]

@@ -9,7 +9,7 @@ PERIOD = 0.01
 
 
 def steady_gains(index):
-    """How much of an innovation of p goes into p, and times 1 / T into d, in closed form."""
+    """Share of an innovation of p that goes into p, and times 1 / T into d, in closed form."""
     r = (4.0 + index - np.sqrt(index * (8.0 + index))) / 4.0
     return 1.0 - r * r, 2.0 * (1.0 - r) ** 2
 

@@ -298,7 +298,7 @@ def test_the_check_can_fail() -> None:
 
 
 @pytest.mark.parametrize("period_ms", [1, 4, 10, 20, 40, 50, 100])
-def test_a_period_that_is_deaf_for_long_is_told(period_ms: int) -> None:
+def test_a_period_that_is_deaf_for_long_is_reported(period_ms: int) -> None:
     robot = load_robot(SINGLE_JOINT)
     c = msgspec.structs.replace(robot.configuration, period_ms=period_ms)
     warnings = [p.what for p in near(c, robot.model) if p.where == "period_ms"]

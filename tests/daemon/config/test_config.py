@@ -166,7 +166,7 @@ def test_what_is_no_configuration_at_all(text: str, words: str, tmp_path: Path) 
     assert words in refusal(path).removeprefix(str(path))
 
 
-def test_a_folder_that_nobody_can_look_into() -> None:
+def test_a_folder_that_no_one_can_look_into() -> None:
     path = Path("x" * 300)
     assert refusal(path) == f"{path}: cannot be read: File name too long"
 

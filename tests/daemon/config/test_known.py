@@ -1,4 +1,4 @@
-"""What arming needs of each joint: identified, or known otherwise by hand and by name."""
+"""Values that arming needs for each joint: identified, or known otherwise by hand and by name."""
 
 import shutil
 from contextlib import nullcontext

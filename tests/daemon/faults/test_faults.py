@@ -25,7 +25,7 @@ HOLDS = 0.03  # [rad] in a tenth of a second, of a motor: links may settle in th
 
 
 def creeps(on: BreakableArm) -> float:
-    """How far a motor goes in a tenth of a second [rad at the link]."""
+    """Way of a motor in a tenth of a second [rad at the link]."""
     before = on.rig.arm.plant.theta.copy()
     on.run(0.1)
     return float(abs(on.rig.arm.plant.theta - before).max())
@@ -85,7 +85,7 @@ class Stages(dict[MakeOnWire, BreakableArm]):
 
 @pytest.fixture
 def on(stages: dict[MakeOnWire, BreakableArm], place: MakeOnWire) -> Iterator[BreakableArm]:
-    """Off, undisturbed and at its first pose; whoever leaves it in disorder was the last."""
+    """Off, undisturbed and at its first pose; who leaves it in disorder was the last."""
     if (
         place.make.speech.stops_by_ramp
     ):  # its motors hold while the arm is off: it cannot be put back
@@ -106,7 +106,7 @@ def own(place: MakeOnWire) -> Iterator[BreakableArm]:
         yield on
 
 
-def told(on: BreakableArm) -> list[str]:
+def reported(on: BreakableArm) -> list[str]:
     return [event.text for event in on.rig.last.notices if event.kind == "fault"]
 
 
@@ -128,7 +128,7 @@ def happen(on: BreakableArm, case: Case) -> Iterator[None]:
 def test_a_nuisance_is_noted_and_the_arm_goes_on(on: BreakableArm, case: Case) -> None:
     start(on, armed=True)
     fault = happen(on, case)
-    assert not told(on)
+    assert not reported(on)
     reasons = on.rig.tick.check_arming(on.rig.time_s).reasons
     once = case.condition is Condition.LATE  # arming stands one of these
     assert once or any(case.condition.value in reason for reason in reasons)
@@ -146,13 +146,13 @@ def test_it_holds_disarmed_and_nothing_is_latched(on: BreakableArm, case: Case) 
     machine = on.rig.tick.controller.machine
     assert on.rig.mode is Mode.STOPPING
     assert machine.cause.startswith(case.condition.value)
-    assert len(told(on)) == 1
+    assert len(reported(on)) == 1
     assert not machine.armed
     before = [abs(velocity) for _, velocity in on.setpoints().values()]
     for _ in range(PROMPT_TICKS):
         next(fault, None)
         on.tick()
-        assert len(told(on)) == 0, "it is told once"
+        assert len(reported(on)) == 0, "it is reported once"
     after = [abs(velocity) for _, velocity in on.setpoints().values()]
     assert all(b < a or b == 0 for a, b in zip(before, after, strict=True))
     for _ in fault:
@@ -203,7 +203,7 @@ def test_it_stops_all_drives_until_a_person_resets_it_once(on: BreakableArm, cas
     start(on, armed=case.armed)
     began = on.joints
     fault = happen(on, case)
-    assert any(text.startswith(case.condition.value) for text in told(on))
+    assert any(text.startswith(case.condition.value) for text in reported(on))
     stopped(on, fault, case)
     further = abs(on.joints - began) > (on.own_travel if case.own else on.travel)
     assert case.driven or not further.any(), "further than `contactd check` prints"

@@ -25,14 +25,14 @@ def following() -> Following:
 
 
 def ticks(
-    following: Following, count: int, told: float, velocity: float, share: float = 0.0
+    following: Following, count: int, commanded: float, velocity: float, share: float = 0.0
 ) -> list[bool]:
-    """Whether the second joint is astray, tick by tick; the first does what it is told."""
+    """Whether the second joint is astray, tick by tick; the first does what is commanded."""
     found = []
     for _ in range(count):
-        following.record(np.array([told, told]))
+        following.record(np.array([commanded, commanded]))
         astray = following.not_following(
-            np.array([told, velocity]), np.array([0.0, share * CURRENT[1]]), BOTH
+            np.array([commanded, velocity]), np.array([0.0, share * CURRENT[1]]), BOTH
         )
         assert 0 not in astray
         found.append(1 in astray)
@@ -41,13 +41,13 @@ def ticks(
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("beyond", "astray"), [(-E, False), (E, True)])
-@pytest.mark.parametrize("told", [0.0, 0.1])
+@pytest.mark.parametrize("commanded", [0.0, 0.1])
 def test_the_deviation_that_counts(
-    following: Following, sign: int, beyond: float, astray: bool, told: float
+    following: Following, sign: int, beyond: float, astray: bool, commanded: float
 ) -> None:
-    ticks(following, WINDOW, sign * told, sign * told)
-    velocity = sign * (told - DEVIATION[1] - beyond)
-    found = ticks(following, TICKS, sign * told, velocity)
+    ticks(following, WINDOW, sign * commanded, sign * commanded)
+    velocity = sign * (commanded - DEVIATION[1] - beyond)
+    found = ticks(following, TICKS, sign * commanded, velocity)
     assert found == [False] * (TICKS - 1) + [astray]
 
 
@@ -57,7 +57,7 @@ def test_the_deviation_that_counts(
 def test_a_drive_that_presses_the_right_way_follows(
     following: Following, sign: int, beyond: float, astray: bool, direction: int
 ) -> None:
-    """Held up, or carried along by somebody stronger; pressing the wrong way is no excuse."""
+    """Held up, or carried along by a stronger person; pressing the wrong way is no excuse."""
     share = sign * direction * (PRESSING_SHARE + beyond)
     found = ticks(following, TICKS, 0.0, -sign * 0.5, share)
     assert found[-1] is (astray if direction == 1 else True)
@@ -114,14 +114,14 @@ def test_a_first_current_that_is_no_number_excuses_nothing(following: Following)
     assert ticks(following, TICKS, 0.0, 0.5, -0.4)[-1]
 
 
-def test_what_was_told_lately_may_still_be_obeyed(following: Following) -> None:
+def test_what_was_commanded_lately_may_still_be_obeyed(following: Following) -> None:
     ticks(following, WINDOW, 0.5, 0.5)
-    # Told to stand, it goes on: that counts when the last 0.5 has left the window.
+    # Commanded to stand, it goes on: that counts when the last 0.5 has left the window.
     found = ticks(following, WINDOW - 1 + TICKS, 0.0, 0.5)
     assert found == [False] * (WINDOW - 2 + TICKS) + [True]
     following.restart()
     ticks(following, 1, 0.5, 0.0)
-    # Told to move, it stands: that counts when nothing else was told for as long.
+    # Commanded to move, it stands: that counts when nothing else was commanded for as long.
     found = ticks(following, WINDOW - 2 + TICKS, 0.5, 0.0)
     assert found == [False] * (WINDOW - 3 + TICKS) + [True]
 
@@ -149,8 +149,8 @@ def test_every_joint_by_itself() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_figures_are_from_the_nearest_setpoint_that_it_may_still_obey(sign: int) -> None:
     following = Following(FollowingSettings(DEVIATION, CURRENT, LAG), T)
-    for told in (0.0, 0.05, 0.02):
-        following.record(np.full(2, sign * told))
+    for commanded in (0.0, 0.05, 0.02):
+        following.record(np.full(2, sign * commanded))
     following.not_following(np.array([sign * 0.3, -sign * 0.4]), np.zeros(2), BOTH)
     assert following.figures(0) == "by 0.250 rad/s, at most 0.200"
     assert following.figures(1) == "by 0.400 rad/s, at most 0.300"

@@ -118,7 +118,7 @@ def test_it_is_named_where_drives_are_enabled_and_reset(on: BreakableArm) -> Non
 
 
 @on_one_make
-def test_nobody_is_asked_by_sdo_while_the_arm_moves_or_is_armed(on: BreakableArm) -> None:
+def test_no_one_is_asked_by_sdo_while_the_arm_moves_or_is_armed(on: BreakableArm) -> None:
     def asked() -> set[int]:
         return {cob_id for cob_id, _ in on.wire.sent if cob_id & ~0x7F == SDO_REQUEST}
 

@@ -1,4 +1,4 @@
-"""What each detector finds just beyond its bound, and does not find at it."""
+"""Each detector's finding just beyond its bound, and does not find at it."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ class Joint:
         dt: float = T,
         energised: bool = True,
     ) -> dict[Condition, str]:
-        """What is found; encoder and current move on by a trifle unless they are given."""
+        """Findings; encoder and current move on by a trifle unless they are given."""
         self.noise = 1 - self.noise
         self.q = self.q if q is None else q
         self.theta = self.theta if theta is None else theta
@@ -250,7 +250,7 @@ def test_overspeed(joint: Joint, sign: int) -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_somebody_stronger_than_the_motor_is_no_runaway(joint: Joint, sign: int) -> None:
+def test_a_person_stronger_than_the_motor_is_no_runaway(joint: Joint, sign: int) -> None:
     for _ in range(10):
         assert joint.tick(velocity=sign * 5.0, current=-sign * 1.51) == {}
     # It counts from when the motor no longer resists with half its current.

@@ -11,7 +11,7 @@ WITH = VOLTAGE_ENABLED
 
 
 def taken(supply: Supply, *words: int, fresh: bool = True) -> Supply:
-    """Of one drive, a tick for each."""
+    """Statuswords of one drive, a tick for each."""
     for word in words:
         supply.step((drive_status(word),), np.array([fresh]))
     return supply

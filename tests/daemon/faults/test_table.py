@@ -1,4 +1,4 @@
-"""Which condition leads to which response, and fails which arming check."""
+"""Response to each condition, and which of them fails which arming check."""
 
 import pytest
 

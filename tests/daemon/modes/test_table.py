@@ -244,7 +244,7 @@ def test_a_contact_while_holding_leaves_nothing_to_go_on_with() -> None:
     assert not machine.moving
 
 
-def test_arming_twice_is_told_once() -> None:
+def test_arming_twice_is_reported_once() -> None:
     machine = ModeMachine()
     machine.arm("a person")
     machine.arm("another")
@@ -289,14 +289,14 @@ def test_what_is_abandoned_halts_as_by_pause_and_is_forgotten(mode: Mode, armed:
 
 def test_what_is_with_the_trajectory() -> None:
     machine = machine_in(Mode.HOLDING, armed=True)
-    told = [machine.trajectory]
+    reported = [machine.trajectory]
     for event in (
         *(Event.START, Event.TOUCH, Event.RESUME, Event.PAUSE, Event.STANDSTILL, Event.TOUCH),
         *(Event.SETTLE, Event.START, Event.END, Event.START, Event.PAUSE, Event.STOP),
     ):
         assert machine.apply(event, "why", 2.0)
-        told.append(machine.trajectory)
-    assert told == [
+        reported.append(machine.trajectory)
+    assert reported == [
         "ready",
         *("running", "interrupted", "running", "paused", "paused", "paused"),
         *("paused", "running", "ready", "running", "paused", "ready"),

@@ -1,4 +1,4 @@
-"""What may move an arm that yields: agreement, the stated level, and a hand that is witnessed."""
+"""Causes that may move an arm that yields: agreement, stated level, and a witnessed hand."""
 
 import numpy as np
 import pytest

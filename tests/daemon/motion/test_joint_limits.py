@@ -79,7 +79,7 @@ def test_no_link_can_fall_through_its_gap_past_a_limit(sign: float) -> None:
         furthest = np.full(len(joints), -np.inf)
         for _ in range(150):
             rig.step()
-            # Where the link could be, if somebody pushed it while the motor stands.
+            # Where the link could be, if a person pushed it while the motor stands.
             furthest = np.maximum(
                 furthest, sign * (plant.theta - border) + plant.parameters.half_gap
             )
@@ -110,7 +110,7 @@ def standing(beyond: float, end: str) -> Iterator[Rig]:
 
 @pytest.mark.parametrize("end", ["brake", "hold"])
 def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -> None:
-    """A fault may leave it there, where its brakes, or its drives, let nobody move it by hand."""
+    """A fault may leave it there, where its brakes, or its drives, let no one move it by hand."""
     with standing(0.045, end) as rig:
         fastest: list[float] = []
         rig.run(0.1)
@@ -118,7 +118,7 @@ def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -
         rig.run(0.6, lambda: fastest.append(abs(rig.arm.plant.q_dot[WRIST])))
         assert rig.mode is Mode.HOLDING
         assert rig.arm.plant.q[WRIST] < UPPER + 0.002
-        # The position loop's own speed at that distance: somebody may stand beside.
+        # The position loop's own speed at that distance: a person may stand beside.
         assert max(fastest) < 1.2 * 0.045 * rig.robot.configuration.control.position_gain
         assert rig.permit("the test") == []
 
@@ -131,7 +131,7 @@ def test_an_arm_that_was_pressed_beyond_a_limit_comes_back_by_itself(end: str) -
         ("hold", "switch its drive off and move it back by hand"),
     ],
 )
-def test_further_out_somebody_has_to_move_it_and_is_told_how(end: str, how: str) -> None:
+def test_further_out_a_person_has_to_move_it_and_the_refusal_says_how(end: str, how: str) -> None:
     with standing(0.07, end) as rig:
         (reason,) = rig.tick.controller.request(Event.ENABLE, "the test", rig.time_s)
         assert reason.endswith(f" rad, more than 0.05 outside its limits [-0.4, 0.3]: {how}")

@@ -197,7 +197,7 @@ def test_a_joint_whose_position_is_not_a_number_does_not_move() -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("what", ["before", "dt"])
 def test_where_the_past_is_no_number_there_is_no_velocity(bad: float, what: str) -> None:
-    """The drives are told to stop then; a finite one would drop the limit on acceleration."""
+    """The drives are commanded to stop then; a finite one would drop the limit on acceleration."""
     before, dt = np.array([0.1, bad if what == "before" else 0.1, 0.1]), DT
     v = LIMITS.bound_velocity(np.zeros(3), before, before, bad if what == "dt" else dt)
     assert np.isnan(v).tolist() == [what == "dt", True, what == "dt"]

@@ -28,7 +28,7 @@ def test_a_joint_that_was_not_heard_of_has_moved_on() -> None:
     assert 0.0 < old < heard == other == still
 
 
-def test_the_controller_tells_how_old_the_samples_are() -> None:
+def test_the_controller_passes_on_how_old_the_samples_are() -> None:
     """Yielding towards a limit, the joint whose samples are old brakes before the other."""
     arm = tracking_arm(reactions=SOFT, bounds=FAR)
     q, push = np.array([0.98, 0.98]), np.array([2.0, 2.0])
@@ -36,9 +36,9 @@ def test_the_controller_tells_how_old_the_samples_are() -> None:
     heard = [arm.step(q=q, **felt).velocity for _ in range(60)][-1]
     assert heard[0] == pytest.approx(heard[1], rel=1e-3)
     old = np.array([0.1, 0.0])
-    told = [arm.step(q=q, age_s=old, **felt).velocity for _ in range(60)][-1]
-    assert 0.0 < told[0] < 0.9 * told[1]
-    assert told[1] == pytest.approx(heard[1], rel=1e-3)
+    commanded = [arm.step(q=q, age_s=old, **felt).velocity for _ in range(60)][-1]
+    assert 0.0 < commanded[0] < 0.9 * commanded[1]
+    assert commanded[1] == pytest.approx(heard[1], rel=1e-3)
 
 
 def test_who_was_not_heard_of_does_not_stand_still_yet() -> None:

@@ -66,7 +66,7 @@ def test_it_keeps_every_limit_and_ends_at_the_goal(start: Vector, goal: Vector, 
 
 
 @pytest.mark.parametrize("distance", [1e-4, 0.01, 0.1, 0.3, 0.9])
-def test_it_takes_the_time_that_is_told(distance: float) -> None:
+def test_it_takes_the_time_that_is_stated(distance: float) -> None:
     way = path([0.0, 0.0, 0.5], (distance, 0.0, 0.5))
     q, _ = run(Follower(Place(way), RAMP), way.start)
     assert (len(q) - 1) * DT == pytest.approx(run_time_s(way.duration, RAMP), abs=0.1)

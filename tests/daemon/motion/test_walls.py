@@ -147,7 +147,7 @@ def test_a_joint_that_opens_counts_as_far_as_it_moves() -> None:
 
 
 def test_a_slide_that_sank_into_the_margin_comes_out_of_it() -> None:
-    """What closes is slowed until the gap opens; where nothing opens it, all that closes stands."""
+    """Closing joints are slowed until the gap opens; where none opens it, all of them stand."""
     one, q, gradient = beside_table(0.002)
     along = np.array([-0.3, 0.3 * gradient[0] / gradient[1], 0.0])
     out = bounded(one, q, along)

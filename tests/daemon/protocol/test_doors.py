@@ -8,7 +8,7 @@ from contactd_client.paths import view_socket_path
 from daemon.protocol.doors import DOORS, Door, refusal
 from daemon.protocol.requests import AWAITED, COMMANDS
 
-# Written out, so that a new command is refused by the view door until somebody decides otherwise.
+# Written out, so that a new command is refused by the view door until it is decided otherwise.
 TAKEN = {
     "enable": {Door.CONTROL},
     "load": {Door.CONTROL},

@@ -62,7 +62,7 @@ def test_a_persons_lease_lives_by_time_alone(owner: Owner, until: float, closed:
     asked=st.lists(st.tuples(st.floats(0.0, 5.0), owners, st.floats(0.01, 5.0)), max_size=30),
     gone=st.lists(st.tuples(times, st.integers(1, 3)), max_size=5),
 )
-def test_nobody_is_armed_longer_than_somebody_asked_for(
+def test_an_arm_is_never_armed_longer_than_asked_for(
     asked: list[tuple[float, Owner, float]], gone: list[tuple[float, int]]
 ) -> None:
     """Played as the service does it, against what was granted and lost."""

@@ -20,7 +20,7 @@ from daemon.protocol.doors import DOORS, Door
 from daemon.protocol.replies import Reply
 from daemon.service.socket import ControlSocket
 
-SOMEBODY_ELSE = """
+ANOTHER = """
 import contextlib, os, socket, sys
 door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 os.setgroups(eval(sys.argv[2]))
@@ -37,9 +37,9 @@ for step in (lambda: door.send(b'{"command": "disarm"}'), lambda: print(door.rec
 
 
 def test_the_kernel_is_asked_who_it_is() -> None:
-    """Although somebody has opened the socket file to all."""
+    """Although a user has opened the socket file to all."""
     if os.getuid() != 0:
-        pytest.skip("only root may become somebody else")
+        pytest.skip("only root may become another user")
     said = []
     # pytest's own folders are closed to others.
     with (
@@ -49,7 +49,7 @@ def test_the_kernel_is_asked_who_it_is() -> None:
         Path(folder).chmod(0o755)
         control.path.chmod(0o666)
         for groups in ("[]", f"[{control.path.stat().st_gid}]"):
-            command = [sys.executable, "-c", SOMEBODY_ELSE, str(control.path), groups]
+            command = [sys.executable, "-c", ANOTHER, str(control.path), groups]
             process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
             while process.poll() is None:
                 control.poll(lambda request, peer: Reply(ok=True))

@@ -129,9 +129,9 @@ def test_old_logs_go(path, logs):
 
 def helper(path: Path, logs: Path, *said: bytes) -> list[str]:
     """Run the helper until the pipe ends, which is after the last words."""
-    told: list[str] = []
+    reported: list[str] = []
     reader, writer = os.pipe()
-    thread = threading.Thread(target=follow, args=(path, logs, reader, told.append))
+    thread = threading.Thread(target=follow, args=(path, logs, reader, reported.append))
     thread.start()
     for words in said:
         os.write(writer, words)
@@ -139,7 +139,7 @@ def helper(path: Path, logs: Path, *said: bytes) -> list[str]:
     os.close(writer)
     thread.join(10)
     os.close(reader)
-    return told
+    return reported
 
 
 @pytest.mark.parametrize(
@@ -154,8 +154,8 @@ def helper(path: Path, logs: Path, *said: bytes) -> list[str]:
 )
 def test_one_log_for_a_fault_or_a_death_and_none_for_an_orderly_end(path, logs, said, logs_written):
     filled(path)
-    told = helper(path, logs, *said)
-    assert len(told) == logs_written
+    reported = helper(path, logs, *said)
+    assert len(reported) == logs_written
     assert len(list(logs.glob("[!.]*.blf"))) == logs_written
     assert not path.exists(), "the ring is of no use any more"
 
@@ -185,12 +185,12 @@ def test_a_ring_without_frames_is_no_log(path, logs):
     assert not path.exists()
 
 
-def test_what_nobody_looks_after_is_saved(path, logs):
+def test_what_no_one_looks_after_is_saved(path, logs):
     assert save_left_over(path, logs) is None
     filled(path)
     with path.open("rb") as ring:
         fcntl.flock(ring, fcntl.LOCK_EX)
-        assert save_left_over(path, logs, patience_s=0.1) is None, "somebody looks after it"
+        assert save_left_over(path, logs, patience_s=0.1) is None, "it is looked after"
     saved = save_left_over(path, logs)
     assert saved is not None
     assert ids(saved) == [0x181, 0x182, 0x183]
@@ -331,7 +331,7 @@ def test_the_ring_is_open_to_the_group_of_the_socket(path, logs, monkeypatch):
 
 
 @pytest.mark.parametrize("more", [[], ["--left-over"]])
-def test_who_may_not_read_the_ring_is_told_how_to_be_let_in(tmp_path, monkeypatch, more):
+def test_who_may_not_read_the_ring_is_reported_how_to_be_let_in(tmp_path, monkeypatch, more):
     def denied(path, **_):
         raise PermissionError(13, "Permission denied", str(path))
 

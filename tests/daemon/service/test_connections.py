@@ -16,7 +16,7 @@ from daemon.service import entrance
 from daemon.service.connections import GRACE, Connection, Connections
 from daemon.service.entrance import FEWEST_PLACES, SPARED_FILES, places
 from daemon.service.socket import ControlSocket
-from tests.socket_peers import Dial, Handler, told
+from tests.socket_peers import Dial, Handler, reported
 
 LOUD, QUIET = 1000, 1001
 
@@ -56,7 +56,7 @@ def test_a_user_who_asks_all_the_time_takes_no_place_of_another() -> None:
 
 
 def test_a_newcomer_is_given_time_to_speak() -> None:
-    """Where all others ask all the time, it is the only silent one."""
+    """The only silent one, while all others ask all the time."""
     connections = filled((LOUD, 100, Door.CONTROL))
     for one in list(connections.all.values())[:-2]:
         connections.wait(one)
@@ -145,7 +145,7 @@ def test_a_stop_is_answered_without_a_descriptor_left(
     handler = Handler()
     no_descriptors.send(b'{"command": "stop"}')
     control.poll(handler)
-    assert told(no_descriptors)["ok"] is True
+    assert reported(no_descriptors)["ok"] is True
     assert [request for request, _ in handler.seen] == [Stop()]
     assert control.connections == 20
 

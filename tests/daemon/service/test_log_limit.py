@@ -1,11 +1,11 @@
-"""A log that nobody can fill, and that still says who did what."""
+"""A log that no client can fill, and that still says who did what."""
 
 import re
 
 from daemon.service.journal import BURST, MOST_NAMED, PER_S, LogLimit
 
 
-def test_a_person_is_told_line_by_line() -> None:
+def test_a_person_is_reported_line_by_line() -> None:
     limit = LogLimit()
     for second in range(3600):
         assert limit.admit("armed", float(second))
@@ -25,12 +25,12 @@ def test_a_flood_is_counted_and_nothing_of_it_is_hidden() -> None:
         assert "x armed: by uid 1 (pid 7)" in text
         assert "x disarmed: by uid 2 (pid 8)" in text
     counts = [int(re.findall(r", (\d+) in", text)[0]) for text in summaries]
-    told = [sum(int(n) for n in re.findall(r"(\d+) x ", text)) for text in summaries]
-    assert counts == told
-    assert 6000 - 101 <= written + sum(counts) <= 6000  # the last second is still to be told
+    reported = [sum(int(n) for n in re.findall(r"(\d+) x ", text)) for text in summaries]
+    assert counts == reported
+    assert 6000 - 101 <= written + sum(counts) <= 6000  # the last second is still to be reported
 
 
-def test_it_is_told_once_it_is_over() -> None:
+def test_it_is_reported_once_it_is_over() -> None:
     limit = LogLimit()
     while limit.admit("armed", 0.0):
         pass

@@ -1,4 +1,4 @@
-"""What systemd would receive, on sockets of our own; time is made up."""
+"""Messages to systemd, on sockets of our own; time is made up."""
 
 import contextlib
 import os
@@ -110,7 +110,7 @@ def test_a_manager_that_takes_nothing_is_never_waited_for(
     for k in range(100):
         notifier.status(f"status {k}")
         notifier.ticked((sent + k) * 10 * T)
-    assert len(caplog.records) == 1  # told once, not every tick
+    assert len(caplog.records) == 1  # reported once, not every tick
     received(manager)
     notifier.ticked(2000.0)
     # Of the lines that did not get through only the last is still true; the watchdog is fed.
@@ -133,7 +133,7 @@ def test_ready_is_not_lost_when_the_socket_was_full(
     assert received(manager) == [b"READY=1\nSTATUS=enabling"]
 
 
-@pytest.mark.parametrize("address", ["", "vsock:2:1234", "/nowhere/at/all", "@contactd-nobody"])
+@pytest.mark.parametrize("address", ["", "vsock:2:1234", "/nowhere/at/all", "@contactd-absent"])
 def test_without_a_manager_nothing_happens(address: str, connect: Connect) -> None:
     notifier = connect(address, watchdog_s=1.0)
     notifier.ready("")

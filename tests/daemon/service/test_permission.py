@@ -1,4 +1,4 @@
-"""Arming at the instant in which somebody else's lease ends."""
+"""Arming at the instant in which another owner's lease ends."""
 
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -16,10 +16,10 @@ CHECKS = (Check(name="loop", passed=True, text="on time"),)
 
 @dataclass
 class Arm:
-    """As much of a tick and its controller as can be armed; `told` is what happened to it."""
+    """As much of a tick and its controller as can be armed; `reported` is what happened to it."""
 
     machine: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(armed=False))
-    told: list[str] = field(default_factory=list)
+    reported: list[str] = field(default_factory=list)
     checked_s: list[float] = field(default_factory=list)
     against: tuple[str, ...] = ()
 
@@ -33,12 +33,12 @@ class Arm:
 
     def arm(self, who: str) -> list[str]:
         self.machine.armed = True
-        self.told.append("armed")
+        self.reported.append("armed")
         return []
 
     def disarm(self, why: str, time_s: float) -> None:
         self.machine.armed = False
-        self.told.append(f"disarmed: {why}")
+        self.reported.append(f"disarmed: {why}")
 
 
 def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
@@ -51,7 +51,7 @@ def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
     answer = permission.arm(request, second, 0.5)  # no tick came between
     assert answer.checks == CHECKS
     assert arm.checked_s == [0.0, 0.5]
-    assert [words.split(":")[0] for words in arm.told] == ["armed", "disarmed", "armed"]
+    assert [words.split(":")[0] for words in arm.reported] == ["armed", "disarmed", "armed"]
 
 
 def test_a_failed_check_never_reaches_the_controller() -> None:
@@ -59,5 +59,5 @@ def test_a_failed_check_never_reaches_the_controller() -> None:
     permission = Permission(cast(Tick, arm))
     answer = permission.arm(requests.Arm(), Peer(1000, 11, 1), 0.0)
     assert (list(answer.reasons), answer.checks) == (["late", "touched"], CHECKS)
-    assert arm.told == []
+    assert arm.reported == []
     assert permission.permit(0.0) is None

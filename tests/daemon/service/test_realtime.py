@@ -1,4 +1,4 @@
-"""What is claimed of the real-time set-up, held against what the kernel says; in a process of its
+"""Claims of the real-time set-up, held against what the kernel says; in a process of its
 own, for most of it cannot be taken back."""
 
 import json

@@ -1,5 +1,5 @@
 """Files read anew by a running daemon, in lockstep: changed while off, while on, badly, half-way,
-by two at once, and while somebody records."""
+by two at once, and while a client records."""
 
 import threading
 import tracemalloc
@@ -87,7 +87,7 @@ def test_an_arm_has_one_model(arm: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         assert (built[2].mass, built[3].mass) == (1.0, 1.1)
 
 
-def test_a_program_that_enables_is_told_to_reload(served: ServedDaemon, arm: Path) -> None:
+def test_a_program_that_enables_is_reported_to_reload(served: ServedDaemon, arm: Path) -> None:
     edit(arm, softer)
     with Client(served.path) as client:
         reply = served.ask(client, "enable")
@@ -117,7 +117,7 @@ def test_every_file_counts(served: ServedDaemon, arm: Path, name: str) -> None:
 
 @pytest.mark.parametrize("ends", [b"\r", b"\r\r\n", b"\r\n"])
 def test_lines_may_end_as_they_like(served: ServedDaemon, arm: Path, ends: bytes) -> None:
-    """What is read again says what was read, or nobody could ever enable."""
+    """A second reading says what was read, or no client could ever enable."""
     edit(arm, softer)
     path = arm / "config.yaml"
     path.write_bytes(path.read_bytes().replace(b"\n", ends))
@@ -272,7 +272,7 @@ def test_a_new_reader_sees_the_new_files(served: ServedDaemon, arm: Path) -> Non
     assert "0.111" in snapshot.configuration
 
 
-def test_whoever_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -> None:
+def test_who_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -> None:
     """The page, the door to ROS 2 and programs follow so."""
     followed: list[str] = []
 

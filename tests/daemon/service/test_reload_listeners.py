@@ -1,4 +1,4 @@
-"""What listens to a daemon while it reads its files anew: each goes on by itself, and shows what is
+"""Clients of a daemon while it reads its files anew: each goes on by itself, and shows what is
 new. In lockstep; the files give the only joint another name."""
 
 import asyncio
@@ -87,13 +87,13 @@ def test_the_page(served: ServedDaemon, arm: Path) -> None:
                 message = await live.receive(PATIENCE_S)
                 if message.type is not aiohttp.WSMsgType.TEXT:
                     continue
-                told = json.loads(message.data)
-                if told["kind"] == "hello":
-                    shown.append(told["joints"])
-                if told["kind"] == "hello" and told["joints"] == [NEW]:
+                reported = json.loads(message.data)
+                if reported["kind"] == "hello":
+                    shown.append(reported["joints"])
+                if reported["kind"] == "hello" and reported["joints"] == [NEW]:
                     drawn.append((await visitor.ask("GET", "/arms/0/urdf"))[1])
-                if told["kind"] == "advice" and drawn:
-                    advised.append(len(told["checks"]))
+                if reported["kind"] == "advice" and drawn:
+                    advised.append(len(reported["checks"]))
 
     with beside(lambda: asyncio.run(visit())) as browser:
         tick_until(served, lambda: [OLD] in shown)
@@ -118,8 +118,8 @@ def test_foxglove(served: ServedDaemon, arm: Path) -> None:
                     async with session.ws_connect(url, protocols=["foxglove.sdk.v1"]) as viewer:
                         async for message in viewer:
                             if message.type is aiohttp.WSMsgType.TEXT:
-                                told = json.loads(message.data)
-                                topics |= {c["topic"] for c in told.get("channels", ())}
+                                reported = json.loads(message.data)
+                                topics |= {c["topic"] for c in reported.get("channels", ())}
                             if f"/joints/{NEW}" in topics:
                                 return
                 await asyncio.sleep(0.05)

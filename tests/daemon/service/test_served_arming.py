@@ -188,7 +188,7 @@ def test_while_guided_the_owner_renews(served: ServedDaemon, client: Client) -> 
 
 
 def test_renewing_never_arms(served: ServedDaemon, client: Client) -> None:
-    """Nor does a program that goes on asking undo what somebody else has done."""
+    """Nor does a program that goes on asking undo what another has done."""
     served.rig.enable()
     nothing = served.until(client.renew)
     assert nothing.reasons == ["not armed any more: `arm` it anew"]
@@ -295,11 +295,11 @@ def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
     served.run(0.5)
     caplog.set_level("INFO", "contactd")
     caplog.clear()
-    somebody = Peer(1000, 4711, 1)
+    a_person = Peer(1000, 4711, 1)
 
     def flip(times: int) -> None:
         for command in ("arm", "disarm") * times:
-            assert served.service.commands.handle(bare(command), somebody).ok
+            assert served.service.commands.handle(bare(command), a_person).ok
             served.tick()
 
     flip(100)
@@ -307,9 +307,9 @@ def test_who_arms_and_disarms_all_the_time_does_not_fill_the_log(
     lines = [record.getMessage() for record in caplog.records]
     assert lines[0] == "armed: armed by uid 1000 (pid 4711), for 0.5 s"
     assert 30 < len(lines) < 45
-    told = [line for line in lines if line.startswith("too many lines")]
-    assert len(told) == 2  # it took two seconds
-    assert all(" x armed: armed by uid 1000 (pid 4711), for 0.5 s" in line for line in told)
+    reported = [line for line in lines if line.startswith("too many lines")]
+    assert len(reported) == 2  # it took two seconds
+    assert all(" x armed: armed by uid 1000 (pid 4711), for 0.5 s" in line for line in reported)
     flip(30)
     served.rig.arm.drives[0].fault(0x2310, "injected by the test")
     served.run(0.05)

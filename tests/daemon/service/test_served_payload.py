@@ -1,4 +1,4 @@
-"""Payload told to the daemon behind its socket: shown, recorded, replayed, refused."""
+"""Payload announced to the daemon behind its socket: shown, recorded, replayed, refused."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from programs.clients.client import Client
 CUP = PayloadEntry(mass=0.3, com=(0.2, 0.0, 0.1))
 
 
-def test_it_is_told_shown_and_taken_off(served: ServedDaemon) -> None:
+def test_it_is_set_shown_and_taken_off(served: ServedDaemon) -> None:
     assert (
         served.contactctl("payload").stdout
         == "none; a payload announced before the daemon started is forgotten\n"
@@ -104,7 +104,7 @@ def test_what_holds_a_recognised_load_says_what_to_do(served: ServedDaemon, clie
     ]
 
 
-def test_it_is_refused_while_somebody_guides_the_arm(served: ServedDaemon) -> None:
+def test_it_is_refused_while_a_person_guides_the_arm(served: ServedDaemon) -> None:
     rig = served.rig
     rig.enable()
     served.run(1.0)
@@ -121,8 +121,8 @@ def test_it_is_refused_while_somebody_guides_the_arm(served: ServedDaemon) -> No
     assert rig.tick.controller.machine.armed
 
 
-def test_a_load_that_is_told_is_no_contact(served: ServedDaemon) -> None:
-    """0.5 kg at 0.2 m shows 1 Nm times the sine of its angle; told, nothing."""
+def test_an_announced_load_is_no_contact(served: ServedDaemon) -> None:
+    """0.5 kg at 0.2 m shows 1 Nm times the sine of its angle; announced, nothing."""
     rig = served.rig
     rig.enable()
     rig.request(Event.START)
@@ -176,7 +176,7 @@ def test_states_without_it_are_read() -> None:
     assert State.__struct_fields__.index("payload") > State.__struct_fields__.index("timing")
 
 
-def test_it_is_told_while_a_fault_is_latched_and_outlives_the_reset(served: ServedDaemon) -> None:
+def test_it_is_set_while_a_fault_is_latched_and_outlives_the_reset(served: ServedDaemon) -> None:
     """Also twice the same: what was learned of the model's errors begins anew, nothing else."""
     rig = served.rig
     rig.enable()

@@ -23,8 +23,8 @@ POSES = {"home": {"joint": 0.3}, "far": {"joint": 1.2}}
 
 @pytest.fixture
 def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ServedDaemon]:
-    """With poses. Commands run in a thread here, which gets no signals: nobody interrupts."""
-    monkeypatch.setattr(command, "_interrupted", _nobody)
+    """With poses. Commands run in a thread here, which gets no signals: no one interrupts."""
+    monkeypatch.setattr(command, "_interrupted", _no_one)
 
     def with_poses(c: Configuration) -> Configuration:
         return msgspec.structs.replace(c, poses=POSES)
@@ -33,7 +33,7 @@ def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ServedDa
         yield served
 
 
-class _nobody:  # noqa: N801 - in place of a function
+class _no_one:  # noqa: N801 - in place of a function
     def __enter__(self) -> object:
         return lambda: False
 
@@ -209,7 +209,7 @@ def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
 
 
 def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
-    class AtOnce(_nobody):
+    class AtOnce(_no_one):
         def __enter__(self) -> object:
             return lambda: served.rig.mode is Mode.TRACKING and stands(served) > 0.5
 
@@ -221,7 +221,7 @@ def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPa
     assert 0.5 < stands(served) < 0.7
 
 
-def test_stopped_by_somebody_else_it_is_not_there(served: ServedDaemon) -> None:
+def test_stopped_by_another_it_is_not_there(served: ServedDaemon) -> None:
     served.rig.enable()
     way = served.until(lambda: _ask(served, Go(pose="far"))).way
     served.run(2.0)
@@ -256,7 +256,7 @@ def _waited(served: ServedDaemon, way: object):
         return command._wait(client, way, lambda: False)
 
 
-# --- whoever waits for the arm may be gone --------------------------------------------------
+# --- who waits for the arm may be gone -----------------------------------------------------
 
 
 def sets_out(served: ServedDaemon, client: Client, *, attended: bool) -> None:
@@ -354,7 +354,7 @@ def test_a_client_that_is_silent_halts_the_way_it_attended(served: ServedDaemon)
         assert starts_the_configured(served)
 
 
-def test_a_way_that_nobody_attends_goes_on(served: ServedDaemon) -> None:
+def test_a_way_that_no_one_attends_goes_on(served: ServedDaemon) -> None:
     served.service.commands.attendance.silent_s = 2.0
     with Client(served.path) as client:
         sets_out(served, client, attended=False)

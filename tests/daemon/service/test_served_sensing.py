@@ -71,7 +71,7 @@ def test_status_says_which_joint_does_not_sense_and_since_when(tmp_path: Path) -
     assert "joint             nothing    nothing" in shown
 
 
-def test_a_level_that_fades_after_missing_samples_is_told(tmp_path: Path) -> None:
+def test_a_level_that_fades_after_missing_samples_is_reported(tmp_path: Path) -> None:
     with served_wire(tmp_path) as (served, wires):
         served.rig.enable()
         served.run(0.3)

@@ -57,11 +57,11 @@ def asked(served: ServedDaemon, command: str) -> Reply:
 def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
     romeo: ServedDaemon, wires: list[FaultyWire]
 ) -> None:
-    assert asked(romeo, "stop").unproved == []  # it holds: no drive is told to stop
+    assert asked(romeo, "stop").unproved == []  # it holds: no drive is commanded to stop
     romeo.run(0.1)
     reply = asked(romeo, "disable")
     names = list(romeo.rig.tick.drives.names)
-    assert (reply.mode, reply.unproved) == (Mode.OFF, names), "nobody has told them yet"
+    assert (reply.mode, reply.unproved) == (Mode.OFF, names), "none is commanded yet"
     assert romeo.service.commands.handle(GetStatus(), PEER).status.unproved == names
     romeo.run(0.5)
     assert asked(romeo, "stop").unproved == []
@@ -74,7 +74,7 @@ def test_the_answer_to_a_stop_names_who_is_not_seen_to_stand(
         assert reply.unproved == [names[JOINT]]
 
 
-def test_contactctl_does_not_call_done_what_nobody_has_seen(
+def test_contactctl_does_not_call_done_what_no_one_has_seen(
     romeo: ServedDaemon, wires: list[FaultyWire], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(replies, "WAIT_S", 0.3)

@@ -149,7 +149,9 @@ def test_a_second_stream_is_refused_and_its_targets_too(
     assert served.rig.mode is Mode.TRACKING
 
 
-def test_stopped_by_a_person_the_stream_is_told_why(served: ServedDaemon, leader: Leader) -> None:
+def test_stopped_by_a_person_the_stream_is_reported_why(
+    served: ServedDaemon, leader: Leader
+) -> None:
     leader.to(here(served), 5)
     assert served.contactctl("stop").exit_code == 0
     with pytest.raises(ControlError, match="no longer follows this connection: stop by uid"):

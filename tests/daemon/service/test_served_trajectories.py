@@ -114,9 +114,9 @@ def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
         process.seen = motion
         result = served.contactctl("start", str(csv(tmp_path, swing(served))))
         assert result.exit_code == 0, result.stderr
-        told = [line for line in result.stderr.splitlines() if "warning" in line]
-        assert len(told) == len(words), result.stderr
-        assert all(word in line for word, line in zip(words, told, strict=True)), told
+        reported = [line for line in result.stderr.splitlines() if "warning" in line]
+        assert len(reported) == len(words), result.stderr
+        assert all(word in line for word, line in zip(words, reported, strict=True)), reported
         while served.rig.mode is Mode.TRACKING:
             served.tick()
         served.run(0.5)
@@ -206,7 +206,7 @@ def test_a_program_loads_and_starts(served: ServedDaemon, client: Client) -> Non
         ([[0.0], [0.1, 0.2], [0.3]], 1, "2 positions for 1 joints"),
     ],
 )
-def test_a_program_is_told_the_row(
+def test_a_program_is_reported_the_row(
     served: ServedDaemon, client: Client, positions: list[list[float]], row: int, words: str
 ) -> None:
     velocities = [[0.0] * len(q) for q in positions]
@@ -227,7 +227,7 @@ def test_what_was_loaded_belongs_to_its_connection(served: ServedDaemon, client:
         reply = served.until(other.start_loaded)
         assert not reply.ok
         assert "this connection has loaded no trajectory" in reply.message
-        # Whoever begins another takes its place.
+        # Who begins another takes its place.
         served.until(lambda: other.load_trajectory(["joint"], [0.0, 1.0], rows))
         assert not served.until(client.start_loaded).ok
     served.run(0.02)

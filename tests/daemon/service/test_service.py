@@ -86,7 +86,7 @@ def test_whatever_clients_do_a_tick_does_little_and_disarm_comes_through(
 # --- gains --------------------------------------------------------------------------------------
 
 
-def test_a_gain_is_shown_changed_and_told(served: ServedDaemon) -> None:
+def test_a_gain_is_shown_changed_and_reported(served: ServedDaemon) -> None:
     assert served.contactctl("gain").stdout.split() == ["joint", "0.3"]
     result = served.contactctl("gain", "joint", "0.05")
     assert (result.exit_code, result.stdout) == (0, "gain: joint 0.05 rad/s per Nm\n")

@@ -1,5 +1,5 @@
-"""Set-up proved by reading it back: what a drive lost or was told by others is named, repaired, and
-one reset is enough."""
+"""Set-up proved by reading it back: what a drive lost or was written by others is named and
+repaired, and one reset is enough."""
 
 from collections.abc import Iterator
 
@@ -115,7 +115,7 @@ def test_one_reset_is_enough_where_another_error_hides_that_a_drive_is_locked(
 
 
 @pytest.mark.parametrize("make", [ROMEO_ARM, DESK], ids=lambda make: make.name)
-def test_a_drive_that_boots_slowly_is_awaited_and_nobody_else_misses_the_master(
+def test_a_drive_that_boots_slowly_is_awaited_and_no_other_misses_the_master(
     on: BreakableArm,
 ) -> None:
     begin(on)
@@ -184,18 +184,18 @@ def test_what_changed_while_off_is_named_and_repaired_at_enable(
 
 @pytest.mark.parametrize("make", CANOPEN, ids=lambda make: make.name)
 def test_drives_that_hold_all_are_only_read(on: BreakableArm) -> None:
-    """Not one object is written, and no drive is told to leave operational."""
-    written, told = [], []
+    """Not one object is written, and no drive is commanded to leave operational."""
+    written, reported = [], []
     for drive in on.rig.arm.drives:
         if hasattr(drive, "objects"):
             drive.objects.written = written.append
         on_nmt = drive.on_nmt
-        drive.on_nmt = lambda command, go=on_nmt: (told.append(command), go(command))  # type: ignore[method-assign]
+        drive.on_nmt = lambda command, go=on_nmt: (reported.append(command), go(command))  # type: ignore[method-assign]
     reasons = on.rig.set_up.prove()
     assert reasons == []
     assert written == []
     on.rig.lockstep.pump()
-    assert set(told) <= {1}
+    assert set(reported) <= {1}
 
 
 @pytest.mark.parametrize("make", [ROMEO_ARM], ids=lambda make: make.name)
@@ -203,7 +203,7 @@ def test_while_tracking_enable_is_refused_and_nothing_is_read(
     on: BreakableArm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begin(on)
-    monkeypatch.setattr(on.rig.boot, "wire", None)  # whoever would use it fails
+    monkeypatch.setattr(on.rig.boot, "wire", None)  # who would use it fails
     assert "enable" in on.rig.ask(Event.ENABLE)[0]
     assert "reset" in on.rig.ask(Event.RESET)[0]
 
@@ -241,9 +241,9 @@ def test_what_other_drives_say_during_a_reset_is_judged_after_it(on: BreakableAr
         patch.setattr(type(on.rig.boot), "renew", disturbed)
         assert on.rig.ask(Event.RESET) == []
     on.tick()
-    told = [str(finding) for finding in on.rig.last.findings]
-    assert any(f"({other.name}): 0x2310 (over-current)" in text for text in told)
-    assert not any("0x8220" in text for text in told), "that of its lost mapping is over"
+    reported = [str(finding) for finding in on.rig.last.findings]
+    assert any(f"({other.name}): 0x2310 (over-current)" in text for text in reported)
+    assert not any("0x8220" in text for text in reported), "that of its lost mapping is over"
     assert Kind.FOREIGN_MASTER in {event.kind for event in on.rig.samples.events}
     assert on.rig.mode is Mode.FAULTED
 

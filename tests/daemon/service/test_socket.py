@@ -14,7 +14,7 @@ from daemon.protocol.requests import Request, Stop
 from daemon.protocol.socket_path import Peer
 from daemon.service.socket import ControlSocket
 from tests.examples import scaled
-from tests.socket_peers import Dial, Handler, told
+from tests.socket_peers import Dial, Handler, reported
 
 
 def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Dial) -> None:
@@ -23,7 +23,7 @@ def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Di
     control.poll(handler)
     client.send(b'{"command": "stop"}')
     control.poll(handler)
-    assert told(client) == {"ok": True, "mode": "off"}
+    assert reported(client) == {"ok": True, "mode": "off"}
     assert handler.seen == [(Stop(), Peer(os.getuid(), os.getpid(), 1))]
 
 
@@ -44,7 +44,7 @@ def test_request_is_answered_and_the_peer_known(control: ControlSocket, dial: Di
         (b'"' + b"x" * 8192, "at most 8192 bytes"),
     ],
 )
-def test_malformed_is_told_and_the_connection_kept(
+def test_malformed_is_reported_and_the_connection_kept(
     control: ControlSocket, dial: Dial, packet: bytes, expected: str
 ) -> None:
     handler = Handler()
@@ -52,13 +52,13 @@ def test_malformed_is_told_and_the_connection_kept(
     control.poll(handler)
     client.send(packet)
     control.poll(handler)
-    reply = told(client)
+    reply = reported(client)
     assert reply["ok"] is False
     assert expected in str(reply["message"])
     assert not handler.seen
     client.send(b'{"command": "stop"}')
     control.poll(handler)
-    assert told(client)["ok"] is True
+    assert reported(client)["ok"] is True
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_largest_request_is_served(control: ControlSocket, dial: Dial) -> None:
     control.poll(Handler())
     client.send(b'{"command": "stop"}'.ljust(8192))
     control.poll(Handler())
-    assert told(client)["ok"] is True
+    assert reported(client)["ok"] is True
 
 
 def test_ten_megabytes_never_reach_the_daemon(control: ControlSocket, dial: Dial) -> None:
@@ -103,7 +103,7 @@ def test_ten_megabytes_never_reach_the_daemon(control: ControlSocket, dial: Dial
         client.send(bytes(10_000_000))
     client.send(bytes(100_000))
     control.poll(Handler())
-    assert "at most 8192 bytes" in str(told(client)["message"])
+    assert "at most 8192 bytes" in str(reported(client)["message"])
 
 
 @settings(max_examples=scaled(150), suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -116,7 +116,7 @@ def test_garbage_is_refused(control: ControlSocket, dial: Dial, packet: bytes) -
         client.send(packet)
         control.poll(handler)
         client.setblocking(False)
-        assert told(client)["ok"] is False
+        assert reported(client)["ok"] is False
     control.poll(handler)
     assert control.connections == 0
     assert not handler.seen
@@ -130,10 +130,10 @@ def test_error_of_the_handler_is_a_refusal(control: ControlSocket, dial: Dial) -
     control.poll(refuse)
     client.send(b'{"command": "arm"}')
     control.poll(refuse)
-    assert told(client) == {"ok": False, "message": "no such joint"}
+    assert reported(client) == {"ok": False, "message": "no such joint"}
 
 
-def test_every_close_is_told(control: ControlSocket, dial: Dial) -> None:
+def test_every_close_is_reported(control: ControlSocket, dial: Dial) -> None:
     gone: list[int] = []
     control.on_close = lambda peer: gone.append(peer.connection)
     first, second = dial(), dial()
@@ -197,5 +197,5 @@ def test_client_gone_before_its_answer(control: ControlSocket, dial: Dial) -> No
     client.send(b'{"command": "stop"}')
     client.close()
     control.poll(handler)
-    assert handler.seen  # a stop counts although nobody waits for the answer
+    assert handler.seen  # a stop counts although no one waits for the answer
     assert control.connections == 0

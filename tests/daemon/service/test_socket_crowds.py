@@ -1,4 +1,4 @@
-"""The control socket where many ask much: bounded, and nobody is locked out."""
+"""The control socket where many ask much: bounded, and no one is locked out."""
 
 import contextlib
 import select
@@ -10,10 +10,10 @@ import pytest
 from daemon.protocol.requests import Pause
 from daemon.protocol.state import Snapshot
 from daemon.service.socket import ControlSocket
-from tests.socket_peers import Dial, Handler, flooding, inside, told
+from tests.socket_peers import Dial, Handler, flooding, inside, reported
 
 
-def test_flood_is_bounded_and_starves_nobody(control: ControlSocket, dial: Dial) -> None:
+def test_flood_is_bounded_and_starves_no_one(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
     loud = [dial() for _ in range(8)]
     for client in loud:
@@ -26,10 +26,10 @@ def test_flood_is_bounded_and_starves_nobody(control: ControlSocket, dial: Dial)
         control.poll(handler)
         assert len(handler.seen) - before == 4
     assert Pause() in [request for request, _ in handler.seen]
-    assert told(quiet)["ok"] is True
+    assert reported(quiet)["ok"] is True
 
 
-def test_a_thousand_connections_lock_nobody_out(control: ControlSocket, dial: Dial) -> None:
+def test_a_thousand_connections_lock_no_one_out(control: ControlSocket, dial: Dial) -> None:
     handler = Handler()
     idle: list[socket.socket] = []
     for _ in range(1000):
@@ -39,9 +39,9 @@ def test_a_thousand_connections_lock_nobody_out(control: ControlSocket, dial: Di
     person = dial()
     person.send(b'{"command": "disarm"}')
     control.poll(handler)
-    assert told(person)["ok"] is True
+    assert reported(person)["ok"] is True
     for client in idle[: 1001 - 256]:
-        assert "closed to make room: more than 256" in str(told(client)["message"])
+        assert "closed to make room: more than 256" in str(reported(client)["message"])
         assert client.recv(10) == b""
     with pytest.raises(BlockingIOError):
         idle[-1].recv(10)
@@ -59,12 +59,12 @@ def test_the_last_word_of_who_makes_room_is_heard(control: ControlSocket, dial: 
     dial()
     control.poll(handler)
     control._epoll = epoll
-    assert told(person)["ok"] is True
+    assert reported(person)["ok"] is True
     assert control.connections == 256
 
 
 class Unready:
-    """An epoll that has seen nobody but those who wait outside."""
+    """An epoll that has seen only those who wait outside."""
 
     def __init__(self, epoll: select.epoll, entrance: int) -> None:
         self._epoll, self._entrance = epoll, entrance
@@ -91,7 +91,7 @@ def test_where_everybody_floods_a_newcomer_gets_a_place(control: ControlSocket, 
     assert control.connections == 256
     person.send(b'{"command": "stop"}')
     control.poll(handler, turns_s=0.0)
-    assert told(person)["ok"] is True
+    assert reported(person)["ok"] is True
 
 
 def test_who_speaks_reads_or_owns_keeps_its_place(
@@ -100,7 +100,7 @@ def test_who_speaks_reads_or_owns_keeps_its_place(
     reader = dial()
     reader.send(b'{"command": "subscribe"}')
     control.poll(Handler(make_snapshot(0)))
-    assert told(reader)["snapshot"]
+    assert reported(reader)["snapshot"]
     handler = Handler()
     owner, silent, busy = dial(), dial(), dial()
     control.poll(handler)
@@ -112,12 +112,12 @@ def test_who_speaks_reads_or_owns_keeps_its_place(
         control.poll(handler)
         busy.send(b'{"command": "status"}')
         control.poll(handler)
-        assert told(busy)["ok"]
-    assert told(owner)["ok"]
+        assert reported(busy)["ok"]
+    assert reported(owner)["ok"]
     for client in (reader, owner):
         with pytest.raises(BlockingIOError):
             client.recv(10)
-    assert "make room" in str(told(silent)["message"])
+    assert "make room" in str(reported(silent)["message"])
 
 
 def test_an_owner_that_is_gone_is_noticed_although_its_requests_wait(

@@ -25,7 +25,7 @@ def answering(snapshot: Snapshot | None = None) -> Handler:
     return lambda request, peer: Reply(ok=True, mode="off", snapshot=snapshot)
 
 
-def told(client: socket.socket) -> dict[str, object]:
+def reported(client: socket.socket) -> dict[str, object]:
     reply = json.loads(client.recv(1 << 20))
     assert isinstance(reply, dict)
     return reply
@@ -36,7 +36,7 @@ def subscribed(control: ControlSocket, dial: Dial, snapshot: Snapshot) -> socket
     client.send(b'{"command": "subscribe"}')
     control.poll(answering(snapshot))
     control.poll(answering(snapshot))
-    assert told(client)["snapshot"]
+    assert reported(client)["snapshot"]
     return client
 
 
@@ -53,7 +53,7 @@ def test_every_reader_gets_every_state(
     for tick in (1, 2, 3):
         control.publish(make_state(tick))
     for client in (first, second):
-        assert [told(client)["tick"] for _ in range(3)] == [1, 2, 3]
+        assert [reported(client)["tick"] for _ in range(3)] == [1, 2, 3]
     with pytest.raises(BlockingIOError):
         silent.recv(10)
 
@@ -82,13 +82,13 @@ def test_ninth_reader_is_refused(
     control.poll(handler)
     control.poll(handler)
     message = f"subscribe: too many readers of one user, at most 8 (pid {os.getpid()})"
-    assert told(ninth) == {"ok": False, "message": message}
+    assert reported(ninth) == {"ok": False, "message": message}
     assert not seen
     readers[3].close()
     control.poll(handler)
     ninth.send(b'{"command": "subscribe"}')
     control.poll(handler)
-    assert told(ninth)["ok"] is True
+    assert reported(ninth)["ok"] is True
     assert len(control.readers) == 8
 
 
@@ -112,7 +112,7 @@ def test_no_user_can_hold_all_places_of_readers(
     client = dial()
     client.send(b'{"command": "subscribe"}')
     control.poll(answering(make_snapshot(0)))
-    assert told(client) == {"ok": False, "message": "subscribe: too many readers, at most 16"}
+    assert reported(client) == {"ok": False, "message": "subscribe: too many readers, at most 16"}
 
 
 def test_reader_may_subscribe_again_although_all_places_are_taken(
@@ -121,7 +121,7 @@ def test_reader_may_subscribe_again_although_all_places_are_taken(
     readers = [subscribed(control, dial, make_snapshot(0)) for _ in range(8)]
     readers[0].send(b'{"command": "subscribe"}')
     control.poll(answering(make_snapshot(7)))
-    assert '"tick": 7' in json.dumps(told(readers[0]))
+    assert '"tick": 7' in json.dumps(reported(readers[0]))
     assert len(control.readers) == 8
 
 
@@ -130,7 +130,7 @@ def test_refused_subscription_reads_nothing(control: ControlSocket, dial: Dial) 
     client.send(b'{"command": "subscribe"}')
     for _ in range(2):
         control.poll(lambda request, peer: Reply(ok=False))
-    assert told(client)["ok"] is False
+    assert reported(client)["ok"] is False
     assert not control.readers
 
 
@@ -145,15 +145,15 @@ def test_slow_reader_loses_packets_and_only_it(
     ticks = 2000
     for tick in range(ticks):
         control.publish(make_state(tick))
-        assert told(quick)["tick"] == tick
+        assert reported(quick)["tick"] == tick
     held = 0
     while select.select([slow], [], [], 0)[0]:
-        assert told(slow)["tick"] == held
+        assert reported(slow)["tick"] == held
         held += 1
     assert len(control.readers) == 2
     assert 10 < held < ticks
     control.publish(make_state(ticks))
-    assert told(slow)["tick"] == ticks
+    assert reported(slow)["tick"] == ticks
 
 
 def test_dead_reader_is_dropped(
@@ -167,10 +167,10 @@ def test_dead_reader_is_dropped(
     dead.close()
     control.publish(make_state(1))
     assert control.connections == 1
-    assert told(alive)["tick"] == 1
+    assert reported(alive)["tick"] == 1
 
 
-def test_snapshot_that_does_not_fit_is_told(
+def test_snapshot_that_does_not_fit_is_reported(
     control: ControlSocket, dial: Dial, make_snapshot: Callable[[int], Snapshot]
 ) -> None:
     huge = msgspec.structs.replace(make_snapshot(0), urdf="x" * 10_000_000)
@@ -178,5 +178,5 @@ def test_snapshot_that_does_not_fit_is_told(
     client.send(b'{"command": "subscribe"}')
     for _ in range(2):
         control.poll(answering(huge))
-    assert "wmem_max" in str(told(client)["message"])
+    assert "wmem_max" in str(reported(client)["message"])
     assert not control.readers

@@ -9,7 +9,7 @@ from daemon.protocol.requests import Request, Start
 from daemon.protocol.socket_path import Peer
 from daemon.service.connections import Connection
 from daemon.service.socket import ControlSocket
-from tests.socket_peers import Dial, Handler, flooding, told
+from tests.socket_peers import Dial, Handler, flooding, reported
 
 
 @pytest.mark.parametrize("command", ["stop", "disarm"])
@@ -25,7 +25,7 @@ def test_a_stop_is_served_in_the_first_poll_whatever_waits(
     person = dial()
     person.send(json.dumps({"command": command}).encode())
     control.poll(handler, turns_s=0.0)
-    assert told(person)["ok"] is True
+    assert reported(person)["ok"] is True
     assert [request.command for request, _ in handler.seen[-2:]] == [command, "status"]
     assert control.connections == 32 + len(outside) + 1
 
@@ -58,7 +58,7 @@ def test_what_one_connection_says_stays_in_its_order(control: ControlSocket, dia
     for _ in range(6):
         control.poll(handler)
     assert [request.command for request, _ in handler.seen] == commands
-    assert all(told(client)["ok"] for _ in range(6))
+    assert all(reported(client)["ok"] for _ in range(6))
 
 
 def test_a_stop_overtakes_what_the_same_connection_has_said(
@@ -73,11 +73,11 @@ def test_a_stop_overtakes_what_the_same_connection_has_said(
         client.send(json.dumps({"command": command}).encode())
     control.poll(handler, turns_s=0.0)
     assert [request.command for request, _ in handler.seen] == ["stop", "status"]
-    assert told(client)["ok"] is True
+    assert reported(client)["ok"] is True
     for _ in range(70):
         control.poll(handler)
-    assert "a stop overtook it" in str(told(client)["message"])
-    assert told(client)["ok"] is True
+    assert "a stop overtook it" in str(reported(client)["message"])
+    assert reported(client)["ok"] is True
     assert handler.seen[-1][0].command == "payload"
 
 
@@ -97,11 +97,11 @@ def test_what_may_have_been_sent_before_a_stop_does_not_move_the_arm(
         control.poll(handler, entrance_s=0.0)
     seen = [request.command for request, _ in handler.seen]
     assert seen == ["stop", *["payload"] * 9]
-    assert "a stop overtook it" in str(told(outside[2])["message"])
+    assert "a stop overtook it" in str(reported(outside[2])["message"])
     # Once everything is read that was there, what comes is new.
     outside[1].send(b'{"command": "start"}')
     control.poll(handler, entrance_s=0.0)
-    assert told(outside[1])["ok"] is True
+    assert reported(outside[1])["ok"] is True
 
 
 @pytest.mark.parametrize(
@@ -125,11 +125,11 @@ def test_what_a_stop_has_overtaken_does_not_move_the_arm_afterwards(
     assert handler.seen[0][0].command == stop
     assert {request.command for request, _ in handler.seen[1:]} == done
     for command in overtaken:
-        reply = told(waiting[command])
+        reply = reported(waiting[command])
         assert reply == {"ok": False, "message": f"{command}: a {stop} overtook it"}
         waiting[command].send(json.dumps({"command": command}).encode())
         control.poll(handler)
-        assert told(waiting[command])["ok"] is True
+        assert reported(waiting[command])["ok"] is True
 
 
 def test_a_start_that_was_sent_while_the_doors_were_open_is_older(
@@ -153,8 +153,8 @@ def test_a_start_that_was_sent_while_the_doors_were_open_is_older(
     control._look_at = look_at  # type: ignore[method-assign]
     control.poll(handler)
     assert [request.command for request, _ in handler.seen] == ["stop", "status"]
-    assert [told(early)["ok"], told(early)["ok"]] == [True, False]
-    # Asked again it is new; whoever stopped the arm may start it at once.
+    assert [reported(early)["ok"], reported(early)["ok"]] == [True, False]
+    # Asked again it is new; who stopped the arm may start it at once.
     control.poll(handler)
     for client in (early, person):
         client.send(b'{"command": "start"}')
@@ -169,7 +169,7 @@ def test_who_stops_may_start_at_once(control: ControlSocket, dial: Dial) -> None
         for command in ("stop", "start"):
             person.send(json.dumps({"command": command}).encode())
             control.poll(handler)
-            assert told(person)["ok"] is True
+            assert reported(person)["ok"] is True
 
 
 def test_an_empty_packet_hides_nothing(control: ControlSocket, dial: Dial) -> None:
@@ -183,7 +183,7 @@ def test_an_empty_packet_hides_nothing(control: ControlSocket, dial: Dial) -> No
     assert [request.command for request, _ in handler.seen] == ["stop", "status"]
 
 
-def test_one_who_always_talks_keeps_nobody_from_starting(
+def test_one_who_always_talks_keeps_no_one_from_starting(
     control: ControlSocket, dial: Dial
 ) -> None:
     handler = Handler()
@@ -223,7 +223,7 @@ def test_a_stop_that_is_refused_overtakes_nothing(control: ControlSocket, dial: 
     for packet in (b'{"command": "stop", "joint": "x"}', b'{"command": "start"}'):
         client.send(packet)
         control.poll(refuses)
-    assert [told(client)["ok"], told(client)["ok"]] == [False, True]
+    assert [reported(client)["ok"], reported(client)["ok"]] == [False, True]
 
 
 def test_a_stop_of_who_hung_up_without_reading_counts(control: ControlSocket, dial: Dial) -> None:
@@ -246,4 +246,4 @@ def test_a_stop_in_its_turn_overtakes_too(control: ControlSocket, dial: Dial) ->
     other.send(b'{"command": "start"}')
     control.poll(handler)
     assert [request.command for request, _ in handler.seen] == ["stop"]
-    assert "overtook" in str(told(other)["message"])
+    assert "overtook" in str(reported(other)["message"])

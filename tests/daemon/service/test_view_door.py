@@ -167,7 +167,9 @@ def until(served: ServedDaemon, states: Iterator[State], what: Callable[[State],
     return state
 
 
-def test_who_looks_is_told_what_was_learned_and_how_full_the_bus_is(served: ServedDaemon) -> None:
+def test_who_looks_is_reported_what_was_learned_and_how_full_the_bus_is(
+    served: ServedDaemon,
+) -> None:
     served.rig.enable()
     served.run(1.0)
     estimator = served.rig.tick.estimator

@@ -110,7 +110,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Squeeze:
-    """What was measured of a case; torques [Nm], times [s] after the arm first stood."""
+    """Measures of a case; torques [Nm], times [s] after the arm first stood."""
 
     contact: float  # level
     peak: float

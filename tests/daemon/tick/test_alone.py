@@ -221,7 +221,7 @@ def test_work_goes_on_in_a_light_lean() -> None:
 
 
 def test_a_release_moves_no_joint_by_learned_friction_that_is_gone() -> None:
-    """What rubbed the shoulder is gone; a short bump lets go at the elbow, and at nothing else."""
+    """A rub at the shoulder is over; a short bump lets go at the elbow, and at nothing else."""
     seed, shoulder = 3, 0
     robot, law, _ = alone.arm_of(seed)
     subject = replace(world.subject(robot, law, seed), drift=0.0)

@@ -126,7 +126,7 @@ def test_a_person_who_presses_against_the_release_ends_it(joint: int, torque: fl
 
 @pytest.mark.parametrize("case", [SHOULDER_CASE, replace(COLUMN_CASE, stiffness=600.0)], ids=str)
 @pytest.mark.parametrize("lost", [2, 3, 0.1])
-def test_samples_that_get_lost_leave_nobody_in_the_clamp(case: Case, lost: float) -> None:
+def test_samples_that_get_lost_leave_no_one_in_the_clamp(case: Case, lost: float) -> None:
     """Some ticks in a row without an answer of one drive, or a share of all ticks."""
     wires: list[FaultyWire] = []
 
@@ -240,7 +240,7 @@ def test_the_reproduced_clamp_is_let_go_of_and_started_anew_it_is_again() -> Non
     assert 3.0 < max(peaks) < 4.5
 
 
-def test_a_torque_that_rises_or_stays_is_told_from_one_that_falls() -> None:
+def test_a_torque_that_rises_or_stays_is_distinguished_from_one_that_falls() -> None:
     """The figures of a squeeze, on made-up torques."""
     with lockstep_rig() as rig:
         clamps = Clamps(rig)

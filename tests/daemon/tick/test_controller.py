@@ -1,4 +1,4 @@
-"""What the arm does in each mode, from made-up observations of a single ideal joint."""
+"""Motion of the arm in each mode, from made-up observations of a single ideal joint."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -125,7 +125,7 @@ def test_an_arm_whose_drives_fail_in_turn_begins_and_stops(event: Event) -> None
         assert rig.mode is Mode.HOLDING
 
 
-def test_what_comes_and_goes_is_told_once_and_when_it_is_over() -> None:
+def test_what_comes_and_goes_is_reported_once_and_when_it_is_over() -> None:
     with lossy_rig() as lossy:
         lossy.rig.enable()
         states = lossy.states("xxxx.", 2.0) + lossy.rig.states(AGAIN_S + 0.1)

@@ -38,7 +38,7 @@ COMMANDS = (
 
 
 class FarDrive:
-    """Goes where it is told at once; knows its objects by the codec's own tables."""
+    """Goes as commanded at once; knows its objects by the codec's own tables."""
 
     def __init__(self, limits: JointLimits, drive: Drive) -> None:
         self.limits, self.drive = limits, drive

@@ -1,4 +1,4 @@
-"""Loads that nobody told, in the whole program: said, held, never absorbed, and told at last."""
+"""Unannounced loads in the whole program: reported, held, never absorbed, and announced at last."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,7 +47,7 @@ def give(rig: Rig, payload: Payload | None) -> None:
 
 
 def friction(rig: Rig) -> list[list[float]]:
-    """What was learned of each joint's friction."""
+    """Learned friction of each joint."""
     return [shares[1:] for shares in rig.tick.estimator.memory()["learning"]["shares"]]
 
 
@@ -63,7 +63,7 @@ def believe(rig: Rig, payload: Payload) -> None:
     rig.tick.loads._recognition.confirmed = True
 
 
-def test_a_cup_that_nobody_told_is_said_once_and_nothing_is_learned(
+def test_an_unannounced_cup_is_reported_once_and_nothing_is_learned(
     rig: Rig, tmp_path: Path
 ) -> None:
     rig.run(20.0)
@@ -82,7 +82,7 @@ def test_a_cup_that_nobody_told_is_said_once_and_nothing_is_learned(
     found = rig.last.recognised
     assert found is not None
     assert found.mass == pytest.approx(CUP.mass, rel=0.15)
-    assert rig.mode is Mode.TRACKING  # nobody armed it
+    assert rig.mode is Mode.TRACKING  # not armed
     assert rig.last.payload is None  # the model is as it was
     learning = friction(rig)
     level = rig.tick.estimator.detector.levels.contact_at(0, 0.0)
@@ -93,7 +93,7 @@ def test_a_cup_that_nobody_told_is_said_once_and_nothing_is_learned(
     assert replay(path).identical
     seen = {m.recognised is None for m in read_log(path) if isinstance(m, State)}
     assert seen == {True, False}
-    # Told: it is no load any more, and learning goes on.
+    # Announced: it is no load any more, and learning goes on.
     assert not rig.tick.carry(found, "the test")
     assert rig.tick.loads.found is None
     said = news(rig, 10.0)
@@ -112,7 +112,7 @@ def test_an_armed_arm_holds_what_it_carries_and_yields_to_a_change(rig: Rig) -> 
     assert any("-> stopping: " in text and "looks like a load of 0.5 kg" in text for text in said)
     assert not any("admittance" in text for text in said)
     assert rig.tick.controller.machine.armed
-    # Held, however long; and not started again before it is told.
+    # Held, however long; and not started again before it is announced.
     rig.run(3.0)
     assert rig.mode is Mode.HOLDING
     if rig.estimate.thresholded.any():
@@ -225,8 +225,8 @@ def test_it_is_forgotten_with_the_drives(rig: Rig) -> None:
     assert rig.last.recognised is None
 
 
-def test_what_comes_to_a_load_that_was_told_is_advised_with_it(rig: Rig) -> None:
-    """Water in the cup: both together are what is to be told."""
+def test_what_comes_to_an_announced_load_is_advised_with_it(rig: Rig) -> None:
+    """Water in the cup: both together are what is to be announced."""
     assert not rig.tick.carry(CUP, "the test")
     loads = rig.tick.loads
     believe(rig, Payload.of(0.25, [0.10, 0.0, -0.03]))
@@ -248,8 +248,10 @@ def until_it_holds(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("torque", [2.5, -2.5])
-def test_a_hand_that_comes_while_a_told_load_settles_is_felt(rig: Rig, torque: float) -> None:
-    """What the residual still shows of the load for some 0.1 s covers no touch of a joint."""
+def test_a_hand_that_comes_while_an_announced_load_settles_is_detected(
+    rig: Rig, torque: float
+) -> None:
+    """The load that the residual still shows for some 0.1 s covers no touch of a joint."""
     rig.run(20.0)
     assert not rig.permit()
     give(rig, JUG)
@@ -261,7 +263,7 @@ def test_a_hand_that_comes_while_a_told_load_settles_is_felt(rig: Rig, torque: f
     assert np.sign(rig.estimate.thresholded[3]) == np.sign(torque)
 
 
-def test_a_load_that_is_told_and_is_not_there_is_a_contact(rig: Rig) -> None:
+def test_an_announced_load_that_is_absent_is_a_contact(rig: Rig) -> None:
     """Its weight is felt upwards, at once: nothing of it is taken for what settles."""
     rig.run(20.0)
     assert not rig.permit()
@@ -270,8 +272,8 @@ def test_a_load_that_is_told_and_is_not_there_is_a_contact(rig: Rig) -> None:
     assert rig.mode is Mode.ADMITTANCE
 
 
-def test_an_arm_that_holds_a_load_is_told_and_does_not_move(rig: Rig) -> None:
-    """Armed, at rest against more than the level: what is left of it in r is nobody's."""
+def test_an_arm_that_holds_a_load_is_reported_and_does_not_move(rig: Rig) -> None:
+    """Armed, at rest against more than the level: what is left of it in r is no hand's."""
     rig.run(20.0)
     assert not rig.permit()
     give(rig, JUG)
@@ -300,7 +302,7 @@ def test_an_arm_that_holds_a_load_is_told_and_does_not_move(rig: Rig) -> None:
 def test_an_armed_arm_that_yields_to_a_load_says_what_to_do_within_seconds(
     rig: Rig, load: Payload, seconds: float, words: str
 ) -> None:
-    """It stands at rest, where friction makes more or less of the load. It is told, armed,
+    """It stands at rest, where friction makes more or less of the load. It is reported, armed,
     started, and goes on."""
     rig.run(20.0)
     assert not rig.permit()
@@ -335,7 +337,7 @@ def test_a_hand_that_leads_is_no_hint(rig: Rig) -> None:
     rig.arm.external_torque[3] = 0.0
 
 
-def test_more_than_a_told_load_is_hinted_with_both(rig: Rig) -> None:
+def test_more_than_an_announced_load_is_hinted_with_both(rig: Rig) -> None:
     assert not rig.tick.carry(CUP, "the test")
     loads = rig.tick.loads
     loads._pull.mass = 0.3
@@ -371,7 +373,7 @@ def test_a_trajectory_that_is_interrupted_again_and_again_is_said(
     assert not seen.often
 
 
-def test_interruptions_are_said_once_and_forgotten_with_a_told_load(rig: Rig) -> None:
+def test_interruptions_are_reported_once_and_forgotten_with_an_announced_load(rig: Rig) -> None:
     rig.run(1.0)
     assert not rig.permit()
     said: list[str] = []

@@ -1,4 +1,4 @@
-"""The fixed loop, on a clock that only moves when it is told to."""
+"""The fixed loop, on a clock that only moves when a test moves it."""
 
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -133,7 +133,7 @@ def test_a_tick_knows_how_long_the_one_before_worked() -> None:
     assert [w.work_s for _, w in tick.finished] == pytest.approx([0.0, 0.002, 0.005])
 
 
-def test_it_runs_until_it_is_told_to_stop_and_serves_the_doors_after_each_tick() -> None:
+def test_it_runs_until_it_is_reported_to_stop_and_serves_the_doors_after_each_tick() -> None:
     loop, tick, _ = loop_of()
     calls: list[int] = []
     loop.run(lambda: calls.append(len(tick.finished)), lambda: len(calls) < 3)

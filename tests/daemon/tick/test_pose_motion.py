@@ -47,7 +47,7 @@ def test_not_armed_a_contact_halts_it_and_start_goes_on_to_the_goal() -> None:
     assert (arm.mode, arm.cause) == (Mode.STOPPING, "a feels it")
     arm.run_until(Mode.HOLDING, 1.0)
     assert arm.controller.machine.trajectory == "paused"
-    arm.q = arm.q + np.array([0.0, 0.3])  # somebody moves it meanwhile
+    arm.q = arm.q + np.array([0.0, 0.3])  # a person moves it meanwhile
     arm.run(0.5)
     assert arm.request(Event.START) == []
     arm.run_until(Mode.HOLDING)

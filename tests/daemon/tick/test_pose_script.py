@@ -1,5 +1,5 @@
 """Whatever people do while the arm goes to poses: every setpoint within its limits, no reference
-that jumps, and whoever is touched on the way is yielded to or stopped for at once."""
+that jumps, and who is touched on the way is yielded to or stopped for at once."""
 
 import numpy as np
 from hypothesis import example, given
@@ -108,7 +108,7 @@ def test_of_any_script(
             case (event,):
                 arm.request(event)
         watched.run(T)
-    # Left alone, what is under way comes to rest; a way that nobody forgot, at its goal.
+    # Left alone, what is under way comes to rest; a way that was not forgotten, at its goal.
     for _ in range(20):
         watched.run(3.0)
         goes_on(arm)

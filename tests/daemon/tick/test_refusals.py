@@ -1,4 +1,4 @@
-"""What is refused in which mode, why, and what a refusal advises."""
+"""Refusals of each mode, their reason, and what a refusal advises."""
 
 from itertools import product
 
@@ -76,7 +76,7 @@ def test_every_command_in_every_mode(mode: Mode, command: str) -> None:
     [(m, c) for m, c in product(Mode, ("start", "arm", "enable", "pause", "disable", "reset"))],
 )
 def test_advice_is_given_only_where_it_leads_to_what_was_asked(mode: Mode, command: str) -> None:
-    """Whoever does what a refusal says is not refused in the same way again."""
+    """A person who does what a refusal says is not refused in the same way again."""
 
     def ask() -> list[str]:
         return arm.controller.arm("me") if command == "arm" else arm.request(Event(command))

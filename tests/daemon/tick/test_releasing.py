@@ -208,7 +208,7 @@ def test_a_setpoint_that_a_blocked_motor_does_not_reach_is_taken_back() -> None:
     assert abs(arm.decisions[-1].velocity[0]) <= LIMITS.acceleration[0] * T + 1e-9
 
 
-def test_a_motor_that_goes_as_it_was_told_is_braked_within_its_acceleration() -> None:
+def test_a_motor_that_goes_as_it_was_commanded_is_braked_within_its_acceleration() -> None:
     arm = tracking()
     before = arm.decisions[-1].velocity[0]
     arm.hit(-np.sign(before) * 2.0)
@@ -250,7 +250,7 @@ def test_it_brakes_before_the_end_of_its_distance(velocity: float) -> None:
     assert 0.08 < arm.q[0] - start <= 0.1 + 1e-9
 
 
-def test_what_still_presses_is_told_as_long_as_it_does() -> None:
+def test_what_still_presses_is_reported_as_long_as_it_does() -> None:
     arm = tracking()
     arm.hit(2.0)
     assert arm.controller.pressed == "", "it lets go"
@@ -261,10 +261,10 @@ def test_what_still_presses_is_told_as_long_as_it_does() -> None:
     arm.step()
     assert arm.controller.pressed == ""
     arm.step(**arm.push(1.0))
-    assert arm.controller.pressed == "", "somebody touches an arm that holds"
+    assert arm.controller.pressed == "", "a person touches an arm that holds"
 
 
-def test_configured_to_hold_it_tells_what_presses() -> None:
+def test_configured_to_hold_it_reports_what_presses() -> None:
     arm = tracking(reactions=Reactions(collision=R.HOLD))
     arm.run(1.0, **arm.press(2.0))
     assert (arm.mode, arm.cause, arm.controller.pressed) == (M.HOLDING, "a was hit", "a was hit")

@@ -9,7 +9,7 @@ BOTH = np.array([True, True])
 ELBOW_LOST = np.array([True, False])
 
 
-def told(losses: SampleLosses, lost_of_ten: int, ticks: int) -> list[str]:
+def reported(losses: SampleLosses, lost_of_ten: int, ticks: int) -> list[str]:
     news = []
     for k in range(ticks):
         lost = k % 10 < lost_of_ten
@@ -17,22 +17,22 @@ def told(losses: SampleLosses, lost_of_ten: int, ticks: int) -> list[str]:
     return [notice.text for notice in news]
 
 
-def test_who_loses_many_is_told_once_and_by_name() -> None:
+def test_who_loses_many_is_reported_once_and_by_name() -> None:
     losses = SampleLosses(["shoulder", "elbow"], 0.01)
-    (text,) = told(losses, 4, 5000)
+    (text,) = reported(losses, 4, 5000)
     assert text.startswith("samples go missing: elbow 10%: cable")
     assert losses.share == pytest.approx([0.0, 0.4], abs=0.01)
     # Over, and again.
-    assert told(losses, 0, 10_000) == []
+    assert reported(losses, 0, 10_000) == []
     assert losses.share[1] < 1e-3
-    assert len(told(losses, 4, 5000)) == 1
+    assert len(reported(losses, 4, 5000)) == 1
 
 
 def test_a_few_are_no_news_and_none_cost_nothing() -> None:
     losses = SampleLosses(["shoulder", "elbow"], 0.01)
-    assert told(losses, 0, 10) == []
+    assert reported(losses, 0, 10) == []
     assert losses.share.tolist() == [0.0, 0.0]
     for _ in range(50):
-        assert told(losses, 1, 10) + told(losses, 0, 40) == []
+        assert reported(losses, 1, 10) + reported(losses, 0, 40) == []
     assert losses.share[1] == pytest.approx(0.01, abs=0.015)
     assert losses.share[1] > 0.0

@@ -30,13 +30,13 @@ def estimate(sensing: str, flags: Flag) -> Estimate:
 
 
 @dataclass
-class Told:
+class Reported:
     """Ticks of estimates, and what became of them."""
 
     sensing: Sensing = field(default_factory=lambda: Sensing(len(NAMES), GAIN))
     tick: int = 0
 
-    def tell(self, sensing: str | None, ticks: int = 1, flags: Flag = NO_FLAG) -> "Told":
+    def tell(self, sensing: str | None, ticks: int = 1, flags: Flag = NO_FLAG) -> "Reported":
         for _ in range(ticks):
             self.tick += 1
             now = None if sensing is None else estimate(sensing, flags)
@@ -63,11 +63,11 @@ CHANGES: dict[str, tuple[list[tuple[str | None, int]], str, list[int]]] = {
 @pytest.mark.parametrize("name", CHANGES)
 def test_which_joints_sense_and_since_when(name: str) -> None:
     story, joints, since = CHANGES[name]
-    told = Told()
+    reported = Reported()
     for sensing, ticks in story:
-        told.tell(sensing, ticks)
-    assert told.sensing.joints.tolist() == [each == "." for each in joints]
-    assert told.since == since
+        reported.tell(sensing, ticks)
+    assert reported.sensing.joints.tolist() == [each == "." for each in joints]
+    assert reported.since == since
 
 
 SETTLING = int(SETTLED / GAIN / T)  # ticks
@@ -87,40 +87,40 @@ UNSURE: dict[str, tuple[Flag, int]] = {
 @pytest.mark.parametrize("name", UNSURE)
 def test_sure_is_what_has_settled(name: str) -> None:
     flags, unsure = UNSURE[name]
-    told = Told().tell(ALL, 100)
-    sure = [told.tell(ALL, flags=flags).sensing.sure]
-    sure += [told.tell(ALL).sensing.sure for _ in range(3 * SETTLING)]
+    reported = Reported().tell(ALL, 100)
+    sure = [reported.tell(ALL, flags=flags).sensing.sure]
+    sure += [reported.tell(ALL).sensing.sure for _ in range(3 * SETTLING)]
     assert sure.count(False) == (unsure + 1 if unsure else 0)
     assert sure == sorted(sure), "not at once"
 
 
 def test_raised_levels_are_settled_and_not_sure() -> None:
-    """What is raised for missing samples may hide a hand: nothing is quiet by it."""
-    told = Told().tell(ALL, 30)
-    assert told.sensing.sure
-    told.tell(ALL, 1, Flag.LATE | Flag.RAISED)
+    """A level raised for missing samples may hide a hand: nothing is quiet by it."""
+    reported = Reported().tell(ALL, 30)
+    assert reported.sensing.sure
+    reported.tell(ALL, 1, Flag.LATE | Flag.RAISED)
     for _ in range(20):
-        assert (told.sensing.settled, told.sensing.sure) == (True, False)
-        told.tell(ALL)
-    told.tell(ALL, 14)
-    assert told.sensing.sure
+        assert (reported.sensing.settled, reported.sensing.sure) == (True, False)
+        reported.tell(ALL)
+    reported.tell(ALL, 14)
+    assert reported.sensing.sure
 
 
 def test_sure_needs_every_joint() -> None:
-    told = Told().tell(ALL, 100)
-    assert told.sensing.sure
-    assert not told.tell(ELBOW).sensing.sure
-    assert told.tell(ALL).sensing.sure, "what was bridged needs no time to settle"
-    assert not Told().tell(None, 100).sensing.sure
+    reported = Reported().tell(ALL, 100)
+    assert reported.sensing.sure
+    assert not reported.tell(ELBOW).sensing.sure
+    assert reported.tell(ALL).sensing.sure, "what was bridged needs no time to settle"
+    assert not Reported().tell(None, 100).sensing.sure
 
 
 def test_residuals_that_begin_at_zero_are_unsettled_and_sense_from_then_on() -> None:
-    told = Told().tell(ALL, 100)
-    told.sensing.begin_anew(T * told.tick)
-    assert told.since == [100, 100]
-    sure = [told.sensing.sure] + [told.tell(ALL).sensing.sure for _ in range(2 * SETTLING)]
+    reported = Reported().tell(ALL, 100)
+    reported.sensing.begin_anew(T * reported.tick)
+    assert reported.since == [100, 100]
+    sure = [reported.sensing.sure] + [reported.tell(ALL).sensing.sure for _ in range(2 * SETTLING)]
     assert sure.count(False) == SETTLING + 1
-    assert told.sensing.joints.all()
+    assert reported.sensing.joints.all()
 
 
 # --- news -----------------------------------------------------------------------------------------
@@ -130,29 +130,29 @@ AGAIN = round(AGAIN_S / T)
 
 def news(*story: tuple[str, int]) -> list[tuple[int, Notice]]:
     """News of ticks (what senses, how many): a joint is found deaf in its third and after."""
-    told, made, deaf = Told().tell(ALL, 10), SensingNews(NAMES), 0
+    reported, made, deaf = Reported().tell(ALL, 10), SensingNews(NAMES), 0
     found = []
     for sensing, ticks in story:
         for _ in range(ticks):
-            told.tell(sensing)
+            reported.tell(sensing)
             deaf = 0 if sensing == ALL else deaf + 1
             names = ", ".join(n for n, s in zip(NAMES, sensing, strict=True) if s == "x")
             findings = (Finding(Condition.LATE), Finding(Condition.DEAF, names))
             these = findings if deaf >= 3 else findings[:1]
-            notices = made.step(T * told.tick, told.sensing, these)
-            found += [(told.tick, notice) for notice in notices]
+            notices = made.step(T * reported.tick, reported.sensing, these)
+            found += [(reported.tick, notice) for notice in notices]
     return found
 
 
 LOST, BACK = "not sensing contact", f"sensing contact again for {AGAIN_S:g} s"
 NEWS: dict[str, tuple[list[tuple[str, int]], list[tuple[int, str]]]] = {
-    "nothing lost, nothing told": ([(ALL, 200)], []),
+    "nothing lost, nothing reported": ([(ALL, 200)], []),
     "too short to be found": ([(ELBOW, 2), (ALL, 200)], []),
     "once, and once when it is over": (
         [(ELBOW, 40), (ALL, 200)],
         [(13, f"{LOST}: elbow"), (51 + AGAIN, f"{BACK}: elbow after 0.40 s")],
     ),
-    "what comes and goes is told once": (
+    "what comes and goes is reported once": (
         [(ELBOW, 5), (ALL, 5)] * 20 + [(ALL, 100)],
         [(13, f"{LOST}: elbow"), (206 + AGAIN, f"{BACK}: elbow after 1.95 s")],
     ),

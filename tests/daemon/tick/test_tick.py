@@ -82,8 +82,8 @@ def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
     states = rig.states(0.3)
     assert [s.mode for s in states[:2]] == ["faulted"] * 2
     assert "emergency message: node 3 (LElbowRoll): 0x2310 (over-current), error" in states[0].cause
-    told = [e.text for s in states for e in s.notices if e.kind == "fault"]
-    assert sum("0x2310" in text for text in told) == 1
+    reported = [e.text for s in states for e in s.notices if e.kind == "fault"]
+    assert sum("0x2310" in text for text in reported) == 1
     others = [name for i, name in enumerate(states[-1].drives) if i != ELBOW]
     assert set(others) == {"quick stop active"}
     assert states[-1].drives[ELBOW] == "fault"
@@ -131,7 +131,7 @@ def test_drives_that_fall_silent_are_stale_after_three_ticks(rig: Rig) -> None:
     rig.lockstep.pump()
     modes, fresh = [], []
     for _ in range(5):
-        rig.tick.begin(rig.time_s)  # nobody answers this SYNC
+        rig.tick.begin(rig.time_s)  # no drive answers this SYNC
         rig.tick.finish(0.0)
         rig.ticks += 1
         modes.append(rig.mode)
@@ -143,7 +143,7 @@ def test_drives_that_fall_silent_are_stale_after_three_ticks(rig: Rig) -> None:
 
 def test_before_the_first_samples_there_is_no_state(rig: Rig) -> None:
     assert rig.tick.last is None
-    rig.tick.begin(rig.time_s)  # nobody answers this SYNC
+    rig.tick.begin(rig.time_s)  # no drive answers this SYNC
     rig.tick.finish(0.0)
     with pytest.raises(RuntimeError, match="no complete samples"):
         rig.state()
@@ -175,7 +175,7 @@ def test_a_tick_without_samples_carries_the_estimate_on_and_says_so(rig: Rig) ->
     rig.enable()
     before = rig.last
     rig.lockstep.pump()
-    rig.tick.begin(rig.time_s)  # nobody answers this SYNC
+    rig.tick.begin(rig.time_s)  # no drive answers this SYNC
     rig.tick.finish(0.0)
     rig.ticks += 1
     silent = rig.last
@@ -213,7 +213,7 @@ def test_a_touch_that_begins_while_the_arm_stops_is_yielded_to(rig: Rig) -> None
 
 
 def references(rig: Rig, times_s: list[float]) -> list[float]:
-    """Of the moving joint, in ticks at these times from now [s]."""
+    """References of the moving joint, in ticks at these times from now [s]."""
     found = []
     for time_s in times_s:
         rig.tick.begin(rig.time_s + time_s)
@@ -235,9 +235,9 @@ def test_the_trajectory_keeps_to_the_clock_when_ticks_are_late_but_never_jumps(r
     assert np.diff(late) / speed == pytest.approx([1.4, 0.6, 1.0, LONGEST_STEP], abs=0.02)
 
 
-def test_a_contact_is_told_where_the_arm_feels() -> None:
+def test_a_contact_is_reported_where_the_arm_feels() -> None:
     """Off, a brake carries what the residual takes for a touch."""
-    told: dict[Mode, int] = {}
+    reported: dict[Mode, int] = {}
     with lockstep_rig(SINGLE_JOINT) as rig:
         rig.run(0.1)
         for mode in (Mode.OFF, Mode.HOLDING):
@@ -250,8 +250,8 @@ def test_a_contact_is_told_where_the_arm_feels() -> None:
             rig.arm.external_torque[0] = 0.0
             rig.run(0.5)
             assert any(state.thresholded[0] for state in states)
-            told[mode] = sum(event.kind == "contact" for s in states for event in s.notices)
-    assert told[Mode.OFF] == 0 < told[Mode.HOLDING]
+            reported[mode] = sum(event.kind == "contact" for s in states for event in s.notices)
+    assert reported[Mode.OFF] == 0 < reported[Mode.HOLDING]
 
 
 def test_every_field_of_a_record_and_of_its_state_is_filled(

@@ -87,8 +87,8 @@ def test_a_touch_is_named_and_felt_with_its_sign(run: Run) -> None:
     contacts = [event.contact for event in first.notices if event.contact]
     assert [(c.joint, c.level) for c in contacts] == [("LElbowRoll", "contact")]
     assert contacts[0].torque > contacts[0].threshold
-    told = [e.text for e in first.notices if e.kind == "mode"]
-    assert told == [f"tracking -> admittance: {first.cause}"]
+    reported = [e.text for e in first.notices if e.kind == "mode"]
+    assert reported == [f"tracking -> admittance: {first.cause}"]
 
 
 def test_the_first_touch_is_the_push_and_no_false_alarm(run: Run) -> None:

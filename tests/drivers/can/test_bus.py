@@ -69,14 +69,14 @@ def test_an_interface_without_can():
         open_bus(BusSettings(interface="socketcan", channel="lo"))
 
 
-def test_nobody_listens():
+def test_no_one_listens():
     with closing(socket.create_server(("127.0.0.1", 0))) as server:
         port = server.getsockname()[1]
     with pytest.raises(BusError, match=rf"127.0.0.1:{port}; is `contactd simulate` running"):
         open_bus(socketcand(port))
 
 
-def test_somebody_else_listens():
+def test_another_listens():
     refused = pytest.raises(BusError, match="not as socketcand does")
     with peer([b"SSH-2.0-OpenSSH"]) as (port, _), refused:
         open_bus(socketcand(port))

@@ -251,7 +251,7 @@ def test_a_virtual_bus_wakes_who_waits_for_it(wire):
     sender.join()
 
 
-def test_a_virtual_bus_that_nobody_reads_is_a_failure_and_no_wait():
+def test_a_virtual_bus_that_no_one_reads_is_a_failure_and_no_wait():
     with (
         can.Bus(interface="virtual", channel="full") as near,
         can.Bus(interface="virtual", channel="full", rx_queue_size=2),

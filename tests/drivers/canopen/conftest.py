@@ -86,7 +86,7 @@ class Bench:
         return boot.identities
 
     def number(self, drive: int, index: int, subindex: int = 0) -> int:
-        """What an object of a drive holds."""
+        """Value of an object of a drive."""
         return self.simulated.drives[drive].objects.number(index, subindex)
 
     def tick(self, drives: CanopenDrives) -> Any:

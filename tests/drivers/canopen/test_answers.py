@@ -1,4 +1,4 @@
-"""Which TPDOs count as the answer to which SYNC."""
+"""TPDOs that count as the answer to a SYNC."""
 
 import numpy as np
 import pytest

@@ -79,9 +79,9 @@ def test_row(state, off, on, stop):
 def test_no_single_statusword_takes_the_power_of_a_drive_in_operation(claimed, target):
     """Whatever one frame says, the drive keeps its torque, and gets back to its target."""
     runs = State.OPERATION_ENABLED
-    told = controlword(DriveState.OPERATION_ENABLED, ON)
-    word = controlword(claimed, target, told)
-    after = on_controlword(runs, told, word, 6)
+    commanded = controlword(DriveState.OPERATION_ENABLED, ON)
+    word = controlword(claimed, target, commanded)
+    after = on_controlword(runs, commanded, word, 6)
     assert after in (runs, State.QUICK_STOP_ACTIVE)
     assert drive_status(drive(after, target, ticks=3)[-1].value).condition.reached(target)
 

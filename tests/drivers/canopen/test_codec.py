@@ -100,7 +100,7 @@ def test_counts_arrive_as_si_values_at_the_link(
 
 @given(link=st.integers(-157080, 157080), link_sign=SIGN, link_offset=st.floats(-3, 3))
 def test_what_an_encoder_errs_with_its_turn_is_taken_off(link, link_sign, link_offset):
-    """Of its joint alone, by the angle of the encoder itself."""
+    """Correction of its joint alone, by the angle of the encoder itself."""
     harmonics = [Harmonic(order=1, cosine=0.0004, sine=-0.0003), Harmonic(order=3, sine=0.002)]
     about = {"link_sign": link_sign, "link_offset": link_offset}
     right, off = (

@@ -140,7 +140,7 @@ def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_drives):
         assert not 0x180 <= message.arbitration_id < 0x580, "no PDO"
 
 
-def test_start_names_every_node_and_nobody_else(scripted, make_drives):
+def test_start_names_every_node_and_no_other(scripted, make_drives):
     make_drives(scripted).start(0.0)
     assert scripted.sent == [(0x77F, b"\x05")] + [
         (0x000, bytes([1, node])) for node in range(1, N + 1)
@@ -181,7 +181,7 @@ def test_the_heartbeat_is_last(scripted, drives):
 def test_what_happens_beside_samples_is_an_event(scripted, drives, message, event):
     assert tick(drives, scripted, [message]).events == crossed(event)
     assert event.text
-    assert tick(drives, scripted, []).events == (), "and is told once"
+    assert tick(drives, scripted, []).events == (), "and is reported once"
     scripted.incoming.append(message)  # between two ticks
     assert tick(drives, scripted, []).events == crossed(event)
 
@@ -238,8 +238,8 @@ def test_a_drive_that_leaves_operational(scripted, drives):
     scripted.sent.clear()
     assert tick(drives, scripted, [frame(0x702, b"\x7f")]).events == crossed(dropped(2))
     drives.command(PowerTarget.QUICK_STOP, STILL)
-    told = [data for cob_id, data in scripted.sent if cob_id == 0x602]
-    assert told == [bytes.fromhex("2b40600002000000")], "it hears no setpoint, but SDO"
+    commanded = [data for cob_id, data in scripted.sent if cob_id == 0x602]
+    assert commanded == [bytes.fromhex("2b40600002000000")], "it hears no setpoint, but SDO"
 
 
 # What python-can and the sockets below it raise.
@@ -312,7 +312,7 @@ def test_no_frame_makes_an_exception(joint_drives, ticks):
     bus = ScriptedWire()
     drives = CanopenDrives(bus, joint_drives, PERIOD_S, lambda: 0.0)
     drives.start(0.0)
-    absent = False  # bus-off: until all have confirmed a stop, which nobody does here
+    absent = False  # bus-off: until all have confirmed a stop, which none does here
     for k, frames in enumerate(ticks, start=1):
         samples = tick(drives, bus, frames, k * PERIOD_S)
         bus.sent.clear()
@@ -403,7 +403,9 @@ EMERGENCIES = {
 }  # of a lost master, of a PDO, of a current
 
 
-def test_what_was_heard_while_drives_were_set_up_is_told_with_the_next_samples(scripted, drives):
+def test_what_was_heard_while_drives_were_set_up_is_reported_with_the_next_samples(
+    scripted, drives
+):
     tick(drives, scripted, [frame(0x700 + node, b"\5") for node in (2, 3)])
     heard = [
         (0x703, b"\0"),  # of the drive that is set up again: its boot-up, and that it has no PDOs
@@ -430,18 +432,18 @@ def test_what_was_heard_while_drives_were_set_up_is_told_with_the_next_samples(s
      (0x2310, True, True, True)],
 )  # fmt: skip
 def test_emergencies_of_a_restart_end_with_the_set_up(scripted, drives, code, queued, soon, later):
-    """Of the wire's queue, of the first half second after the set-up, and of later."""
+    """Emergencies of the wire's queue, of the first half second after the set-up, and of later."""
     said = frame(0x83, struct.pack("<HB5x", code, 1))
 
-    def told(frames, now):
+    def heard(frames, now):
         events = tick(drives, scripted, [*frames, *everything()], now).events
         return set(crossed(Emergency(3, code, 1))) <= set(events)
 
     scripted.incoming.append(said)
     drives.start(1.0, [2])
-    assert told([], 1.01) is queued
-    assert told([said], 1.4) is soon
-    assert told([said], 1.51) is later
+    assert heard([], 1.01) is queued
+    assert heard([said], 1.4) is soon
+    assert heard([said], 1.51) is later
 
 
 def test_a_boot_up_that_waits_in_the_queue_after_a_set_up_is_news(scripted, drives):

@@ -33,7 +33,7 @@ class Rig:
     tick: Tick
     boot: DriveBoot
     drive: DurandDrive
-    told: list[str]
+    reported: list[str]
     ticks: int = 0
 
     @property
@@ -42,7 +42,7 @@ class Rig:
 
     def boot_up(self) -> None:
         with self.drive.serving():
-            self.boot.boot_up(self.told.append)
+            self.boot.boot_up(self.reported.append)
         self.tick.drives.start(self.ticks * T)
         self.drive.pump()
 
@@ -53,7 +53,7 @@ class Rig:
             self.tick.finish(0.0)
             self.drive.pump()
             self.drive.advance(T)
-            self.told += [event.text for event in self.tick.last.notices]
+            self.reported += [event.text for event in self.tick.last.notices]
             self.ticks += 1
 
     def request(self, event: Event) -> list[str]:
@@ -63,7 +63,7 @@ class Rig:
         self.run(0.1)
         assert not self.request(Event.ENABLE)
         self.run(0.5)
-        assert self.mode is Mode.HOLDING, self.told
+        assert self.mode is Mode.HOLDING, self.reported
 
 
 @pytest.fixture
@@ -86,10 +86,10 @@ def test_its_eds_has_what_is_counted_on(rig):
     assert not list(problems(rig.boot.setups[0], 10, 127))
 
 
-def test_it_comes_up_and_holds_what_it_was_told(rig):
+def test_it_comes_up_and_holds_what_was_written(rig):
     rig.boot_up()
     assert rig.boot.identities[0].serial == SERIAL
-    assert any("without object 0x1029:01" in line for line in rig.told), "it has no such object"
+    assert any("without object 0x1029:01" in line for line in rig.reported), "it has no such object"
     wanted = {
         **{(0x6007, 0): 3, (0x605A, 0): 6, (0x6060, 0): 9, (0x60C2, 1): 10, (0x1017, 0): 50},
         **{(0x1016, 1): 127 << 16 | 100, (0x1A00, 0): 3, (0x1600, 2): 0x60FF0020},
@@ -105,11 +105,11 @@ def test_it_holds_follows_a_trajectory_and_feels_nothing(rig):
     assert rig.drive.q == pytest.approx(start, abs=1e-4), "holding"
     assert not rig.request(Event.START)
     rig.run(4.0)
-    assert rig.mode is Mode.TRACKING, rig.told
+    assert rig.mode is Mode.TRACKING, rig.reported
     reference = rig.tick.last.decision.reference[0]
     assert abs(reference - start) > 0.05
     assert rig.drive.q == pytest.approx(reference, abs=0.03)
-    assert not [line for line in rig.told if "Nm" in line], "nobody touches it"
+    assert not [line for line in rig.reported if "Nm" in line], "untouched"
     assert not rig.request(Event.STOP)
     rig.run(1.0)
     assert not rig.request(Event.DISABLE)
@@ -127,7 +127,7 @@ def test_its_fault_is_latched_until_a_reset(rig):
     rig.drive.fail(0x3220)
     rig.run(0.1)
     assert rig.tick.controller.faulted
-    assert any("0x3220" in line and "voltage" in line for line in rig.told), rig.told
+    assert any("0x3220" in line and "voltage" in line for line in rig.reported), rig.reported
     assert rig.drive.state == "FAULT", "nothing resets it by itself"
     assert not rig.request(Event.RESET)
     rig.run(0.2)
@@ -143,7 +143,7 @@ def test_it_stops_when_the_daemon_falls_silent_and_comes_back(rig):
     assert rig.drive.state == "FAULT", "its own watch over the master's heartbeat"
     rig.run(0.1)
     assert rig.tick.controller.faulted
-    assert any("0x8130" in line for line in rig.told), rig.told
+    assert any("0x8130" in line for line in rig.reported), rig.reported
     assert not rig.request(Event.RESET)
     rig.run(0.2)
     rig.enable()

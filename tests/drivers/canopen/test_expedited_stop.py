@@ -19,7 +19,7 @@ from tests.examples import scaled
 STOP, OFF = PowerTarget.QUICK_STOP, PowerTarget.OFF
 TELL_STOP = bytes.fromhex("2b40600002000000")
 TELL_OFF = bytes.fromhex("2b40600000000000")
-TOLD = bytes.fromhex("6040600000000000")
+COMMANDED = bytes.fromhex("6040600000000000")
 ASK_STATUSWORD = bytes.fromhex("4041600000000000")
 ASK_VELOCITY = bytes.fromhex("406c600000000000")
 ASK_LINK = bytes.fromhex("40e4600100000000")
@@ -40,10 +40,10 @@ def stop(joint_drives) -> ExpeditedStop:
     return stop
 
 
-def test_it_tells_and_then_asks_for_statusword_and_velocity(stop, joint_drives) -> None:
+def test_it_commands_and_then_asks_for_statusword_and_velocity(stop, joint_drives) -> None:
     assert stop.request(STOP) == (0x603, TELL_STOP)
     assert not stop.confirmed
-    stop.hear(TOLD)
+    stop.hear(COMMANDED)
     assert stop.confirmed
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
     stop.hear(statusword(0x0207))
@@ -57,7 +57,7 @@ def test_it_tells_and_then_asks_for_statusword_and_velocity(stop, joint_drives) 
     assert math.isnan(seen.current)
     assert math.isnan(seen.position)
     assert stop.take() is None, "once"
-    assert stop.request(STOP) == (0x603, ASK_LINK), "it obeys: it need not be told again"
+    assert stop.request(STOP) == (0x603, ASK_LINK), "it obeys: it need not be commanded again"
 
 
 def test_positions_are_read_in_turn_and_are_those_of_the_samples(joint_drives) -> None:
@@ -69,7 +69,7 @@ def test_positions_are_read_in_turn_and_are_those_of_the_samples(joint_drives) -
     stop.begin()
     answers = {0x6041: statusword(0x0207), 0x606C: velocity(0)}
     answers |= {0x60E4: struct.pack("<BHBi", 0x43, 0x60E4, 1, 1000)}
-    answers |= {0x6064: struct.pack("<BHBi", 0x43, 0x6064, 0, -700), 0x6040: TOLD}
+    answers |= {0x6064: struct.pack("<BHBi", 0x43, 0x6064, 0, -700), 0x6040: COMMANDED}
     seen, asked = [], []
     for _ in range(9):
         asked.append(int.from_bytes(stop.request(STOP)[1][1:3], "little"))
@@ -91,8 +91,8 @@ def test_positions_are_read_in_turn_and_are_those_of_the_samples(joint_drives) -
     assert math.isnan(stop.take().position), "nothing of before"
 
 
-def test_a_drive_that_runs_on_is_told_again(stop) -> None:
-    for answer in (TOLD, statusword(0x0227), velocity(300)):
+def test_a_drive_that_runs_on_is_commanded_again(stop) -> None:
+    for answer in (COMMANDED, statusword(0x0227), velocity(300)):
         stop.request(STOP)
         stop.hear(answer)
     assert stop.take().condition is DriveCondition.OPERATING
@@ -101,7 +101,7 @@ def test_a_drive_that_runs_on_is_told_again(stop) -> None:
 
 def test_nothing_is_asked_while_an_answer_is_awaited_and_a_late_one_still_counts(stop) -> None:
     stop.request(STOP)
-    stop.hear(TOLD)
+    stop.hear(COMMANDED)
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD)
     assert [stop.request(STOP) for _ in range(ANSWER_TICKS - 1)] == [None] * (ANSWER_TICKS - 1)
     assert stop.request(STOP) == (0x603, ASK_STATUSWORD), "asked again"
@@ -130,37 +130,37 @@ def test_a_drive_that_refuses_is_asked_all_the_same(stop) -> None:
     ],
 )
 def test_what_is_no_statusword_proves_nothing(stop, answer: bytes) -> None:
-    for told in (TOLD, answer):
+    for commanded in (COMMANDED, answer):
         stop.request(STOP)
-        stop.hear(told)
+        stop.hear(commanded)
     assert stop.take() is None
-    assert stop.request(STOP) == (0x603, TELL_STOP), "told anew"
+    assert stop.request(STOP) == (0x603, TELL_STOP), "commanded anew"
 
 
 @pytest.mark.parametrize(
     "stray",
     [
         b"",
-        TOLD[:7],
+        COMMANDED[:7],
         statusword(0x0207),  # of an object that was not asked for
-        struct.pack("<BHBI", 0x60, 0x6060, 0, 0),  # an answer to somebody's tool
+        struct.pack("<BHBI", 0x60, 0x6060, 0, 0),  # an answer to another program's tool
         struct.pack("<BHBI", 0x60, 0x6040, 1, 0),
     ],
 )
 def test_answers_to_others_change_nothing(stop, stray: bytes) -> None:
-    stop.hear(TOLD)
-    assert not stop.confirmed, "nobody has asked"
+    stop.hear(COMMANDED)
+    assert not stop.confirmed, "not asked for"
     stop.request(STOP)
     stop.hear(stray)
     assert not stop.confirmed
-    stop.hear(TOLD)
+    stop.hear(COMMANDED)
     assert stop.confirmed
     stop.begin()
     assert not stop.confirmed
 
 
 @settings(max_examples=scaled(200))
-@given(frames=st.lists(st.binary(max_size=8) | st.sampled_from([TOLD, statusword(0x0207)])))
+@given(frames=st.lists(st.binary(max_size=8) | st.sampled_from([COMMANDED, statusword(0x0207)])))
 def test_no_frame_makes_an_exception(joint_drives, frames: list[bytes]) -> None:
     stop = ExpeditedStop(joint_drives[0])
     for frame in frames:
@@ -170,6 +170,6 @@ def test_no_frame_makes_an_exception(joint_drives, frames: list[bytes]) -> None:
         assert seen is None or isinstance(seen, Seen)
 
 
-def test_for_when_nobody_reads_the_answers(joint_drives) -> None:
+def test_for_when_no_one_reads_the_answers(joint_drives) -> None:
     frames = expedited_quick_stops(joint_drives)
     assert frames == [(0x600 + node, TELL_STOP) for node in range(1, 8)]

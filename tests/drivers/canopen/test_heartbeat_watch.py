@@ -20,13 +20,13 @@ def test_three_may_go_missing():
     assert HEARTBEATS_MISSED == 3
 
 
-def test_silence_is_told_once(watch):
+def test_silence_is_reported_once(watch):
     assert watch.check(10.25) is None
     assert watch.check(10.251) == Fact(Kind.SILENT, (3,))
     assert watch.check(10.3) is None
 
 
-def test_silence_while_nobody_listened_is_excused(watch):
+def test_silence_while_no_one_listened_is_excused(watch):
     watch.excuse(20.0)
     assert watch.check(20.25) is None
     assert watch.check(20.251) == Fact(Kind.SILENT, (3,))
@@ -42,7 +42,7 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
 
 
 @pytest.mark.parametrize(
-    ("heard", "told", "forgot"),
+    ("heard", "reported", "forgot"),
     [
         ([], [], False),
         ([OPERATIONAL, OPERATIONAL], [], False),
@@ -54,15 +54,15 @@ def test_a_heartbeat_that_comes_back_can_be_lost_again(watch):
         ([BOOT_UP], [restarted(3)], True),
         ([OPERATIONAL, BOOT_UP, PRE_OPERATIONAL], [restarted(3)], True),
         ([OPERATIONAL, STOPPED, OPERATIONAL, STOPPED], [dropped(3, 4)] * 2, True),
-        # Operational again by somebody else: it does not hold what it was told, all the same.
+        # Operational again by another master: it does not hold what was written, all the same.
         ([OPERATIONAL, STOPPED, OPERATIONAL], [dropped(3, 4)], True),
         # Node guarding toggles bit 7.
         ([OPERATIONAL | 0x80, OPERATIONAL], [], False),
     ],
 )
-def test_states(watch, heard, told, forgot):
+def test_states(watch, heard, reported, forgot):
     events = [watch.hear(state, 10.0 + 0.05 * k) for k, state in enumerate(heard)]
-    assert [event for event in events if event] == told
+    assert [event for event in events if event] == reported
     assert watch.forgot is forgot
     assert watch.operational is (heard[-1:] in ([OPERATIONAL], [OPERATIONAL | 0x80]))
     assert watch.lost is False

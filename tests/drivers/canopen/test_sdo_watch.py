@@ -1,4 +1,4 @@
-"""Which drives answer no SDO, asked one after the other while the arm stands."""
+"""Drives that answer no SDO, asked one after the other while the arm stands."""
 
 import struct
 
@@ -71,7 +71,7 @@ def test_one_lost_answer_is_none(bus) -> None:
     [(answer(), True), (answer(0x80), True), (answer(index=0x6041), False), (b"\x4f", False)],
 )
 def test_what_is_an_answer(bus, data, counts) -> None:
-    """A refusal is one; what somebody else asked for is none."""
+    """A refusal is one; what another client asked for is none."""
     bus.deaf = {1}
     bus.run(2 * TIMEOUT_S + 0.03)
     assert bus.watch.silent == [0]

@@ -1,4 +1,4 @@
-"""What each drive is told, on the wire."""
+"""Commands to each drive, on the wire."""
 
 import struct
 

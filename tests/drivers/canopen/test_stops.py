@@ -27,7 +27,7 @@ STILL = np.zeros(N)
 STOPS, RUNS = 0x07, 0x27
 NMT, SYNC, HEARTBEAT = 0x000, 0x080, 0x77F
 TELL = bytes.fromhex("2b40600002000000")
-TOLD = bytes.fromhex("6040600000000000")
+COMMANDED = bytes.fromhex("6040600000000000")
 STOP, OFF, ON = PowerTarget.QUICK_STOP, PowerTarget.OFF, PowerTarget.ON
 ALL = range(1, N + 1)
 
@@ -82,7 +82,7 @@ def rested(arm: Arm) -> Arm:
     return arm
 
 
-def test_a_drive_that_says_that_it_stands_is_told_by_its_setpoint_alone(rested: Arm) -> None:
+def test_a_drive_that_says_that_it_stands_is_commanded_by_its_setpoint_alone(rested: Arm) -> None:
     arm = rested
     sent, _ = arm.tick(standing(statusword=RUNS))
     assert arm.drives.unproved() == arm.drives.names
@@ -102,19 +102,19 @@ def test_a_velocity_that_was_never_seen_to_move_needs_positions_that_rest(arm: A
     assert arm.drives.unproved() == (), "0.2 s, and once more"
 
 
-def test_a_drive_without_a_sample_is_told_by_sdo_in_the_same_tick(rested: Arm) -> None:
+def test_a_drive_without_a_sample_is_commanded_by_sdo_in_the_same_tick(rested: Arm) -> None:
     """It is asked for its statusword, velocity, and positions in turn; all must say that it
     stands."""
     arm = rested
     sent, _ = arm.tick(standing(3))
     assert arm.sdo(sent) == [(3, TELL)]
     asked: list[bytes] = []
-    answer = TOLD
+    answer = COMMANDED
     while arm.drives.unproved():
         sent, _ = arm.tick(standing(3) + answers(answer, 3))
-        told = arm.sdo(sent)
-        assert [node for node, _ in told] == [3] * len(told)
-        asked += [data[1:4] for _, data in told]
+        commanded = arm.sdo(sent)
+        assert [node for node, _ in commanded] == [3] * len(commanded)
+        asked += [data[1:4] for _, data in commanded]
         values = {0x41: b"\x4b\x41\x60\0\x07\x02\0\0"}
         answer = values.get(asked[-1][0], b"\x43" + asked[-1] + bytes(4))
     word, velocity = b"\x41\x60\0", b"\x6c\x60\0"
@@ -164,13 +164,13 @@ def test_a_drive_that_was_never_heard_may_run_at_full_speed(
     assert arm.ticks <= 3 * 3 + 2, "at full speed each stage has three ticks, at rest six and nine"
 
 
-def test_a_drive_that_restarted_is_told_by_sdo_alone(arm: Arm) -> None:
+def test_a_drive_that_restarted_is_commanded_by_sdo_alone(arm: Arm) -> None:
     sent, events = arm.tick([frame(0x703, b"\0"), *everything()])
     assert set(crossed(restarted(3))) <= set(events)
     assert (3, TELL) in arm.sdo(sent)
 
 
-def test_a_drive_that_need_not_stop_is_not_told(arm: Arm) -> None:
+def test_a_drive_that_need_not_stop_is_not_commanded(arm: Arm) -> None:
     for _ in range(30):
         sent, events = arm.tick(everything()[:8], ON)
         assert (arm.sdo(sent), events) == ([], ())
@@ -188,10 +188,10 @@ def test_after_a_gap_in_our_presence_no_sync_goes_out_before_all_have_confirmed(
     assert order[: 2 * N] == [*(0x200 + n for n in ALL), *(0x600 + n for n in ALL)]
     assert {data for cob_id, data in sent if cob_id >> 7 == 4} == {bytes([2, 0, 0, 0, 0, 0])}
     assert SYNC not in order
-    sent, _ = arm.tick(answers(TOLD, *range(1, N)), ON)
+    sent, _ = arm.tick(answers(COMMANDED, *range(1, N)), ON)
     assert SYNC not in [cob_id for cob_id, _ in sent], "one has not confirmed"
     assert {data[:2] for cob_id, data in sent if cob_id >> 7 == 4} == {b"\x02\0"}
-    sent, _ = arm.tick(answers(TOLD, N), ON)
+    sent, _ = arm.tick(answers(COMMANDED, N), ON)
     sent, _ = arm.tick(standing())
     assert (SYNC, b"") in sent
 
@@ -254,11 +254,11 @@ def test_samples_that_repeat_while_the_motor_moves_are_reported_and_it_is_asked(
     assert found == {10: crossed(Fact(Kind.REPEATED_SAMPLES, (3,), REPEATS))}, (
         "0.1 s after the last that did not, and once"
     )
-    told = []
+    commanded = []
     for k in range(40):
-        told += arm.sdo(arm.tick(moving(4, statusword=STOPS))[0])
+        commanded += arm.sdo(arm.tick(moving(4, statusword=STOPS))[0])
         assert "LElbowRoll" in arm.drives.unproved(), k
-    assert told[0] == (3, TELL), "its samples are no witness"
+    assert commanded[0] == (3, TELL), "its samples are no witness"
     assert not arm.drives.silenced, "its statusword says that it obeys"
 
 

@@ -1,4 +1,4 @@
-"""What a configuration of RobStride motors is asked: problems, and the load of the bus."""
+"""Checks of a configuration of RobStride motors: problems, and the load of the bus."""
 
 from pathlib import Path
 from shutil import copytree

@@ -1,4 +1,4 @@
-"""Watch on one drive that is told to stop: ticks of 10 ms, 10 rad/s2, and 0.24 rad to stop in."""
+"""Watch on a drive commanded to stop: ticks of 10 ms, 10 rad/s2, and 0.24 rad to stop in."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -24,7 +24,7 @@ def commanded(
     position: float = 0.0,
     bounds: StopBounds = BOUNDS,
 ) -> StopWatch:
-    """Told to stop at `speed`; one that stands has stood there for a second."""
+    """Commanded to stop at `speed`; one that stands has stood there for a second."""
     watch = StopWatch(bounds)
     watch.witness.take(0.0 if speed else -1.0, speed, math.nan, position)
     watch.begin(0.0, stage, speed)
@@ -32,7 +32,7 @@ def commanded(
 
 
 def readings(states: Iterable[DriveCondition]) -> st.SearchStrategy[Seen | None]:
-    """Of drives in one of these states, or nothing fresh."""
+    """Readings of drives in one of these states, or nothing fresh."""
     return st.none() | st.builds(
         Seen,
         st.sampled_from(sorted(states, key=str)),
@@ -44,7 +44,7 @@ def readings(states: Iterable[DriveCondition]) -> st.SearchStrategy[Seen | None]
 
 @dataclass
 class Course:
-    """What a drive is seen to do after it was told to stop at 1 rad/s, and what came of it."""
+    """Motion of a drive after it was commanded to stop at 1 rad/s, and what came of it."""
 
     velocity_at: Callable[[float], float]
     current: float = 0.0

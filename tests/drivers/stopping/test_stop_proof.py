@@ -28,7 +28,7 @@ CREEPS_ON = Seen(ON, 0.1, 0.0, 0.0)
 
 
 def hardly_brakes(t: float) -> float:
-    """Velocity [rad/s], of a drive that was told to stop with 10 rad/s2."""
+    """Velocity [rad/s], of a drive that was commanded to stop with 10 rad/s2."""
     return 1.0 - 0.02 * t
 
 
@@ -100,12 +100,12 @@ def test_who_creeps_or_runs_is_not_still(speed: float) -> None:
         (lambda t: 1.0, 0.0, True),
         (lambda t: 1.0, 1.5, True),  # by its own power
         (lambda t: 1.0, -0.9, True),  # it could do more, with 2 A
-        (lambda t: 1.0, -1.0, False),  # somebody is stronger
+        (lambda t: 1.0, -1.0, False),  # a person is stronger
         (lambda t: -1.0, 1.0, False),
         (lambda t: 1.3 * 0.95 ** (t / T), 0.0, False),  # knocked, it slows down by itself
     ],
 )
-def test_a_drive_that_says_so_and_runs_on_is_told_of(
+def test_a_drive_that_says_so_and_runs_on_is_reported(
     velocity_at: Callable[[float], float], current: float, runs_on: bool
 ) -> None:
     found = Course(velocity_at, current, ticks=60)

@@ -14,13 +14,13 @@ from tests.examples import scaled
 
 
 def stages(watch: StopWatch, seen: Seen | None, ticks: int) -> dict[int, Stage]:
-    """Tick -> stage that began in it; every tick shows the same. The first tick tells it."""
+    """Tick -> stage that began in it; every tick shows the same. The first tick commands it."""
     found = {k: watch.step(k * T, seen) for k in range(ticks + 1)}
     return {k: stage for k, stage in found.items() if stage is not None}
 
 
 @pytest.mark.parametrize("seen", [None, RUNS, Seen(DriveCondition.UNKNOWN, 0.0)])
-def test_without_a_proof_it_is_told_more_strongly_each_time(seen: Seen | None) -> None:
+def test_without_a_proof_it_is_commanded_more_strongly_each_time(seen: Seen | None) -> None:
     # Slow enough for its travel to last: three ticks, then six, then nine.
     slow = seen and Seen(seen.condition, 0.1, 0.0, 0.0)
     assert stages(commanded(0.1), slow, 30) == {3: Stage.DIRECT, 9: Stage.LAST, 18: Stage.SILENCE}

@@ -14,14 +14,14 @@ Course = Callable[[int], float]
 
 @dataclass
 class Sensors:
-    """What they show in tick k of a motor that ran at 0.5 rad/s and was told to until tick 0, and
-    stops from then on within 0.1 s, unless it `runs_on`."""
+    """Readings in tick k of a motor that ran at 0.5 rad/s and was commanded to until tick 0,
+    and stops from then on within 0.1 s, unless it `runs_on`."""
 
     runs_on: float = 0.0  # [rad/s]
     velocity: Course | None = None
     link: Course | None = None
     motor: Course | None = None  # math.nan: it has none
-    told: float = 0.5
+    commanded: float = 0.5
     noise: bool = True
     position: float = field(default=0.0, init=False)
 
@@ -51,7 +51,7 @@ def first_stands(sensors: Sensors, ticks: int = 200) -> int | None:
         now = k * T
         witness.take(now, velocity, current, link, motor)
         if k < 0:
-            witness.command(now, sensors.told)
+            witness.command(now, sensors.commanded)
         elif witness.stands(now, velocity) and not witness.repeats:
             return k
     return None
@@ -105,7 +105,7 @@ def test_one_dead_sensor_does_not_hide_a_stand() -> None:
     assert first_stands(Sensors(velocity=lambda k: Sensors().speed(k) + 0.05)) is not None, "a bias"
 
 
-def test_what_is_held_still_and_was_told_to_move_rests_with_a_position_that_changed() -> None:
+def test_what_is_held_still_and_was_commanded_to_move_rests_with_a_position_that_changed() -> None:
     held = Sensors(velocity=dead, motor=none)
     held.link = lambda k: 1e-5 * (k % 2)  # type: ignore[method-assign]
     assert first_stands(held) is not None
@@ -122,11 +122,11 @@ def test_a_drive_that_stood_all_along_needs_no_more_than_a_rest(history_s: float
     assert k * T == pytest.approx(max(0.2, history_s))
 
 
-@pytest.mark.parametrize(("told", "velocity"), [(STANDS, 0.0), (0.0, MOVES), (-0.5, 0.0)])
-def test_what_repeats_while_it_moves_or_was_told_to(told: float, velocity: float) -> None:
+@pytest.mark.parametrize(("commanded", "velocity"), [(STANDS, 0.0), (0.0, MOVES), (-0.5, 0.0)])
+def test_what_repeats_while_it_moves_or_was_commanded_to(commanded: float, velocity: float) -> None:
     witness, found = Witness(), []
     for k in range(30):
-        witness.command(k * T, told)
+        witness.command(k * T, commanded)
         witness.take(k * T, velocity, 0.1, 0.2, 0.3)
         found.append(witness.repeats)
     assert found.index(True) == FROZEN_READINGS
@@ -171,7 +171,7 @@ def test_a_coarse_velocity_of_a_motor_that_stood_for_long_does_not_fade(count: f
     for k, samples in sensors.samples(range(-50, 6000)):
         witness.take(k * T, *samples)
         if k < 0:
-            witness.command(k * T, sensors.told)
+            witness.command(k * T, sensors.commanded)
         elif k > 50:
             assert witness.stands(k * T, samples[0]), k
 

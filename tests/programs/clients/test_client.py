@@ -17,7 +17,7 @@ from programs.clients.client import Client
 
 @pytest.fixture
 def listener(tmp_path: Path) -> Iterator[socket.socket]:
-    """A listening socket that nobody polls, at tmp_path / "control"."""
+    """A listening socket that is not polled, at tmp_path / "control"."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
         opened.bind(str(tmp_path / "control"))
         opened.listen(1)
@@ -76,7 +76,7 @@ def test_dead_daemon(tmp_path: Path) -> None:
         (PermissionError(), "its folder is closed to you"),
     ],
 )
-def test_who_may_not_use_the_socket_is_told_how_to_be_let_in(
+def test_who_may_not_use_the_socket_is_reported_how_to_be_let_in(
     fake_daemon: Any, monkeypatch: pytest.MonkeyPatch, group: str | Exception, words: str
 ) -> None:
     def denied(self: socket.socket, address: str) -> None:
@@ -114,7 +114,7 @@ def test_last_words_are_heard_even_if_they_came_first(listener: socket.socket) -
         assert client.request("stop").message == "full"
 
 
-def test_whoever_made_room_is_told_so(fake_daemon: Any) -> None:
+def test_who_made_room_is_reported_so(fake_daemon: Any) -> None:
     first = Client(fake_daemon.path)
     first.request("status")
     held = [first, *(Client(fake_daemon.path) for _ in range(256))]

@@ -31,7 +31,7 @@ STRANGE_VALUES = {
 
 
 @pytest.fixture(scope="module")
-def told() -> tuple[Layout, list[State], list[Estimate]]:
+def reported() -> tuple[Layout, list[State], list[Estimate]]:
     """Thirty ticks of Romeo's arm with a hand on it, from the moment it was switched on."""
     states, estimates = [], []
     with lockstep_rig() as rig:
@@ -71,9 +71,9 @@ def filled(layout: Layout, estimates: list[Estimate]) -> Columns:
 
 
 def test_recorded_and_replayed_are_the_same_columns(
-    told: tuple[Layout, list[State], list[Estimate]],
+    reported: tuple[Layout, list[State], list[Estimate]],
 ) -> None:
-    layout, states, estimates = told
+    layout, states, estimates = reported
     recorded, replayed = layout.recorded(states), filled(layout, estimates)
     assert recorded.keys() == replayed.keys()
     assert {name.split()[0] for name in recorded} == estimated(estimates[0]).keys()
@@ -86,9 +86,9 @@ def test_recorded_and_replayed_are_the_same_columns(
 
 
 def test_columns_say_in_words_what_the_state_says(
-    told: tuple[Layout, list[State], list[Estimate]],
+    reported: tuple[Layout, list[State], list[Estimate]],
 ) -> None:
-    layout, states, estimates = told
+    layout, states, estimates = reported
     flagged = [msgspec.structs.replace(estimates[0], flags=flag) for flag in map(Flag, range(64))]
     for estimate, columns, row in _rows([*estimates, *flagged], layout):
         said = {name: layout.in_words(columns, name, row) for name in estimated(estimate)}
@@ -102,9 +102,9 @@ def _rows(estimates: list[Estimate], layout: Layout) -> Iterator[tuple[Estimate,
 
 
 def test_samples_are_the_states_with_nan_where_there_is_none(
-    told: tuple[Layout, list[State], list[Estimate]],
+    reported: tuple[Layout, list[State], list[Estimate]],
 ) -> None:
-    layout, states, _ = told
+    layout, states, _ = reported
     states = list(states)
     states[3] = msgspec.structs.replace(states[3], motor_position=None)
     samples = layout.samples(states)
@@ -118,9 +118,9 @@ def test_samples_are_the_states_with_nan_where_there_is_none(
 
 @pytest.mark.parametrize("field", list(STRANGE_VALUES))
 def test_any_field_that_differs_is_named_with_its_row(
-    told: tuple[Layout, list[State], list[Estimate]], field: str
+    reported: tuple[Layout, list[State], list[Estimate]], field: str
 ) -> None:
-    layout, states, estimates = told
+    layout, states, estimates = reported
     replayed = filled(layout, estimates)
     changed = list(states)
     for row in (20, 7):
@@ -135,9 +135,12 @@ def test_any_field_that_differs_is_named_with_its_row(
     ids=["first column", "last column", "one row"],
 )
 def test_the_earliest_row_comes_before_the_order_of_columns(
-    told: tuple[Layout, list[State], list[Estimate]], phi: int, flags: int, first: tuple[int, str]
+    reported: tuple[Layout, list[State], list[Estimate]],
+    phi: int,
+    flags: int,
+    first: tuple[int, str],
 ) -> None:
-    layout, states, estimates = told
+    layout, states, estimates = reported
     recorded, replayed = layout.recorded(states), filled(layout, estimates)
     recorded["phi"][phi, 2] += 1e-9
     recorded["flags"][flags] = 1
@@ -155,9 +158,9 @@ def test_the_earliest_row_comes_before_the_order_of_columns(
     ids=["none", "one more", "too short", "too long"],
 )
 def test_residuals_beside_of_another_shape_differ(
-    told: tuple[Layout, list[State], list[Estimate]], change: Callable[[object], object]
+    reported: tuple[Layout, list[State], list[Estimate]], change: Callable[[object], object]
 ) -> None:
-    layout, states, estimates = told
+    layout, states, estimates = reported
     changed = list(states)
     changed[5] = msgspec.structs.replace(states[5], beside=change(states[5].beside))
     found = first_difference(layout.recorded(changed), filled(layout, estimates))

@@ -39,9 +39,9 @@ def view(fake_daemon: Any) -> Path:
 
 @pytest.fixture
 def listener(tmp_path: Path) -> Iterator[socket.socket]:
-    """A listening socket that nobody polls."""
+    """A listening socket that is not polled."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as opened:
-        opened.bind(str(tmp_path / "nobody"))
+        opened.bind(str(tmp_path / "absent"))
         opened.listen(8)
         yield opened
 
@@ -240,7 +240,7 @@ def test_what_is_no_json_is_never_sent(fake_daemon: Any, view: Path) -> None:
 
 
 def kinds(news: list[Any]) -> list[str]:
-    """What came, in order, States in a row as one."""
+    """Messages in order, States in a row as one."""
     names = [type(one).__name__ for one in news]
     return [name for i, name in enumerate(names) if i == 0 or name != names[i - 1]]
 
@@ -264,11 +264,11 @@ def test_it_joins_again(fake_daemon: Any, view: Path) -> None:
     assert kinds(news)[:3] == ["Joined", "dict", "Lost"]
     assert again.snapshot["tick"] > first.snapshot["tick"]
     reasons = [one.why for one in news if isinstance(one, Lost)]
-    assert reasons == list(dict.fromkeys(reasons))  # none is told twice
+    assert reasons == list(dict.fromkeys(reasons))  # none is reported twice
 
 
-def test_each_loss_is_told(listener: socket.socket, make_snapshot: Any) -> None:
-    """Of a daemon that begins well and hangs up, every time."""
+def test_each_loss_is_reported(listener: socket.socket, make_snapshot: Any) -> None:
+    """Client of a daemon that begins well and hangs up, every time."""
 
     def serve() -> None:
         for _ in range(3):

@@ -109,10 +109,10 @@ def test_a_picture_of_the_past_says_so(dashboard: Any) -> None:
     seen = [lag.of(100.0 + now, time_s) for now, time_s in ((0.3, 0.0), (1.2, 1.0), (2.9, 2.0))]
     assert seen == pytest.approx([0.0, 0.0, 0.7])
     frame = dashboard(range(0, 131))
-    for lag_s, told in ((0.0, False), (0.4, False), (0.7, True)):
+    for lag_s, reported in ((0.0, False), (0.4, False), (0.7, True)):
         late = Dashboard(frame.snapshot, frame.state, frame.summary, lag_s)
         lines = text_of(late, 80, 24)
-        assert any("this picture is 0.7 s old" in line for line in lines) is told
+        assert any("this picture is 0.7 s old" in line for line in lines) is reported
         assert len(lines) <= 23
 
 
@@ -248,7 +248,7 @@ def test_status_report(fake_daemon: Any, armed: bool) -> None:
 def test_status_report_says_how_long_ago_the_cause_was(
     fake_daemon: Any, ago_s: float, words: str
 ) -> None:
-    """What led the arm here may be over: `elbow feels +0.23 Nm` is of then, not of now."""
+    """The cause of a mode may be over: `elbow feels +0.23 Nm` is of then, not of now."""
     status = msgspec.structs.replace(
         fake_daemon.status(), uptime_s=10000.0, since_s=10000.0 - ago_s, cause="elbow feels it"
     )
@@ -280,10 +280,10 @@ def test_what_is_not_seen_to_stand_is_in_the_headline(
         lines = text_of(shown, width, 24)
         assert len(lines) <= most
         assert max(map(len, lines)) <= width
-        told = " ".join(word for line in lines[:9] for word in line.split())
-        assert "not seen to stand: LElbowRoll, LWristYaw" in told
-        assert "silent until reset: the drives hear nothing of contactd" in told
-        assert told.index("FAULTED") < told.index("not seen to stand")
+        reported = " ".join(word for line in lines[:9] for word in line.split())
+        assert "not seen to stand: LElbowRoll, LWristYaw" in reported
+        assert "silent until reset: the drives hear nothing of contactd" in reported
+        assert reported.index("FAULTED") < reported.index("not seen to stand")
 
 
 def test_a_doubt_is_red_and_gone_when_every_joint_stands(dashboard: Any) -> None:
@@ -326,8 +326,8 @@ def test_what_does_not_sense_is_in_the_headline(
         lines = text_of(shown, width, 24)
         assert len(lines) <= most
         assert max(map(len, lines)) <= width
-        told = " ".join(word for line in lines[:5] for word in line.split())
-        assert (f"{DEAF}{words}" in told) == bool(words)
+        reported = " ".join(word for line in lines[:5] for word in line.split())
+        assert (f"{DEAF}{words}" in reported) == bool(words)
         assert words or DEAF not in "".join(lines)
     assert "bold red" in str(frame._not_sensing().style)
 

@@ -18,7 +18,7 @@ def recorded(tremor: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def played(times: list[float], positions: list[list[float]], at: np.ndarray) -> np.ndarray:
-    """What the daemon makes of the samples: cubic pieces through them."""
+    """The daemon's path through the samples: cubic pieces through them."""
     t, q = np.array(times), np.array(positions)
     v = np.array(slopes(times, positions))
     i = np.clip(np.searchsorted(t, at, "right") - 1, 0, len(t) - 2)

@@ -1,4 +1,4 @@
-"""Programs of docs/programs.md, as somebody else would run them; and the schemas of messages."""
+"""Programs of docs/programs.md, as a user would run them; and the schemas of messages."""
 
 import contextlib
 import json
@@ -102,7 +102,7 @@ def seen(fake_daemon: Any, command: str) -> None:
     """Wait until the daemon was asked this."""
     end_s = time.monotonic() + LONGEST_S
     while command not in [asked for asked, _ in fake_daemon.seen]:
-        assert time.monotonic() < end_s, f"nobody asked for {command}"
+        assert time.monotonic() < end_s, f"no one asked for {command}"
         time.sleep(0.001)
 
 
@@ -126,8 +126,8 @@ def test_without_a_daemon_they_say_so(start: Any) -> None:
     assert said.startswith("nothing is known of the arm: no contactd serves /nowhere")
 
 
-def test_a_daemon_that_hangs_is_told(start: Any, tmp_path: Path) -> None:
-    """It takes connections, and answers nobody."""
+def test_a_daemon_that_hangs_is_reported(start: Any, tmp_path: Path) -> None:
+    """It takes connections, and answers no one."""
     where = tmp_path / "hangs"
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as door:
         door.bind(str(where))
@@ -191,7 +191,7 @@ def test_c(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
     assert start(built, "x" * 200).end()[0] == 1
 
 
-def test_c_is_told_why_not(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
+def test_c_is_reported_why_not(fake_daemon: Any, view: Path, start: Any, tmp_path: Path) -> None:
     built = tmp_path / "contacts"
     compiler = hatch_build.compiler()
     subprocess.run([*compiler, "-o", str(built), str(PROGRAMS / "contacts.c")], check=True)
@@ -228,7 +228,7 @@ def validator(name: str) -> jsonschema.Draft202012Validator:
 
 
 def test_what_a_daemon_says_fits_the_schemas(served: Any) -> None:
-    """Of a whole daemon in lockstep: its States, its Status, its Snapshot, its refusals."""
+    """Messages of a whole daemon in lockstep: States, Status, Snapshot, refusals."""
     replies, states = validator("reply"), validator("state")
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as reader:
         reader.connect(str(served.path))

@@ -143,7 +143,7 @@ def test_never_overwrites(connect: Callable[[], Client], tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("make", [record, record_trajectory])
-def test_a_folder_that_nobody_may_look_into(make: Callable[..., Any]) -> None:
+def test_a_folder_that_no_one_may_look_into(make: Callable[..., Any]) -> None:
     class Closed(type(Path())):  # type: ignore[misc]
         def lstat(self) -> Any:  # as it is for users other than root
             raise PermissionError(13, "Permission denied", str(self))
@@ -219,7 +219,7 @@ def test_schema_describes_nested_and_optional_fields() -> None:
 
 
 def broken(path: Path) -> tuple[list[Snapshot | State], str]:
-    """What can be read, and what is said about the rest."""
+    """Contents that can be read, and what is said about the rest."""
     found: list[Snapshot | State] = []
     try:
         for message in read_log(path):
@@ -245,7 +245,7 @@ def test_truncated_yields_what_is_whole(connect: Callable[[], Client], tmp_path:
 def test_a_killed_recorder_loses_less_than_a_second(
     connect: Callable[[], Client], tmp_path: Path
 ) -> None:
-    """What is in the file while it is still being written."""
+    """Contents of the file while it is still being written."""
     path, cut = tmp_path / "made.mcap", tmp_path / "cut.mcap"
     asked = 0
 

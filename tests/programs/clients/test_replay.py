@@ -179,7 +179,7 @@ def _of_two_joints(messages: Messages) -> list[State]:
 
 
 @pytest.mark.usefixtures("_batch")
-def test_a_payload_told_taken_off_and_recorded_from_the_middle_on_is_replayed(
+def test_a_payload_set_taken_off_and_recorded_from_the_middle_on_is_replayed(
     tmp_path: Path,
 ) -> None:
     """Also by a recording that begins while one is carried."""

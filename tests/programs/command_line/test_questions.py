@@ -10,7 +10,7 @@ import pytest
 
 
 def answers(ask: str, ahead: bytes, answer: bytes) -> str:
-    """What a question came to, of which `ahead` was typed before it stood at the terminal, and
+    """Answer to a question of which `ahead` was typed before it stood at the terminal, and
     `answer` after it."""
     terminal, standard_input = pty.openpty()
     os.write(terminal, ahead)

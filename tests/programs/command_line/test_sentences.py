@@ -72,12 +72,12 @@ def test_a_closed_pipe_is_no_answer(fake_daemon: Any, tmp_path: Path, words: lis
     main = f"from programs.{program}.{program} import main; main()"
     read, write = os.pipe()
     os.close(read)
-    with open(write, "wb") as nobody:
+    with open(write, "wb") as no_one:
         done = subprocess.run(
             [sys.executable, "-c", main, *arguments],
             cwd=ROOT,
             env={**os.environ, "CONTACTD_SOCKET": str(fake_daemon.path)},
-            stdout=nobody,
+            stdout=no_one,
             stderr=subprocess.PIPE,
             text=True,
             check=False,

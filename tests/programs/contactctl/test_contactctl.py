@@ -64,7 +64,7 @@ def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) ->
         ("stop", "off", ["off"], 0, "stop done\n"),
         ("disable", "off", ["off"], 0, "disable done\n"),
         ("pause", "holding", ["holding"], 0, "pause done\n"),
-        # Whoever guides the arm may do so for minutes.
+        # Who guides the arm may do so for minutes.
         ("pause", "admittance", ["admittance"], 0, "admittance: the trajectory is paused; the arm"),
         ("pause", "retracting", ["retracting"], 0, "retracting: the trajectory is paused; the arm"),
         (
@@ -125,7 +125,7 @@ def test_a_stop_is_done_when_every_joint_is_seen_to_stand(
 @pytest.mark.parametrize(
     ("command", "mode"), [("stop", "faulted"), ("disarm", "faulted"), ("disable", "off")]
 )
-def test_a_stop_that_nobody_has_seen_is_a_failure(
+def test_a_stop_that_no_one_has_seen_is_a_failure(
     run: Run, fake_daemon: Any, command: str, mode: str, no_wait: tuple[str, ...], silenced: bool
 ) -> None:
     fake_daemon.mode, fake_daemon.unproved = mode, ["LElbowRoll", "LWristYaw"]
@@ -202,7 +202,7 @@ def path_options(group: click.Group) -> Iterator[click.Parameter]:
             yield from path_options(command)
 
 
-def test_whoever_opens_a_file_says_that_it_may_not_be_read() -> None:
+def test_who_opens_a_file_says_that_it_may_not_be_read() -> None:
     """Not click, whose exit status is that of a wrong command line."""
     found = [one for main in (contactd.main, contactctl.main) for one in path_options(main)]
     assert {one.name for one in found} >= {"config", "socket", "file", "output", "hand", "logs"}
@@ -265,10 +265,10 @@ def test_a_session_has_one_order_everywhere(page: str) -> None:
     order = list(contactctl.main.commands)
     path = ROOT / page.split(",", maxsplit=1)[0]
     text = path.read_text() if path.exists() else str(contactctl.main.help).split("\n\n")[1]
-    told = [word for word in re.findall(SESSIONS[page], text, re.MULTILINE) if word in order]
-    told = [word for word in told if word not in ("status", "watch")]
-    assert told[:3] == ["enable", "arm", "start"]
-    assert told == sorted(told, key=order.index)
+    reported = [word for word in re.findall(SESSIONS[page], text, re.MULTILINE) if word in order]
+    reported = [word for word in reported if word not in ("status", "watch")]
+    assert reported[:3] == ["enable", "arm", "start"]
+    assert reported == sorted(reported, key=order.index)
 
 
 def test_help_is_sentences() -> None:
@@ -313,7 +313,7 @@ def test_commands_start_without_what_takes_long(
 
 
 @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
-def test_done_is_done_where_nobody_can_be_told(fake_daemon: Any, closed: str) -> None:
+def test_done_is_done_without_a_reader(fake_daemon: Any, closed: str) -> None:
     main = "from programs.contactctl.contactctl import main; main()"
     command = [sys.executable, "-c", main, "--socket", str(fake_daemon.path), "stop"]
     shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *command]

@@ -191,7 +191,7 @@ def test_the_arm_follows_the_keyboard(arm: Pair) -> None:
 
 
 def shown(terminal: int) -> str:
-    """What a program has written to its terminal, after 0.03 s."""
+    """Text that a program has written to its terminal, after 0.03 s."""
     written = select.select([terminal], [], [], 0.03)[0]
     time.sleep(0.03)
     return os.read(terminal, 65536).decode(errors="replace") if written else ""

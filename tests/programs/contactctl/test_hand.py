@@ -11,15 +11,15 @@ from programs.contactctl import contactctl, hand
 
 @pytest.fixture
 def acts(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """What the hand was told to do."""
-    told: list[dict[str, Any]] = []
+    """Commands to the hand."""
+    reported: list[dict[str, Any]] = []
 
     def ask(_: Path, act: dict[str, Any]) -> str:
-        told.append(act)
+        reported.append(act)
         return "done"
 
     monkeypatch.setattr(hand, "ask_hand", ask)
-    return told
+    return reported
 
 
 def typed(*words: str) -> Result:

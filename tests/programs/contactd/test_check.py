@@ -93,17 +93,17 @@ def test_ctrl_c_is_quiet_while_modules_are_imported() -> None:
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, b"")
 
 
-def test_what_is_most_likely_not_meant_is_told_and_good(tmp_path):
+def test_what_is_most_likely_not_meant_is_reported_and_good(tmp_path):
     folder = shutil.copytree(DESK_ARM, tmp_path / "arm")
     config = folder / "config.yaml"
     config.write_text(config.read_text().replace("rotor_inertia: 0.03", "rotor_inertia: 3e-6"))
     result = check(folder)
     assert result.exit_code == 0
-    (told,) = [
+    (reported,) = [
         line for line in result.output.splitlines() if "config.yaml:" in line and "at the" in line
     ]
     line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "3e-6" in x)
-    assert told == (
+    assert reported == (
         f"{config}:{line}: joints[0] (column).rotor_inertia: 3e-06 kg m2 is less than a motor of "
         "0.045 Nm has, seen from the link (0.0003416 at least): is it that at the shaft? times "
         "gear^2 it is 0.03"
@@ -206,7 +206,7 @@ def test_an_arm_in_grams_or_millimetres_is_refused(tmp_path, scaled):
     assert "joint column: gravity" not in result.output  # it is upright
 
 
-def test_an_arm_that_its_motors_cannot_hold_everywhere_is_told(tmp_path):
+def test_an_arm_that_its_motors_cannot_hold_everywhere_is_reported(tmp_path):
     result = check(scaled_urdf(DESK_ARM, tmp_path, "mass value", 5.0))
     assert result.exit_code == 0
     *_, exchange, warning, refused, good = result.output.splitlines()
@@ -219,7 +219,7 @@ def test_an_arm_that_its_motors_cannot_hold_everywhere_is_told(tmp_path):
     assert good.endswith("config.yaml: good")
 
 
-def test_what_comes_near_its_bounds_is_told_with_its_line(tmp_path):
+def test_what_comes_near_its_bounds_is_reported_with_its_line(tmp_path):
     folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
     shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
     config = folder / "config.yaml"
@@ -242,7 +242,7 @@ def test_what_comes_near_its_bounds_is_told_with_its_line(tmp_path):
     assert "comes near" not in check(SINGLE_JOINT).output
 
 
-def test_what_arm_would_refuse_is_told(tmp_path):
+def test_what_arm_would_refuse_is_reported(tmp_path):
     folder = shutil.copytree(SINGLE_JOINT, tmp_path / "arm")
     shutil.copytree(ROMEO, tmp_path / "romeo_left_arm")
     config = folder / "config.yaml"

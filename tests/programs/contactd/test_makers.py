@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from bench.rigs.lockstep import DESK_ARM, lockstep_rig
 from bench.rigs.makers import RIGHT, USABLE, Maker, makers, verdict, wrong
-from bench.study.mistakes import told
+from bench.study.mistakes import reported
 from common.errors import ConfigurationError
 from daemon.config.load import load_robot
 from drivers.canopen.boot.data_sheet import load_data_sheet
@@ -81,7 +81,7 @@ def test_a_usable_drive_is_drafted_checked_and_rehearsed(maker, tmp_path):
     result = new(tmp_path, maker)
     assert result.exit_code == 0, result.output
     assert "servo: can be used" in result.output
-    said = told(tmp_path / "mine")
+    said = reported(tmp_path / "mine")
     assert (said.refused, said.lines) == (False, [])
     with lockstep_rig(tmp_path / "mine", described=lambda robot, _: true_arm(robot)[0]) as rig:
         rig.enable()

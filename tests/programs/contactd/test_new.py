@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from bench.rigs.generated_arms import generate
 from bench.rigs.generated_makes import MAKES
 from bench.rigs.lockstep import DESK_ARM, ROMEO, lockstep_rig
-from bench.study.mistakes import told
+from bench.study.mistakes import reported
 from programs.contactd.contactd import main
 from programs.simulate.simulated_robot import true_arm
 
@@ -52,7 +52,7 @@ def given(tmp_path: Path):
 @pytest.mark.parametrize("seed", range(len(MAKES)), ids=[make.name for make in MAKES])
 def test_the_draft_has_the_objects_of_the_data_sheet_and_passes_the_check(seed, given):
     folder, arm = given(seed), generate(seed)
-    said = told(folder)
+    said = reported(folder)
     assert (said.refused, said.lines) == (False, [])
     written = yaml.safe_load((folder / "config.yaml").read_text())
     assert [joint["name"] for joint in written["joints"]] == list(arm.names)
@@ -118,7 +118,7 @@ def test_shipped_arms_can_be_drafted(folder, tmp_path):
     assert list(yaml.safe_load((tmp_path / "mine" / "config.yaml").read_text())["drives"]) == [
         "drive"
     ]
-    assert told(tmp_path / "mine").lines == []
+    assert reported(tmp_path / "mine").lines == []
 
 
 def test_drives_of_several_makes_are_all_there_and_the_choice_is_marked(tmp_path):
@@ -133,7 +133,7 @@ def test_drives_of_several_makes_are_all_there_and_the_choice_is_marked(tmp_path
     assert text.count("# CHECK: which of the drives") == 7
     assert "alder (at LShoulderPitch, CHECK): " in result.output
     assert "small (at LShoulderYaw, LElbowRoll, " in result.output
-    assert told(tmp_path / "mine").lines == []
+    assert reported(tmp_path / "mine").lines == []
 
 
 def test_nothing_is_overwritten(tmp_path):
@@ -182,7 +182,7 @@ def test_what_cannot_be_drafted_is_refused_and_nothing_is_left(edit, says, tmp_p
     assert not (tmp_path / "mine").exists()
 
 
-def test_limits_in_degrees_are_told_at_once(tmp_path):
+def test_limits_in_degrees_are_reported_at_once(tmp_path):
     urdf = (DESK_ARM / "arm.urdf").read_text().replace('lower="-1.6" upper="1.6"',
                                                        'lower="-92" upper="92"')  # fmt: skip
     (tmp_path / "arm.urdf").write_text(urdf)

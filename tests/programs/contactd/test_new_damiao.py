@@ -10,7 +10,7 @@ import yaml
 from click.testing import CliRunner, Result
 
 from bench.rigs.lockstep import DESK_ARM, OPENARM, ROMEO, lockstep_rig
-from bench.study.mistakes import told
+from bench.study.mistakes import reported
 from drivers.damiao.settings import MODELS, Model
 from programs.contactd.contactd import main
 from programs.contactd.drafts.motor import Load
@@ -39,7 +39,7 @@ def openarm(tmp_path: Path) -> Path:
 
 
 def test_the_draft_has_the_makers_figures_and_passes_the_check(openarm: Path) -> None:
-    said = told(openarm)
+    said = reported(openarm)
     assert (said.refused, said.lines) == (False, [])
     written = yaml.safe_load((openarm / "config.yaml").read_text())
     assert {name: profile["model"] for name, profile in written["drives"].items()} == {
@@ -105,7 +105,7 @@ def test_each_model_alone_is_a_draft(tmp_path: Path) -> None:
     for model in MODELS:
         result = new(tmp_path / model, DESK_ARM / "arm.urdf", *drives(f"damiao:{model.lower()}"))
         assert result.exit_code == 0, result.output
-        assert told(tmp_path / model).lines == []
+        assert reported(tmp_path / model).lines == []
 
 
 def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Motions of a live step: they halt where nobody attends them or nothing is recorded, and other
+"""Motions of a live step: they halt where they are not attended or nothing is recorded, and other
 steps leave them alone; in lockstep."""
 
 import math

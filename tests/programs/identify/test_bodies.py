@@ -76,7 +76,7 @@ def identify(folder: Path, data: Columns, *step: str) -> Result:
 
 
 def gravity_off(robot: Robot, subjects: Subjects) -> float:
-    """Of the estimator's model, from that of the true arm [Nm], at most over some poses."""
+    """Largest deviation of the estimator's gravity from the true arm's over some poses [Nm]."""
     c = robot.configuration
     true = Model(robot.urdf, c.joint_names, true_bodies(subjects.arms[0]))
     model = robot.model
@@ -175,7 +175,7 @@ ALL = tuple(f".{name}" for name in load_robot(ROMEO).configuration.joint_names)
          "unit wrong by 1000 (mA"),
     ],
 )  # fmt: skip
-def test_what_tells_nothing_writes_nothing(folder, motion, change, status, says) -> None:
+def test_what_shows_nothing_writes_nothing(folder, motion, change, status, says) -> None:
     before = (folder / "identified.yaml").read_bytes()
     result = identify(folder, change(motion), "masses")
     assert result.exit_code == status, result.output
@@ -186,7 +186,7 @@ def test_what_tells_nothing_writes_nothing(folder, motion, change, status, says)
 # --- loads ----------------------------------------------------------------------------------------
 
 
-def test_a_load_is_written_by_its_name_and_told_by_it(folder, motion, carried) -> None:
+def test_a_load_is_written_by_its_name_and_set_by_it(folder, motion, carried) -> None:
     assert identify(folder, motion, "masses").exit_code == 0
     result = identify(folder, carried, "payload", "cup")
     assert result.exit_code == 0, result.output

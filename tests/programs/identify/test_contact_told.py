@@ -65,7 +65,7 @@ def test_friction_that_no_draft_knew_asks_for_a_level(rubs: float, level: str | 
 
 
 def pushed(arm: CommissionedArm, *words: str) -> str:
-    """What a step says that is stopped after a push of half a second, which the daemon felt."""
+    """Output of a step that is stopped after a push of half a second, which the daemon felt."""
     with arm.served() as served:
         served.rig.enable()
         typed = TypedCommand(served, *words)
@@ -83,7 +83,7 @@ def pushed(arm: CommissionedArm, *words: str) -> str:
     return said
 
 
-def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: CommissionedArm) -> None:
+def test_a_hand_at_the_link_that_it_is_to_move_gets_no_message(arm: CommissionedArm) -> None:
     said = pushed(arm, "gap", "--by-hand")
     assert "hands off" not in said
     assert "contact at" not in said
@@ -94,7 +94,7 @@ def test_a_hand_at_the_link_that_it_is_to_move_is_told_nothing(arm: Commissioned
     [("wiring", "hands off, and check the wiring of joint again"),
      ("thresholds", "hands off; it is discarded")],
 )  # fmt: skip
-def test_a_hand_at_an_arm_that_moves_by_itself_is_told_what_becomes_of_it(
+def test_a_hand_at_an_arm_that_moves_by_itself_is_reported_what_becomes_of_it(
     arm: CommissionedArm, step: str, says: str
 ) -> None:
     assert f"if that was you, {says}" in pushed(arm, step)

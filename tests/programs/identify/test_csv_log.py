@@ -231,7 +231,7 @@ def test_a_current_in_milliamperes_is_no_wide_interval(tmp_path: Path) -> None:
 
 
 def renamed(folder: Path, names: str) -> Path:
-    """The log of a hand under somebody else's names and units, and a file of names beside it."""
+    """The log of a hand under another program's names and units, and a file of names beside it."""
     ours = pressed(0.02)
     theirs = {
         "T [ms]": 1e3 * ours["time"],
@@ -254,7 +254,7 @@ joints:
 """
 
 
-def test_names_and_units_of_others_are_told_beside_the_log(tmp_path: Path) -> None:
+def test_names_and_units_of_others_are_stated_beside_the_log(tmp_path: Path) -> None:
     path = renamed(tmp_path, NAMES)
     ours = pressed(0.02)
     log, _ = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
@@ -325,7 +325,7 @@ def test_a_real_log_of_others_by_its_names(tmp_path: Path) -> None:
         ("least: 100", "least: 1000", "there are no samples in it"),
     ],
 )
-def test_a_file_of_names_that_is_wrong_is_told_where(
+def test_a_file_of_names_that_is_wrong_is_reported_where(
     tmp_path: Path, old: str, new: str, says: str
 ) -> None:
     path = renamed(tmp_path, NAMES.replace(old, new))
@@ -348,7 +348,7 @@ def mcap(path: Path, messages: list[dict[str, object]], encoding: str = "json") 
     """An MCAP of another program: a topic /arm, and another of which nothing is needed."""
     with path.open("wb") as stream:
         writer = Writer(stream)
-        writer.start("ros2", "somebody")
+        writer.start("ros2", "another")
         arm = writer.register_channel("/arm", encoding, 0)
         other = writer.register_channel("/weather", "cdr", 0)
         for k, message in enumerate(messages):
@@ -427,7 +427,7 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
     assert log.time_s[0] == 0.0
 
 
-def test_semicolons_are_told_by_what_is_there(tmp_path: Path) -> None:
+def test_semicolons_are_recognised_by_what_is_there(tmp_path: Path) -> None:
     path = save(tmp_path / "log.csv", pressed(0.02))
     path.write_text(path.read_text().replace(",", ";"))
     with pytest.raises(LogError, match=r"log.csv: no column time; there are time;link_position"):
@@ -435,16 +435,16 @@ def test_semicolons_are_told_by_what_is_there(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [(lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
      (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
      (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples")],
 )  # fmt: skip
 def test_what_a_log_has_wrong_is_said_with_its_name(
-    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], told: str
+    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], reported: str
 ) -> None:
     columns = pressed(0.02)
     change(columns)
     path = save(tmp_path / "log.csv", columns)
-    with pytest.raises(LogError, match=f"log.csv: .*{told}"):
+    with pytest.raises(LogError, match=f"log.csv: .*{reported}"):
         read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)

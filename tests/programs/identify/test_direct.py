@@ -53,7 +53,7 @@ def log_of(i: int, settings: SimulationSettings, *pushes: Push) -> MotionLog:
 
 @pytest.mark.parametrize(("i", "push"), [(3, 0.0), (6, 0.0), (3, 0.4)])
 def test_points_hold_the_truth_within_their_scatter(i, push) -> None:
-    """Of gaps of 11 mrad, and 23 mrad with little gravity; and of a joint that is touched once."""
+    """Gaps of 11 mrad, and of 23 mrad with little gravity; and a joint that is touched once."""
     true = true_parameters(describe(ROBOT, read_simulation(ROBOT)), REAL)
     coulomb, viscous = (of.reshape(2, -1)[:, i] for of in (true.coulomb, true.viscous))
     constant, off = C.joints[i].torque_constant, []

@@ -18,7 +18,7 @@ SAID = [Harmonic(order=2, cosine=0.0004, sine=-0.0003)]
 
 
 def off(folder: Path) -> np.ndarray:
-    """How far the wrist's link position is off at places of its range [rad]."""
+    """Error of the wrist's link position at places of its range [rad]."""
     robot = load_robot(folder)
     errors = []
     for place in np.linspace(-1.5, 1.5, 7).tolist():

@@ -96,9 +96,9 @@ def test_what_is_advised_is_what_friction_takes(seconds):
 
 def test_the_person_of_the_bench_reads_it():
     (note,) = wide_intervals([fit("a", 0.24, 131.0)], masses_identified=True)
-    told = LONGER.search(note.replace("seconds 140", "seconds\n140"))
-    assert told is not None
-    assert told[1] == "140"
+    reported = LONGER.search(note.replace("seconds 140", "seconds\n140"))
+    assert reported is not None
+    assert reported[1] == "140"
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_a_step_resets_a_fault_and_takes_up_what_was_written_before_it(
     assert served.service.process.files.changed() == []
 
 
-def test_a_fault_stays_where_nobody_can_be_asked(
+def test_a_fault_stays_where_no_one_can_be_asked(
     arm: CommissionedArm, served: ServedDaemon
 ) -> None:
     served.rig.tick.controller.machine.mode = Mode.FAULTED
@@ -89,7 +89,7 @@ def test_a_fault_stays_where_nobody_can_be_asked(
     assert served.rig.mode is Mode.FAULTED
 
 
-def test_nobody_is_asked_where_nobody_is(served: ServedDaemon) -> None:
+def test_no_question_without_a_terminal(served: ServedDaemon) -> None:
     result = served.contactd("identify", "wiring")
     assert result.exit_code == 1
     assert "the drives are off, and are enabled for this: without a" in result.output
@@ -182,7 +182,7 @@ def test_a_hand_may_move_a_link_that_is_not_trusted(
     assert "gap of joint did not finish: stopped by you; the arm is holding" in said
 
 
-def test_a_wiring_check_that_somebody_disables_claims_nothing_that_passed(
+def test_a_wiring_check_that_a_person_disables_claims_nothing_that_passed(
     served: ServedDaemon,
 ) -> None:
     typed = TypedCommand(served, "wiring", "--yes")
@@ -195,7 +195,7 @@ def test_a_wiring_check_that_somebody_disables_claims_nothing_that_passed(
     assert "is kept" not in said
 
 
-def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> None:
+def test_what_a_person_disables_meanwhile_stays_off(served: ServedDaemon) -> None:
     typed = TypedCommand(served, "friction", "--seconds", "20", "--yes")
     typed.moves(1.0)
     served.contactctl("disable", "--no-wait")
@@ -204,7 +204,7 @@ def test_what_somebody_disables_meanwhile_stays_off(served: ServedDaemon) -> Non
 
 
 def test_a_step_enables_only_once(served: ServedDaemon, tmp_path: Path) -> None:
-    """Between two motions of it somebody may have disabled the arm, and reached in."""
+    """Between two motions of it a person may have disabled the arm, and reached in."""
     session = Session(served.path, tmp_path, print, may_move=lambda off: off)
     with closing(session):
         served.until(session.hold)

@@ -38,7 +38,7 @@ def kept(arm: CommissionedArm) -> list[Path]:
 
 
 def refused(served: ServedDaemon, *words: str) -> str:
-    """What is said instead of moving."""
+    """Output instead of a motion."""
     typed = TypedCommand(served, *words)
     status, said = typed.ends()
     assert (status, typed.ticks_in_motion) == (65, 0), said
@@ -47,7 +47,7 @@ def refused(served: ServedDaemon, *words: str) -> str:
 
 
 def moves(served: ServedDaemon, *words: str) -> str:
-    """What is said by a step that is stopped after a second of motion."""
+    """Output of a step that is stopped after a second of motion."""
     said = stopped(served, *words, after_s=1.0)[1]
     assert "stopped by you" in said
     return said
@@ -102,7 +102,7 @@ def test_samples_of_another_wiring_are_in_the_way_of_every_step(
     (part,) = kept(arm)
     assert f"{part.name} {OF_OTHER_WIRING}" in said
     assert said.endswith("than the configuration has now: delete it and run this again")
-    assert "stands still" not in said  # nobody is asked to move a link first
+    assert "stands still" not in said  # no one is asked to move a link first
 
 
 def test_a_recording_without_samples_is_in_the_way_by_its_name(arm: CommissionedArm) -> None:

@@ -1,4 +1,4 @@
-"""What a link's encoder errs with each turn: found live, written, taken off, recorded, replayed."""
+"""Errors of a link's encoder with each turn: found live, written, taken off, recorded, replayed."""
 
 import threading
 from dataclasses import replace
@@ -58,7 +58,7 @@ def arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommissionedArm:
 
 
 def worst(arm: CommissionedArm, path: Path) -> float:
-    """How far the link's position is off at most, while the arm swings and is recorded [rad]."""
+    """Largest error of the link's position, while the arm swings and is recorded [rad]."""
     with arm.served() as served:
         served.rig.enable()
         assert served.contactctl("start").exit_code == 0

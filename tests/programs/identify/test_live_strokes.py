@@ -30,7 +30,7 @@ def arm(tmp_path: Path) -> CommissionedArm:
     return wired_joint(tmp_path)
 
 
-def test_the_gap_of_a_joint_that_nobody_touches(arm: CommissionedArm) -> None:
+def test_the_gap_of_a_joint_that_no_one_touches(arm: CommissionedArm) -> None:
     with arm.served() as served:
         served.rig.enable()
         typed = TypedCommand(served, "gap")

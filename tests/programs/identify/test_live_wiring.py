@@ -1,4 +1,4 @@
-"""Wiring checked at the running arm: what a wrong sign is told as."""
+"""Wiring checked at the running arm: how a wrong sign is reported."""
 
 import re
 from collections.abc import Callable
@@ -134,22 +134,22 @@ def test_a_link_that_floats_in_its_gap_is_not_called_wrong(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("seed", "gear", "told"), [(1, 1.1, r"1\.(09|10)\d"), (2, 0.9, r"0\.(89|90)\d")]
+    ("seed", "gear", "factor"), [(1, 1.1, r"1\.(09|10)\d"), (2, 0.9, r"0\.(89|90)\d")]
 )
 def test_a_wrong_gear_is_found_at_a_link_that_floats(
-    tmp_path: Path, seed: int, gear: float, told: str
+    tmp_path: Path, seed: int, gear: float, factor: str
 ) -> None:
     said = said_of_a_free_link(tmp_path, seed, gear)
-    reported = rf"the link moves {told} times as far as the motor reports: gear, or"
+    reported = rf"the link moves {factor} times as far as the motor reports: gear, or"
     assert re.search(reported, said), said
 
 
 @pytest.mark.parametrize(
-    ("velocity", "told"),
+    ("velocity", "reported"),
     [(1.0, "undetermined wrist: the motor turned only"), (0.1, "drive does not follow: wrist")],
 )
 def test_a_light_wrist_held_by_friction_is_no_deaf_drive(
-    tmp_path: Path, velocity: float, told: str
+    tmp_path: Path, velocity: float, reported: str
 ) -> None:
     """Stiction of several times gravity, and a velocity loop that is slow against it."""
     folder = generate(4).write(tmp_path / "arm")
@@ -166,6 +166,6 @@ def test_a_light_wrist_held_by_friction_is_no_deaf_drive(
         result = served.contactd("identify", "wiring", "wrist", "--yes")
     said = " ".join(result.output.split())
     assert result.exit_code == 1
-    assert told in said
+    assert reported in said
     assert "it obeys" in said or "its drive obeys, and friction holds it" in said
     assert "does the drive get its setpoints" not in said

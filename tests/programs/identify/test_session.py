@@ -36,7 +36,7 @@ from tests.programs.identify.typed_session import (
 )
 
 APPROACH_S = 0.9
-"""Of the single joint, from where it hangs to where its excitation begins."""
+"""Time of the single joint from where it hangs to where its excitation begins."""
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def served(arm: CommissionedArm) -> Iterator[ServedDaemon]:
 
 
 def recorded(part: Path) -> MotionLog:
-    """What is in it."""
+    """Its contents."""
     return read_measured([part], load_robot(SINGLE_JOINT).configuration).log
 
 
@@ -263,7 +263,9 @@ def test_a_lost_drive_ends_the_step_and_is_named(
     assert (arm.folder / "identified.yaml").read_bytes() == before
 
 
-def test_a_touch_is_told_at_once_and_left_out(arm: CommissionedArm, served: ServedDaemon) -> None:
+def test_a_touch_is_reported_at_once_and_left_out(
+    arm: CommissionedArm, served: ServedDaemon
+) -> None:
     typed = TypedCommand(served, "friction", "--seconds", "20")
     typed.moves(8.0)
     served.rig.arm.external_torque[0] = 1.5

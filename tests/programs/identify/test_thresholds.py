@@ -111,8 +111,8 @@ def test_a_level_is_one_that_arm_accepts_at_rest(make_state) -> None:
 
 
 def test_a_joint_that_swings_gets_no_level(make_state) -> None:
-    """Through its gap of 0.1 rad at 2.5 Hz, link against motor, which nobody asked for; a reference
-    that does it is another matter, and so is what rings at one border."""
+    """Through its gap of 0.1 rad at 2.5 Hz, link against motor, not asked for; a reference that
+    does it is another matter, and so is what rings at one border."""
     robot = load_robot(SINGLE_JOINT)
     c = robot.configuration
 
@@ -140,11 +140,11 @@ def test_a_joint_that_swings_gets_no_level(make_state) -> None:
     swings = verdict()
     assert swings.startswith("swings by itself: joint swings by itself at 2.5 Hz, by +-50 mrad")
     assert "control.position_gain to 2 (it was 8)" in swings
-    # Measured before the configuration was changed: what is told follows from the gain of then.
+    # Measured before the configuration was changed: what is reported follows from the gain of then.
     assert "control.position_gain to 4 (it was 16)" in verdict(gain=16.0)
 
 
-def test_what_was_discarded_is_told(make_state) -> None:
+def test_what_was_discarded_is_reported(make_state) -> None:
     robot = load_robot(SINGLE_JOINT)
     c = robot.configuration
     states = raised(moved(make_state(0), 60.0, c, 0.0), c)

@@ -1,4 +1,4 @@
-"""The upright arm: it swings at the default gain where its gaps are wide, and not at that told."""
+"""Upright arm: it swings at the default gain where its gaps are wide, not at the one advised."""
 
 from pathlib import Path
 
@@ -53,16 +53,18 @@ def nudge(rig: Rig) -> None:
         rig.step()
 
 
-def test_upright_with_wide_gaps_it_swings_until_the_gain_is_what_was_told(tmp_path: Path) -> None:
+def test_upright_with_wide_gaps_it_swings_until_the_gain_is_what_was_reported(
+    tmp_path: Path,
+) -> None:
     folder = upright_arm.write(tmp_path / "arm", gaps=3.0, start={})
     swinging, said = held(folder, GAIN)
     gaps = half_gaps(load_robot(folder))
     cycles = limit_cycles(swinging.log, swinging.reference, gaps)
     assert {one.joint for one in cycles} == {"shoulder", "elbow", "wrist_pitch"}
     assert all(one.frequency_Hz == pytest.approx(2.1, abs=0.15) for one in cycles)
-    (told,) = said
-    assert "swing by themselves at 2.1 Hz" in told
-    assert "control.position_gain to 2 (it was 8)" in told
+    (reported,) = said
+    assert "swing by themselves at 2.1 Hz" in reported
+    assert "control.position_gain to 2 (it was 8)" in reported
     quiet, said = held(folder, ENDING_SHARE * GAIN)
     assert limit_cycles(quiet.log, quiet.reference, gaps) == []
     assert said == []

@@ -1,4 +1,4 @@
-"""A drive that presses too softly is told from one that hears nothing."""
+"""A drive that presses too softly, distinguished from one that hears nothing."""
 
 from types import SimpleNamespace
 from typing import cast
@@ -16,8 +16,8 @@ SPEED = C.joints[0].limits.velocity
 
 
 def said(off: float, pressed: float, ended: str = "drive does not follow: joint (by") -> str:
-    """Of a motor that stands at a setpoint `off` [of the velocity limit], while its current goes
-    evenly by `pressed` [of the current limit]."""
+    """Output for a motor that stands at a setpoint `off` [of the velocity limit], while its
+    current goes evenly by `pressed` [of the current limit]."""
     last = [
         SimpleNamespace(setpoint=[off * SPEED], motor_velocity=[0.0],
                         current=[-0.1 + pressed * MOST_A * k / REMEMBERED])
@@ -42,7 +42,7 @@ def test_a_drive_whose_current_stays_or_goes_the_other_way_may_be_deaf(
     assert said(off, pressed) == ""
 
 
-def test_no_margin_is_told_with_which_nobody_looks() -> None:
+def test_no_margin_is_stated_with_which_no_drive_looks() -> None:
     text = said(0.9, 0.05)
     assert "its velocity loop is soft" in text
     assert "following_margin" not in text

@@ -1,4 +1,4 @@
-"""Upright six-joint arm with soft gears and weak wrists, as somebody builds it at home.
+"""Upright six-joint arm with soft gears and weak wrists, as built at home.
 
 Gears of 1000 Nm/rad, 13 Nm of gravity at the shoulder, friction that slides 0.3 mrad before it
 gives, encoders off by 0.5 mrad, masses 10 % off the URDF: where identification on Romeo's hanging
@@ -64,7 +64,7 @@ def _wiring(i: int) -> dict[str, Any]:
 
 
 def _configuration(gaps: float) -> dict[str, Any]:
-    """What data sheets say, and sensible figures of what is to be identified."""
+    """Values of data sheets, and sensible figures of what is to be identified."""
     joints = [
         {
             "name": name,
@@ -91,7 +91,7 @@ def _configuration(gaps: float) -> dict[str, Any]:
 
 
 def _encoder_errors(i: int) -> list[dict[str, Any]]:
-    """Of the motor's encoder with its turn, and of the link's, twice in one."""
+    """Error of the motor's encoder with its turn, and of the link's, twice in one."""
     return [
         {"encoder": "motor", "order": 1, "amplitude": ENCODERS_OFF, "phase": 0.7 * i},
         {"encoder": "link", "order": 2, "amplitude": ENCODERS_OFF, "phase": 1.1 * i},

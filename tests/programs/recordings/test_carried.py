@@ -50,7 +50,7 @@ def recorded(path: Path) -> Matrix:
     return np.array([state.residual for state in read_log(path) if isinstance(state, State)])
 
 
-def test_what_was_told_in_the_middle_is_told_again(recording: Path) -> None:
+def test_what_was_set_in_the_middle_is_set_again(recording: Path) -> None:
     np.testing.assert_array_equal(residuals(recording, SAME), recorded(recording))
 
 
@@ -68,7 +68,7 @@ def test_other_payloads_are_counted(recording: Path, first: Change, second: Chan
     assert np.max(np.abs(one - recorded(recording))) > 0.02  # [Nm]
 
 
-def test_a_load_that_nobody_told_stops_learning_unless_it_is_told_here() -> None:
+def test_an_unannounced_load_stops_learning_unless_it_is_set_here() -> None:
     class Fake:
         frozen = False
 

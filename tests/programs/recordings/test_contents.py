@@ -96,10 +96,10 @@ def test_replay_says_what_is_in_a_file_of_each_format(version: int) -> None:
 
 def test_replay_says_it_in_json() -> None:
     answer = CliRunner().invoke(main, ["replay", "--json", str(FORMATS[STATE_FORMAT])])
-    told = json.loads(answer.stdout)
-    assert told["identical"] is True
-    assert told["contents"]["duration_s"] == pytest.approx(0.89)
-    assert told["contents"]["joints"] == ["joint"]
+    reported = json.loads(answer.stdout)
+    assert reported["identical"] is True
+    assert reported["contents"]["duration_s"] == pytest.approx(0.89)
+    assert reported["contents"]["joints"] == ["joint"]
 
 
 def empty(path: Path) -> None:
@@ -142,7 +142,7 @@ UNKNOWN = (
                 "kind": "contact",
                 "text": "x",
                 "contact": {
-                    "joint": "nobody",
+                    "joint": "absent",
                     "torque": 1.0,
                     "threshold": 0.0,
                     "level": "contact",

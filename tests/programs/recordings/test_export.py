@@ -165,7 +165,7 @@ def published(name: str) -> Any:
 
 
 def test_the_messages_are_those_of_the_published_schemas(recording: Path, tmp_path: Path) -> None:
-    """What the package of Foxglove's schemas decodes is what was written, field by field."""
+    """The package of Foxglove's schemas decodes the values written, field by field."""
     pytest.importorskip("foxglove")
     unknown_fields = pytest.importorskip("google.protobuf.unknown_fields")
     target = tmp_path / "out.mcap"
@@ -289,15 +289,15 @@ def test_a_viewer_sees_the_arm_live(fake_daemon: Any) -> None:
             snapshot, states = super().subscribe()
             return with_urdf(snapshot), states
 
-    ended, told = threading.Event(), threading.Event()
+    ended, reported = threading.Event(), threading.Event()
     door = threading.Thread(
         target=serve,
         args=(lambda: FromRomeo(fake_daemon.path, 60.0), "127.0.0.1", port, 33.0),
-        kwargs={"report": lambda text: told.set(), "going": lambda: not ended.is_set()},
+        kwargs={"report": lambda text: reported.set(), "going": lambda: not ended.is_set()},
     )
     door.start()
     try:
-        assert told.wait(60.0)
+        assert reported.wait(60.0)
         viewer = Viewer(port)
         channels: dict[str, int] = {}
         while "/joints/LElbowYaw" not in channels or "/scene" not in channels:

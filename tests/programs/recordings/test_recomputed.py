@@ -1,4 +1,4 @@
-"""What the black box's frames give: the daemon's own samples, estimated anew, with its faults."""
+"""States from the black box's frames: the daemon's own samples, estimated anew, with its faults."""
 
 import time
 from pathlib import Path
@@ -53,11 +53,11 @@ def run(tmp_path: Path) -> tuple[Path, list[State]]:
 
 
 def with_fault(log: Path, after: int) -> None:
-    """Let the daemon have told of a fault when it sent that SYNC."""
+    """Let the daemon have reported a fault when it sent that SYNC."""
     _, states = recomputed(log, context_of_log(log))
-    told = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
+    reported = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
     fault = (states[after].timing.wall_s - 1e-3, "drive fault: joint")
-    context_of_log(log).write_bytes(msgspec.json.encode(Context(told.snapshot, [fault])))
+    context_of_log(log).write_bytes(msgspec.json.encode(Context(reported.snapshot, [fault])))
 
 
 def test_the_samples_are_those_of_the_daemon(run: tuple[Path, list[State]]) -> None:
@@ -83,10 +83,10 @@ def test_it_is_opened_like_a_recording_at_its_fault(
     assert "thresholds are higher than then" in answer.output
     assert "at 1.0" in answer.output
     assert page.exists()
-    told = CliRunner().invoke(main, ["replay", str(log)])
-    assert "drive fault: joint" in told.output
-    assert "no estimate to compare with" in told.stderr
-    assert told.exit_code == 65
+    reported = CliRunner().invoke(main, ["replay", str(log)])
+    assert "drive fault: joint" in reported.output
+    assert "no estimate to compare with" in reported.stderr
+    assert reported.exit_code == 65
     answer = CliRunner().invoke(main, ["whatif", str(log), "--fresh"])
     assert answer.exit_code == 0, answer.output
     assert answer.output.startswith(f"{log}: ")
@@ -94,8 +94,8 @@ def test_it_is_opened_like_a_recording_at_its_fault(
 
 def test_what_ended_the_daemon_after_the_last_frame_is_shown(run: tuple[Path, list[State]]) -> None:
     log, _ = run
-    told = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
-    assert [text for _, text in told.faults] == ["the bus is gone"]
+    reported = msgspec.json.decode(context_of_log(log).read_bytes(), type=Context)
+    assert [text for _, text in reported.faults] == ["the bus is gone"]
     _, states = recomputed(log, context_of_log(log))
     assert [k for k, state in enumerate(states) if state.notices] == [len(states) - 1]
     assert [notice.text for notice in states[-1].notices] == ["the bus is gone"]

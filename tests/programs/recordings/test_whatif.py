@@ -1,4 +1,4 @@
-"""What-ifs: where nothing is changed the contacts are those recorded, elsewhere the right ones."""
+"""Questions what if: unchanged, the contacts are those recorded; else the right ones."""
 
 import json
 import shutil
@@ -71,7 +71,7 @@ def test_where_nothing_is_changed_the_contacts_are_those_of_the_daemon(recording
     assert contacts(answer) == notices(recording)
     assert len(answer.contacts) >= 4
     assert answer.curves[JOINT].contacts == [len(answer.contacts)]
-    assert answer.reaction_s is None  # nobody armed it
+    assert answer.reaction_s is None  # not armed
 
 
 @pytest.mark.parametrize("change", [("estimator.gain", "25"), ("estimator.debounce", "1")])
@@ -229,8 +229,8 @@ def test_the_command_says_it_and_draws_it(recording: Path, tmp_path: Path) -> No
     assert "<- chosen" in answer.output
     assert "labelled touches" in answer.output
     assert "default-src 'none'" in page.read_text()
-    told = json.loads(whatif(recording, "--threshold", "joint=0.2:3:0.2", "--json").stdout)
-    assert [point["level"] for point in told["curves"][0]["points"]] == pytest.approx(
+    reported = json.loads(whatif(recording, "--threshold", "joint=0.2:3:0.2", "--json").stdout)
+    assert [point["level"] for point in reported["curves"][0]["points"]] == pytest.approx(
         np.arange(0.2, 3.01, 0.2)
     )
 
@@ -302,10 +302,10 @@ def folder(recording: Path, tmp_path: Path) -> Path:
 def test_a_broken_recording_is_named_and_the_rest_goes_on(folder: Path) -> None:
     answer = whatif(folder, "--threshold", "joint=1.0", "--json")
     assert answer.exit_code == 1
-    told = json.loads(answer.stdout)
-    assert [Path(one["file"]).name for one in told["recordings"]] == ["cut.mcap", "whole.mcap"]
-    assert [Path(one["file"]).name for one in told["failed"]] == ["foreign.mcap"]
-    assert [Path(one["file"]).name for one in told["broken"]] == ["cut.mcap"]
+    reported = json.loads(answer.stdout)
+    assert [Path(one["file"]).name for one in reported["recordings"]] == ["cut.mcap", "whole.mcap"]
+    assert [Path(one["file"]).name for one in reported["failed"]] == ["foreign.mcap"]
+    assert [Path(one["file"]).name for one in reported["broken"]] == ["cut.mcap"]
     assert "foreign.mcap is not an MCAP file" in answer.stderr
     assert "cut.mcap ends in the middle" in answer.stderr
 
@@ -408,17 +408,17 @@ def test_time_in_which_states_were_lost_was_not_watched(recording: Path, tmp_pat
     assert "has no state that follows on a snapshot; --fresh begins without" in nothing.failed
 
 
-def told(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
+def reported(found: Iterator[Answer]) -> list[tuple[str, bool, int]]:
     return sorted((Path(a.file).name, bool(a.failed), len(a.contacts)) for a in found)
 
 
 def test_workers_give_the_same_answers(folder: Path, tmp_path: Path) -> None:
     asked = [Asked(str(path)) for path in sorted(folder.rglob("*.mcap"))]
     question = Question(changes=(("estimator.gain", "20"),))
-    alone = told(answers(question, asked))
+    alone = reported(answers(question, asked))
     for kept in (tmp_path / "cache" / "contactd" / "answers").iterdir():
         kept.unlink()
-    assert told(answers(question, asked, workers=2)) == alone
+    assert reported(answers(question, asked, workers=2)) == alone
     assert len(alone) == 3
 
 
@@ -427,13 +427,13 @@ def test_a_dask_cluster_gives_the_same_answers(folder: Path, tmp_path: Path) -> 
     distributed = pytest.importorskip("distributed")
     asked = [Asked(str(path)) for path in sorted(folder.rglob("*.mcap"))]
     question = Question(levels={JOINT: (0.5, 1.0)})
-    alone = told(answers(question, asked))
+    alone = reported(answers(question, asked))
     for kept in (tmp_path / "cache" / "contactd" / "answers").iterdir():
         kept.unlink()
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster:
-        assert told(answers(question, asked, scheduler=cluster.scheduler_address)) == alone
+        assert reported(answers(question, asked, scheduler=cluster.scheduler_address)) == alone
         kept = list((tmp_path / "cache" / "contactd" / "answers").iterdir())
         assert len(kept) == 2  # by the workers
 

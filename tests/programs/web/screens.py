@@ -57,7 +57,7 @@ class Screen:
         self.page.screenshot(path=PICTURES / f"{name}.png")
 
     def faults_of_access(self) -> list[str]:
-        """What axe finds that is serious or critical."""
+        """Findings of axe that are serious or critical."""
         self.page.evaluate(AXE.read_text())
         found = self.page.evaluate("axe.run().then((result) => result.violations)")
         return [

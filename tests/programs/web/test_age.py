@@ -22,7 +22,7 @@ Step = tuple[str | float, ...]
 
 
 def ages(*steps: Step) -> list[float | None]:
-    """Ages [ms] that a clock tells: calls of its methods in order, each a name and times: those of
+    """Ages [ms] that a clock gives: calls of its methods in order, each a name and times: those of
     the daemon's clock in s, of the browser's in ms."""
     node = shutil.which("node")
     if node is None:

@@ -1,4 +1,4 @@
-"""Queues of browsers: in order, bounded, and nobody's business but their own."""
+"""Queues of browsers: in order, bounded, and independent of each other."""
 
 import asyncio
 
@@ -22,7 +22,7 @@ def test_frames_come_in_order_and_texts_before_them() -> None:
     assert taken(browser, 5) == ["first", "second", b"\x00", b"\x01", b"\x02"]
 
 
-def test_who_does_not_keep_up_loses_the_oldest_frames_and_nobody_else_does() -> None:
+def test_who_does_not_keep_up_loses_the_oldest_frames_and_no_other_does() -> None:
     audience, slow, quick = Audience(), Browser(), Browser()
     audience.add(slow)
     audience.add(quick)

@@ -1,4 +1,4 @@
-"""The page's bundle: in the repository, so that nobody needs node to run it; what page/ gives."""
+"""The page's bundle: in the repository, so that it runs without node; what page/ gives."""
 
 import gzip
 import re

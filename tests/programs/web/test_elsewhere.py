@@ -30,7 +30,7 @@ STOP = {COMMAND_HEADER: "stop"}
 
 
 class Others:
-    """Arms that a test tells of."""
+    """Arms that a test names."""
 
     def __init__(self) -> None:
         self.arms = [LEFT]
@@ -58,22 +58,22 @@ def visited(
     asyncio.run(run())
 
 
-def test_a_browser_is_told_of_them_and_of_what_changes(fake_daemon: FakeDaemon) -> None:
+def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: FakeDaemon) -> None:
     others = Others()
 
     async def visit(visitor: Any) -> None:
         live = await visitor.live()
 
-        async def told() -> Any:
+        async def reported() -> Any:
             async with asyncio.timeout(PATIENCE_S):
                 while True:
                     message = await live.receive()
                     if isinstance(message.data, str) and '"elsewhere"' in message.data:
                         return json.loads(message.data)
 
-        assert [arm["arm"] for arm in (await told())["arms"]] == ["hall/left"]
+        assert [arm["arm"] for arm in (await reported())["arms"]] == ["hall/left"]
         others.arms = []
-        while (await told())["arms"]:
+        while (await reported())["arms"]:
             pass
         await live.close()
 
@@ -99,7 +99,7 @@ REFUSED = [
     ("POST", "/elsewhere/stop", {}, {}, 403),  # without the header
     ("POST", "/elsewhere/stop", STOP, {"read_only": True}, 403),
     ("POST", "/elsewhere/stop", {**STOP, "Origin": "http://evil.example"}, {}, 403),
-    ("POST", "/elsewhere/stop?arm=nobody", STOP, {}, 404),
+    ("POST", "/elsewhere/stop?arm=absent", STOP, {}, 404),
     ("POST", "/elsewhere/stop?arm=**", STOP, {}, 404),
     ("GET", "/elsewhere/stop", STOP, {}, 405),
     ("POST", "/elsewhere/arm", {COMMAND_HEADER: "arm"}, {}, 404),

@@ -47,7 +47,7 @@ def test_it_is_seen_heard_and_stops_in_firefox(arm: FakeDaemon, page: Page) -> N
 
 
 async def sees_nothing_serious(one: Window) -> None:
-    """What axe finds, where there is axe."""
+    """Findings of axe, where there is axe."""
     if AXE.exists():
         await one.value(f"{AXE.read_text()}; 0")
         assert await one.value(SERIOUS) == ""

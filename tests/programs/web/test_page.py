@@ -174,7 +174,7 @@ def test_the_token_is_typed_once(screens: Screens, arm: FakeDaemon, tmp_path: Pa
         screen.until("document.querySelector('[role=alert]') !== null")
         screen.reads("[role=alert]", "That is not the token.")
         screen.picture("token")
-        screen.errors.clear()  # the browser tells of the 401
+        screen.errors.clear()  # the browser reports the 401
         screen.page.fill("input", "0123456789abcdef")
         screen.page.click("button")
         screen.live()

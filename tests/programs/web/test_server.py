@@ -75,7 +75,7 @@ def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
     async def visit() -> None:
         async with visiting(door(fake_daemon)) as visitor:
             await messages(await visitor.live(), {"words", "advice"})
-            for torque in [0.3, 0.0] * 3:  # more often than somebody who comes makes it ask
+            for torque in [0.3, 0.0] * 3:  # more often than a visitor makes it ask
                 before = asked()
                 feel(torque)
                 await visitor.until(partial(taken, visitor, torque, before))
@@ -131,7 +131,7 @@ def test_a_refusal_is_said(fake_daemon: FakeDaemon) -> None:
 
 def test_no_daemon_is_not_reached(tmp_path: Path) -> None:
     async def visit() -> None:
-        async with visiting(tmp_path / "nobody-view.sock") as visitor:
+        async with visiting(tmp_path / "absent-view.sock") as visitor:
             status, found = await visitor.command("/arms/0/stop")
             assert (status, found["outcome"]) == (200, "not reached")
             live = await visitor.live()
@@ -226,7 +226,7 @@ def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
 
 def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> None:
     async def visit() -> None:
-        async with visiting(tmp_path / "nobody-view.sock") as visitor:
+        async with visiting(tmp_path / "absent-view.sock") as visitor:
             live = await visitor.live()
             kinds: list[str] = []
             async with asyncio.timeout(PATIENCE_S):

@@ -1,4 +1,4 @@
-"""Who asks the page's server without leave, too much, too slowly, or in a strange way."""
+"""Clients that ask the page's server without leave, too much, too slowly, or in a strange way."""
 
 import asyncio
 import contextlib
@@ -116,7 +116,7 @@ def test_an_address_has_so_many_pages_and_no_more(fake_daemon: FakeDaemon) -> No
     asyncio.run(visit())
 
 
-def test_a_browser_that_does_not_read_costs_nobody_a_frame(fake_daemon: FakeDaemon) -> None:
+def test_a_browser_that_does_not_read_costs_no_one_a_frame(fake_daemon: FakeDaemon) -> None:
     async def visit() -> None:
         async with visiting(door(fake_daemon)) as visitor:
             await visitor.until(lambda: visitor.site.arms[0].snapshot)

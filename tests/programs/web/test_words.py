@@ -1,4 +1,4 @@
-"""What the page says of an arm in words, also of daemons that tell more or less than this one."""
+"""An arm in words on the page, also for daemons that send more or less than this one."""
 
 import dataclasses
 import json
@@ -83,7 +83,7 @@ def test_what_to_do_about_a_fault_needs_no_answer_of_its_daemon(
         ({"payload": None, "recognised": CUP}, False),
     ],
 )
-def test_a_load_is_told_where_a_state_has_one(
+def test_a_load_is_reported_where_a_state_has_one(
     fields: dict[str, Any], announced: bool | None
 ) -> None:
     found = load(cast(State, SimpleNamespace(**fields)))

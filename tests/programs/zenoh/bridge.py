@@ -21,7 +21,7 @@ LONGEST_S: Final = 60.0
 
 
 def until(true: Callable[[], Any]) -> Any:
-    """What `true` returns once it is something. Raises TimeoutError where that never comes."""
+    """First value of `true` that is something. Raises TimeoutError where that never comes."""
     end_s = time.monotonic() + LONGEST_S
     while not (found := true()):
         if time.monotonic() > end_s:
@@ -49,7 +49,7 @@ def joint_state(topic: str, port: int) -> Any:
 
 class Bridge:
     """`contactd-zenoh` of the daemon at this control socket, which it may use only with `arming`;
-    `said` is what it tells its log."""
+    `said` is what it logs."""
 
     def __init__(
         self,

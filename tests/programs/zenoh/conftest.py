@@ -1,4 +1,4 @@
-"""A router, somebody else's session there, and bridges to it."""
+"""A router, another user's session there, and bridges to it."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -28,14 +28,14 @@ def routed(port: int) -> Iterator[int]:
 
 @pytest.fixture
 def other(routed: int) -> Iterator[zenoh.Session]:
-    """A session of somebody else."""
+    """A session of another user."""
     with contextlib.closing(session_at(f"tcp/127.0.0.1:{routed}", "client")) as opened:
         yield opened
 
 
 @pytest.fixture
 def diagnostics(other: zenoh.Session) -> list[Any]:
-    """What comes on /diagnostics, as rosbags reads it."""
+    """Messages on /diagnostics, as rosbags reads it."""
     store, got = get_typestore(Stores.ROS2_JAZZY), list[Any]()
 
     def take(sample: zenoh.Sample) -> None:

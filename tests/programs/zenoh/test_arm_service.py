@@ -1,4 +1,4 @@
-"""The service `arm` as somebody else calls it: zenoh-ros2-sdk, and who calls it wrongly."""
+"""The service `arm` as another program calls it: zenoh-ros2-sdk, and who calls it wrongly."""
 
 import time
 from collections.abc import Callable
@@ -23,7 +23,7 @@ REQUESTS = {TRIGGER: "uint8 structure_needs_at_least_one_member", SET_BOOL: "boo
 
 @pytest.mark.parametrize("name", REQUESTS)
 def test_the_hash_of_a_service_is_what_others_compute(name: str) -> None:
-    """Of messages, rosbags says so in another test."""
+    """Digests of types; those of messages are compared in another test."""
     assert TYPE_HASHES[name] == compute_service_type_hash(name, REQUESTS[name], ANSWER)
 
 
@@ -32,7 +32,7 @@ def commands(daemon: Any) -> list[str]:
     return [command for command, _ in daemon.seen if command in known]
 
 
-def test_somebody_else_arms_renews_and_disarms(fake_daemon: Any, sdk: int, start: Any) -> None:
+def test_another_arms_renews_and_disarms(fake_daemon: Any, sdk: int, start: Any) -> None:
     start(fake_daemon.path, sdk, arming=True).joined()
     where = (0, "127.0.0.1", sdk)
     offered = {"arm": SET_BOOL, "disarm": TRIGGER, "reset": TRIGGER, "stop": TRIGGER}

@@ -1,4 +1,4 @@
-"""Arming by calls: in lockstep with the daemon, whose leases end whoever falls silent."""
+"""Arming by calls: in lockstep with the daemon, whose leases end with silence."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -89,7 +89,7 @@ class Ros:
         return self.served.rig.tick.controller.machine.armed
 
     def armed_for_s(self) -> float:
-        """Time until it is not armed any more, while nobody says anything."""
+        """Time until it is not armed any more, while all are silent."""
         begun_s = self.served.rig.time_s
         while self.armed:
             self.served.tick()
@@ -123,7 +123,7 @@ def test_false_disarms_and_true_arms_again(ros: Ros) -> None:
     assert ros.armed
 
 
-def test_nobody_else_renews_and_everybody_may_disarm(ros: Ros) -> None:
+def test_no_other_renews_and_everybody_may_disarm(ros: Ros) -> None:
     ros.arm()
     assert ros.say(gid=B) == (False, "another client keeps it armed")
     assert ros.say(FALSE, gid=B)[0]

@@ -42,7 +42,7 @@ def reached(bridge: Bridge, other: zenoh.Session) -> Bridge:
     return bridge
 
 
-# --- as somebody else sees it --------------------------------------------------------------------
+# --- as another program sees it ------------------------------------------------------------------
 
 
 def test_topics_and_services_are_listed(fake_daemon: Any, sdk: int, start: Any) -> None:
@@ -160,7 +160,7 @@ def test_a_joint_that_senses_nothing_feels_nan(
     assert [torque != torque for torque in message.effort] == [False, True] + [False] * 5  # noqa: PLR0124
 
 
-def test_whoever_comes_late_gets_the_description(
+def test_who_comes_late_gets_the_description(
     fake_daemon: Any, routed: int, other: zenoh.Session, start: Any
 ) -> None:
     bridge = start(fake_daemon.path, routed)

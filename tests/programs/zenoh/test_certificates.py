@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def example(name: str, folder: Path, port: int, who: str) -> str:
-    """The example's text for this folder, at this port, and as somebody else than the arm."""
+    """The example's text for this folder, at this port, and as another than the arm."""
     text = (EXAMPLES / name).read_text()
     text = text.replace("/etc/contactd/arm.", f"/etc/contactd/{who}.")
     text = text.replace("/etc/contactd/ca.pem", f"{folder}/ca.pem").replace("[::]", "127.0.0.1")
@@ -73,7 +73,7 @@ def arm(fake_daemon: Any, folder: Path, secured: int, tmp_path: Path) -> Iterato
 
 @pytest.fixture
 def session(folder: Path, secured: int) -> Iterator[Callable[[str], zenoh.Session]]:
-    """Session of somebody by name, which must be let in."""
+    """Session by name, which must be let in."""
     with contextlib.ExitStack() as opened:
 
         def open_as(who: str) -> zenoh.Session:

@@ -234,18 +234,18 @@ def test_all_arms_are_stopped_and_each_says_what_became_of_it(
         "right                    not seen to stand (not seen to stand: LElbowRoll)" in done.output
     )
     second.stopped.set()
-    done = fleet("--stop", "left", "right", "nobody")
+    done = fleet("--stop", "left", "right", "absent")
     assert done.exit_code == 1
     lines = dict(line.split(None, 1) for line in done.output.splitlines())
     assert lines["left"].startswith("stands")
     assert lines["right"].startswith("not seen to stand (not reached: ")
-    assert lines["nobody"] == "no answer"
+    assert lines["absent"] == "no answer"
 
 
 def test_without_arms_and_without_a_router(fleet: Callable[..., Result], port: int) -> None:
     assert fleet().exit_code == 69
-    nobody = fleet("--stop", "--all")
-    assert (nobody.exit_code, nobody.output) == (69, "contactd: no arm is alive there\n")
+    no_one = fleet("--stop", "--all")
+    assert (no_one.exit_code, no_one.output) == (69, "contactd: no arm is alive there\n")
     command = ["fleet", "--connect", "tcp/127.0.0.1:1", "--stop", "--all"]
     unreachable = CliRunner().invoke(contactd.main, command)
     assert unreachable.exit_code == 69
@@ -299,7 +299,7 @@ def test_a_router_that_dies_leaves_arms_silent_and_comes_back(
 
 
 def test_a_hostile_answer_is_no_stand(other: zenoh.Session, routed: int) -> None:
-    """What anybody answers on an arm's behalf, and what is no message."""
+    """Answers on an arm's behalf, and what is no message."""
     answers = iter([b"", b"\0\1\0\0", outcome(False, "\x1b[2J"), None])
 
     def reply(query: zenoh.Query) -> None:
@@ -340,7 +340,7 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_two_arms_of_one_name_are_both_stopped(routed: int) -> None:
-    """As where nobody gave them namespaces; what one says does not count for the other."""
+    """As without namespaces; what one says does not count for the other."""
     node = Node(0, "/left", "contactd", Distro.JAZZY)
     key = node.key(Endpoint(Kind.SERVICE, node.absolute("stop"), TRIGGER, Qos.DEFAULT))
     asked: set[bool] = set()

@@ -26,7 +26,7 @@ AHEAD_S = 1.7e9  # of the caller's clock before ours
 def say(
     hold: Hold, now_s: float, caller: bytes = A, *, armed: bool = True, late_s: float = 0.0
 ) -> Verdict:
-    """What comes of a call that was sent `late_s` before it is looked at; the daemon does it."""
+    """Result of a call that was sent `late_s` before it is looked at; the daemon does it."""
     wish = Wish(caller, armed, AHEAD_S + now_s - late_s)
     verdict = hold.judge(wish, now_s)
     if verdict.step is Step.DISARM:
@@ -37,7 +37,7 @@ def say(
 
 
 def begin(hold: Hold, now_s: float, caller: bytes = A, *, late_s: float = 0.0) -> Verdict:
-    """What comes of the call that arms, after the one that does not yet."""
+    """Result of the call that arms, after the one that does not yet."""
     first = say(hold, now_s - KNOCK_S - 0.01, caller, late_s=late_s)
     return first if first.why != ONCE else say(hold, now_s, caller, late_s=late_s)
 
@@ -71,7 +71,7 @@ def test_those_who_call_once_are_not_remembered_for_ever() -> None:
     assert len(hold._knocks) == MOST_KNOCKS
 
 
-def test_nobody_takes_over_what_is_held() -> None:
+def test_no_one_takes_over_what_is_held() -> None:
     hold = Hold()
     begin(hold, 0.0)
     assert say(hold, HOLD_S - 0.01, B).why == "another client keeps it armed"
@@ -79,7 +79,7 @@ def test_nobody_takes_over_what_is_held() -> None:
     assert say(hold, 2.1, A).why == LET_GO  # it was silent for too long
 
 
-def test_whoever_lost_it_lets_go_first() -> None:
+def test_who_lost_it_lets_go_first() -> None:
     hold = Hold()
     begin(hold, 0.0)
     hold.lose()

@@ -68,7 +68,7 @@ def test_a_flood_is_a_few_commands_and_each_call_has_one_answer() -> None:
     assert gate.done == 2
 
 
-def test_what_waits_at_the_end_is_told() -> None:
+def test_what_waits_at_the_end_is_reported() -> None:
     gate = Gate()
     service = Service("stop", trigger(gate))
     service.put(Call())

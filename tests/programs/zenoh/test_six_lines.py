@@ -28,7 +28,7 @@ def lines(page: str) -> list[list[str]]:
 
 
 def line(page: str, *begins: str) -> list[str]:
-    """What follows these words in the one line that begins with them."""
+    """Text that follows these words in the one line that begins with them."""
     (found,) = [words for words in lines(page) if words[: len(begins)] == list(begins)]
     return found[len(begins) :]
 
@@ -48,7 +48,7 @@ def page(fake_daemon: Any, sdk: int) -> Iterator[str]:
 
 
 def listed(port: int, *words: str) -> str:
-    """What the command line of zenoh-ros2-sdk says to the words behind `ros2`."""
+    """Answer of the command line of zenoh-ros2-sdk to the words behind `ros2`."""
     command = [str(Path(sys.executable).with_name("zenoh-ros2")), "--no-daemon"]
     command += ["--router", f"127.0.0.1:{port}", *words]
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout

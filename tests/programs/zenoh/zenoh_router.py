@@ -23,12 +23,12 @@ class Router:
 
     @property
     def endpoint(self) -> str:
-        """Where it listens."""
+        """Endpoint that it listens on."""
         return f"tcp/127.0.0.1:{self.port}"
 
 
 def free_port() -> int:
-    """A TCP port that nobody has now."""
+    """A TCP port that is free now."""
     with socket.create_server(("127.0.0.1", 0)) as probe:
         return int(probe.getsockname()[1])
 

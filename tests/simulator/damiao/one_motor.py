@@ -78,7 +78,7 @@ class One:
         return answer[4:]
 
     def write(self, register: int, value: float) -> bytes:
-        """What the motor says that the register holds then."""
+        """Value of the register then, as the motor reports it."""
         raw = struct.pack("<I" if isinstance(value, int) else "<f", value)
         answer = self.ask(0x7FF, bytes([CAN_ID, 0, 0x55, register]) + raw)
         assert answer[:4] == bytes([CAN_ID, 0, 0x55, register])

@@ -1,4 +1,4 @@
-"""What Damiao motors do with a command, held against the equations of the plant."""
+"""Motion of Damiao motors after a command, held against the equations of the plant."""
 
 import struct
 from dataclasses import replace

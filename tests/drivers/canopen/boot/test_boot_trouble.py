@@ -193,7 +193,7 @@ def test_drives_in_fault_boot_side_by_side(bench, setups):
     assert commands == [(130, node) for node in nodes] + [(128, node) for node in nodes]
 
 
-def test_letting_go_tells_every_drive_even_if_one_is_gone(bench, setups):
+def test_letting_go_commands_every_drive_even_if_one_is_gone(bench, setups):
     bench.boot_up(setups)
     drive = setups[2].drive
     elsewhere = replace(drive, wiring=msgspec.structs.replace(drive.wiring, node=99))
@@ -204,7 +204,7 @@ def test_letting_go_tells_every_drive_even_if_one_is_gone(bench, setups):
     assert watched == [0, 0, 127 << 16 | 100, 0, 0, 0, 0]
 
 
-def test_a_drive_that_restarts_while_it_is_set_up_is_told(bench, setups):
+def test_a_drive_that_restarts_while_it_is_set_up_is_reported(bench, setups):
     drive, booted = bench.simulated.drives[2], iter([True])
 
     def restart(index, _, writes):

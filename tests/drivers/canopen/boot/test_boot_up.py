@@ -54,7 +54,7 @@ def test_every_drive_says_who_it_is(bench, setups):
     assert bench.other_end.recv(0) is not None, "the bus is still open"
 
 
-def test_every_drive_holds_what_it_was_told(bench, setups):
+def test_every_drive_holds_what_was_written(bench, setups):
     bench.boot_up(setups)
     wanted = {
         (0x1016, 1): 127 << 16 | 100,
@@ -187,7 +187,7 @@ def forgetful(drive, where, value):
         ((0x1803, 1), 0x483, "object 0x1803:01 reads 0x00000483: the PDO stays enabled"),
     ],
 )
-def test_a_drive_that_does_not_hold_what_it_was_told(bench, setups, where, kept, says):
+def test_a_drive_that_does_not_hold_what_was_written(bench, setups, where, kept, says):
     forgetful(bench.simulated.drives[2], where, kept)
     with pytest.raises(DriveError, match=r"node 3 \(LElbowRoll\): " + says):
         bench.boot_up(setups)
@@ -264,7 +264,7 @@ def test_what_cannot_be_written_must_be_so(bench, setups):
 
 
 def fixed_pdos(setup):
-    """The setup with an EDS that lets nobody change a PDO, and says not what is mapped."""
+    """The setup with an EDS that lets no one change a PDO, and says not what is mapped."""
     sheet = copy.deepcopy(setup.data_sheet)
     for index in (0x1400, 0x1600, 0x1800, 0x1801, 0x1A00, 0x1A01):
         for member in sheet[index].values():
@@ -295,7 +295,7 @@ def test_a_drive_whose_pdos_are_fixed_comes_up_if_they_are_ours(bench, setups):
         drive.objects.values[key(*where)] = kept
 
 
-def test_a_left_over_pdo_that_nobody_can_disable_is_refused_unless_it_is_off(bench, setups):
+def test_a_left_over_pdo_that_no_one_can_disable_is_refused_unless_it_is_off(bench, setups):
     bench.boot_up(setups)
     setup = fixed_pdos(setups[2])
     setup.data_sheet[0x1803][1].access_type = "ro"

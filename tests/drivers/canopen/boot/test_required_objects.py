@@ -1,4 +1,4 @@
-"""What the configuration counts on, checked against the EDS."""
+"""Objects that the configuration counts on, checked against the EDS."""
 
 import copy
 import math

@@ -79,7 +79,7 @@ def test_two_nodes_of_one_number_are_named():
     [
         (0x585, b"\x43\x00\x10\x00"),  # too short
         (0x585, struct.pack("<BHBI", 0x43, 0x2000, 0, 7)),  # of another object
-        (0x5F0, struct.pack("<BHBI", 0x43, 0x1000, 0, 7)),  # of nobody who was asked
+        (0x5F0, struct.pack("<BHBI", 0x43, 0x1000, 0, 7)),  # of a node that was not asked
         (0x185, bytes(8)),
     ],
 )

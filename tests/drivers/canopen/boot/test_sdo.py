@@ -18,7 +18,7 @@ NODE = 3
 
 
 class Network:
-    """What an SDO client needs of canopen's network; `answer` takes a request's data."""
+    """Part of canopen's network that an SDO client needs; `answer` takes a request's data."""
 
     def __init__(self, answer: Callable[[bytes], list[bytes]]) -> None:
         self.answer, self.hear = answer, None
@@ -134,7 +134,7 @@ ANSWER = st.one_of(
 
 
 def refusal(work: Callable[[], object]) -> str:
-    """What a DriveError said; empty if there was none. Any other exception is one too many."""
+    """Text of a DriveError; empty if there was none. Any other exception is one too many."""
     try:
         work()
     except DriveError as error:

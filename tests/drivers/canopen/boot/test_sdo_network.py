@@ -45,7 +45,7 @@ def text_line(request) -> Iterator[tuple[Wire, Say, Callable[[Frame], bytes]]]:
 
 
 class Heard(HeardFrames):
-    """Which also says when something has come."""
+    """Reader that also says when something has come."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -91,7 +91,7 @@ def test_what_is_unread_when_sdo_ends_is_the_ticks_at_once(text_line):
         network.subscribe(frames[0][0], lambda *_: go_on.wait(5.0))
         say(b"".join(text(frame) for frame in frames))
         assert heard.news.wait(5.0)
-        # The reader has all seven, and is told to end before it hands the second out.
+        # The reader has all seven, and is asked to end before it hands the second out.
         network._ended.set()
         go_on.set()
     assert heard.take() == frames[:1]
@@ -136,14 +136,14 @@ def test_a_reader_that_fails_is_no_drives_fault(setups, error, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_reader_that_fails_while_nobody_waits_is_told_at_the_end():
+def test_a_reader_that_fails_while_no_one_waits_is_reported_at_the_end():
     wire = Breaking(ConnectionError("peer is gone"))
     wire.send([])
     with pytest.raises(BusError, match="peer is gone"), sdo_network(wire) as network:
         network._reader.join(5.0)
 
 
-def test_what_went_wrong_in_the_block_is_what_is_told():
+def test_what_went_wrong_in_the_block_is_what_is_reported():
     def fail(network):
         network._reader.join(5.0)
         raise LookupError

@@ -1,4 +1,4 @@
-"""What drives hold, read back without writing: every object that matters, each named."""
+"""Contents of drives, read back without writing: every object that matters, each named."""
 
 import struct
 from dataclasses import replace
@@ -59,7 +59,7 @@ def test_each_object_that_another_has_written_is_named(booted, setups):
     for row in all_wanted(setups[NODE_3], 10, 127):
         where = key(row.index, row.subindex)
         if where not in drive.objects.entries or not drive.objects.entries[where].writable:
-            continue  # it has none, or nobody can have changed it
+            continue  # it has none, or no one can have changed it
         before = drive.objects.values[where]
         drive.objects.values[where] = before ^ (1 << 31 if row.mask == 1 << 31 else 1)
         found = verify(booted, setups, [NODE_3])
@@ -125,7 +125,7 @@ def test_a_fault_of_communication_is_one_that_a_reset_may_not_end(booted, setups
     assert verify(booted, setups) == ({NODE_3: [words]} if words else {})
 
 
-def test_a_drive_that_does_not_answer_keeps_nobody(booted, setups):
+def test_a_drive_that_does_not_answer_keeps_no_one(booted, setups):
     silent = setups[NODE_3]
     profile = msgspec.structs.replace(silent.drive.profile, sdo_timeout_ms=100)
     silent = replace(silent, drive=replace(silent.drive, profile=profile))
