@@ -7,7 +7,9 @@ digests of its sources. `python -m common.compiled` prints what is wrong, else n
 import hashlib
 import importlib
 import json
+import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from common.errors import ProgramError
@@ -15,6 +17,7 @@ from common.errors import ProgramError
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("common", "daemon", "drivers", "estimator", "simulator")
 RECORD = "compiled.json"
+_CIMPORT = re.compile(r"^from ([\w.]+) cimport ", re.MULTILINE)
 
 
 def modules(root: Path = ROOT) -> list[str]:
@@ -25,13 +28,27 @@ def modules(root: Path = ROOT) -> list[str]:
 
 
 def sources(root: Path = ROOT) -> dict[str, str]:
-    """Digest by module of the sources of its extension: its own, and the types of all."""
-    names = modules(root)
-    types = b"\0".join((root / f"{name}.pxd").read_bytes() for name in names)
+    """Digest by module of the sources of its extension: its own, and the types that it knows."""
+    types = {name: (root / f"{name}.pxd").read_text() for name in modules(root)}
+    known = {name: _cimported(name, types) for name in types}
     return {
-        name: hashlib.sha256(types + (root / f"{name}.py").read_bytes()).hexdigest()
-        for name in names
+        name: hashlib.sha256(
+            "\0".join([types[one] for one in sorted(known[name])]).encode()
+            + (root / f"{name}.py").read_bytes()
+        ).hexdigest()
+        for name in types
     }
+
+
+def _cimported(name: str, types: Mapping[str, str]) -> set[str]:
+    """Module and all that its types are made of, from the texts of all `types`."""
+    found, new = {name}, [name]
+    while new:
+        used = {one.replace(".", "/") for one in _CIMPORT.findall(types[new.pop()])}
+        used = (used & types.keys()) - found
+        found |= used
+        new += used
+    return found
 
 
 def extensions(root: Path = ROOT) -> list[Path]:

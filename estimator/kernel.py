@@ -73,7 +73,7 @@ class Kernel:
         self.wrench = Wrench(dynamics, tool, s.gain, s.learning)
         # Ends of the links' ranges: what a stop carries, a residual does not show.
         self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
-        self._always_acts = s.residual.kind != "backlash"
+        self._always_acts = not s.residual.engages
         for i in range(n):
             self.adaptation.apply(i)
         self._period = period_s

@@ -81,7 +81,7 @@ def _weights(variants: Sequence[Variant]) -> tuple[Matrix, Matrix, Vector]:
         for table, form in zip(tables, forms(variant), strict=True):
             for name, weight in form.items():
                 table[row, ROW[name]] = weight
-    corrected = np.array([float(variant.kind == "backlash") for variant in variants])
+    corrected = np.array([float(variant.engages) for variant in variants])
     return tables[0], tables[1], corrected
 
 

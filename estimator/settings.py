@@ -20,6 +20,11 @@ class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     label: Annotated[str, Meta(min_length=1, max_length=64)] = ""
 
     @property
+    def engages(self) -> bool:
+        """True if it knows the gap: terms of the gear count only where it carries."""
+        return self.kind == "backlash"
+
+    @property
     def name(self) -> str:
         """The label, or the kind and what differs from it: `classical`, `backlash-rotor`."""
         if self.label:

@@ -93,7 +93,8 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
     astray, begin = _astray(joints, q, place), place.path.begin
     if astray and begin is not None:
         there = np.where(place.astray(q, START_TOLERANCE), begin, np.nan)
-        return [*astray, f"{way_to(joints, there)}, or start it with --from-here"]
+        here = "--from-here (the configured one: trajectory.from_here)"
+        return [*astray, f"{way_to(joints, there)}, or start it with {here}"]
     reasons = leaves_limits(joints, q, limits, place)
     there = place.nearest(q, limits.lower, limits.upper, INSIDE)
     if reasons and all_finite(there):

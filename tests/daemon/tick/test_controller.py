@@ -263,7 +263,8 @@ def test_it_is_refused_where_the_arm_does_not_stand_at_its_beginning(holding: Id
     elsewhere = recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0])
     assert start(holding, elsewhere) == [
         "a stands at 0.100 rad, 0.060 rad from where move.csv begins (0.160; allowed 0.05)",
-        "`contactctl go a=0.160` leads there, or start it with --from-here",
+        "`contactctl go a=0.160` leads there, or start it with --from-here "
+        "(the configured one: trajectory.from_here)",
     ]
     assert holding.mode is Mode.HOLDING
     assert start(holding, recorded([0.0, 0.16, 0.0], [1.0, 0.2, 0.0], from_here=True)) == []
