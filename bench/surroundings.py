@@ -66,7 +66,8 @@ class Truth:
         self._data = self._model.createData()
         names = list(self._model.names)[1:]
         self._row = [robot.configuration.joint_names.index(name) for name in names]
-        self._hulls = {one.name: _hull(one.points) for one in points_of(robot, None)[1]}
+        links = points_of(robot, None, single=True)[1]  # whole: parts share a name
+        self._hulls = {one.name: _hull(one.points) for one in links}
 
     def gap(self, q: Vector, pair: tuple[Capsule, Capsule | Plane | Box]) -> float:
         """Distance [m] of a pair at q (n,) [rad]."""
