@@ -13,6 +13,7 @@ from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 from daemon.motion.target_stream import TargetStream
+from daemon.protocol.state import Meeting
 from estimator.walls import Walls
 
 # Distance from the line's end at which a joint has arrived [rad].
@@ -51,6 +52,8 @@ class Motion:
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
         self.blind, self.walls = blind, None if blind else walls
+        self.meeting: Meeting | None = None
+        """of the last path that was looked at, if it leads through a shape"""
         self.limits, self.gains, self.follower = limits, gains, follower
         self.probing = np.zeros_like(limits.lower)
         """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
+from msgspec import to_builtins
 from msgspec.structs import replace
 
 from common.errors import ControlError
@@ -209,4 +210,5 @@ def context_of(robot: Robot) -> Snapshot:
         bus_load=load_of(c),
         wrench_axes=c.estimator.force_at or robot.model.hand,
         wrench_point=[0.0] * 3 if c.estimator.force_at else robot.model.tool_place.tolist(),
+        walls=to_builtins(robot.walls),
     )

@@ -150,10 +150,13 @@ class Controller:
             return lacks
         joints, limits = self._tuning.joints, self.motion.limits
         if event is Event.START and observed is not None:
+            self.motion.meeting = None
             armed, blind = self.machine.armed, self.motion.blind
             reasons = touched(observed, place.path, armed=armed, blind=blind)
             reasons = reasons or not_startable(joints, observed.q, limits, place)
-            return reasons or leads_through(self.motion.walls, observed.q, place)
+            if not reasons and (met := leads_through(self.motion.walls, observed.q, place)):
+                self.motion.meeting, reasons = met, [met.text]
+            return reasons
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []
@@ -257,6 +260,8 @@ class Controller:
 
     def _set_up(self, before: Mode, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
+        if mode in (Mode.OFF, Mode.TRACKING):
+            motion.meeting = None
         if mode in YIELDING:
             if self._witness is not None:
                 self._witness.begin()

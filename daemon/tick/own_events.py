@@ -130,11 +130,11 @@ class OwnEvents:
         if self._ahead is None:
             self._ahead = looked_ahead(self._motion.walls, q, self._motion.follower.place)
         looks = list(islice(self._ahead, PLACES_A_TICK))
-        reasons = next(filter(None, looks), [])
-        if len(looks) == PLACES_A_TICK and not reasons:
+        met = next(filter(None, looks), None)
+        if len(looks) == PLACES_A_TICK and met is None:
             return None
-        self._ahead = None
-        return reasons
+        self._ahead, self._motion.meeting = None, met
+        return [met.text] if met else []
 
     def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
         release = self._motion.giving_way

@@ -136,6 +136,7 @@ class Tick:
             silenced=self.drives.silenced,
             stream=self.controller.stream_state(),
             near=near_of(self.controller.motion.walls) if machine.mode in SENSING else UNSET,
+            meeting=self.controller.motion.meeting or UNSET,
             notices=self._news.step(time_s, self._sensing, findings, contacts, unproved, others),
         )
 
