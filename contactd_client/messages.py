@@ -125,6 +125,8 @@ class Payload(TypedDict):
     mass: float  # [kg]
     com: list[float]  # its centre in the frame of the hand, the URDF's last link [m]
     name: NotRequired[str]  # in the configuration
+    # edges of a box about that centre, along the axes of the hand, in which it is [m]
+    box: NotRequired[list[float] | None]
 
 
 class Wrench(TypedDict):

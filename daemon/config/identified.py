@@ -228,7 +228,12 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
-    weighed = {name: PayloadEntry(mass=p.mass, com=p.com) for name, p in found.payloads.items()}
+    weighed = {
+        name: msgspec.structs.replace(
+            c.payloads.get(name) or PayloadEntry(mass=p.mass), mass=p.mass, com=p.com
+        )
+        for name, p in found.payloads.items()
+    }
     joints = [
         reduce(lambda joint, entry: entry.applied(joint), used_entries(one, found).values(), one)
         for one in c.joints

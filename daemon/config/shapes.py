@@ -29,6 +29,9 @@ BASE: Final = ""
 """Joint of what no joint moves."""
 MOST_PAIRS: Final = 150
 """Pairs that a tick, and the check of a path between two, have the time for."""
+MOST_CORNERS: Final = 16
+ROUNDING_M: Final = 1e-4
+"""What the figures of a file may be too small by."""
 HEAD: Final = (
     "# Written by `contactd shapes`: capsules about the links, each in the frame of its joint (an\n"
     "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
@@ -51,6 +54,15 @@ class CapsuleEntry(Settings, frozen=True):
     radius: Radius
 
 
+class CornersEntry(Settings, frozen=True):
+    """Corners of a link, from which planes are kept, instead of from its capsules, which are wider:
+    of an edged one, so that nothing is lost beside a table or a wall."""
+
+    name: Name
+    joint: str
+    points: Annotated[list[Place], Meta(min_length=1, max_length=MOST_CORNERS)]
+
+
 class LeftOut(Settings, frozen=True):
     """Pair that is not guarded; the second may be a plane or a box of the surroundings."""
 
@@ -65,6 +77,7 @@ class Shapes(Settings, frozen=True):
     urdf: str  # digest of the URDF that they were fitted to
     source: Literal["collision", "visual", "inertial"]  # what of it
     capsules: Annotated[list[CapsuleEntry], Meta(min_length=1, max_length=64)]
+    corners: list[CornersEntry] = msgspec.field(default_factory=list)
     margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # gap that is kept [m]
     left_out: list[LeftOut] = msgspec.field(default_factory=list)
     surroundings: str = ""  # digest of those that were there
@@ -148,8 +161,9 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         )
     around = [*surroundings.planes, *surroundings.boxes] if surroundings else []
     joint_of = dict.fromkeys(around, "of the surroundings")
-    for k, one in enumerate(shapes.capsules):
-        where = f"{path}:{source.line(['capsules', k])}: capsules[{k}]"
+    entries = [("capsules", k, one) for k, one in enumerate(shapes.capsules)]
+    for key, k, one in [*entries, *(("corners", k, one) for k, one in enumerate(shapes.corners))]:
+        where = f"{path}:{source.line([key, k])}: {key}[{k}]"
         if one.joint not in [BASE, *joints]:
             raise ConfigurationError(
                 f"{where}: no joint {one.joint!r}; there are: {', '.join(joints)}, or '' for the "
@@ -165,7 +179,7 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
                     f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} is "
                     "another than when this pair was left out: `contactd shapes --force`"
                 )
-    if (pairs := _guarded(walls)) > MOST_PAIRS:
+    if (pairs := guarded(walls)) > MOST_PAIRS:
         raise ConfigurationError(
             f"{path}:{source.line(['capsules'])}: {pairs} pairs to guard; at most {MOST_PAIRS} "
             "leave a tick its time: `contactd shapes --single --force`, or fewer planes and boxes"
@@ -173,7 +187,7 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
     return walls
 
 
-def _guarded(walls: Walls) -> int:
+def guarded(walls: Walls) -> int:
     """Number of pairs that are guarded."""
     capsules, around = walls.shapes.capsules, walls.surroundings
     pairs = [(a.name, b.name) for a, b in combinations(capsules, 2) if a.joint != b.joint]
@@ -212,7 +226,13 @@ def clearance_of(walls: Walls, bodies: list[Body], joints: list[str]) -> Clearan
         Capsule(one.name, numbers[one.joint], np.array(one.start), np.array(one.end), one.radius)
         for one in walls.shapes.capsules
     ]
-    return Clearance(bodies, capsules, pairs_of(capsules, obstacles_of(walls), walls.left_out))
+    edges = [
+        Capsule(one.name, numbers[one.joint], np.array(start), np.array(end), ROUNDING_M)
+        for one in walls.shapes.corners
+        for start, end in zip(one.points[::2], [*one.points[1::2], one.points[0]], strict=False)
+    ]
+    pairs = pairs_of(capsules, edges, obstacles_of(walls), walls.left_out)
+    return Clearance(bodies, [*capsules, *edges], pairs)
 
 
 def obstacles_of(walls: Walls) -> list[Plane | Box]:
@@ -229,12 +249,20 @@ def obstacles_of(walls: Walls) -> list[Plane | Box]:
 
 
 def pairs_of(
-    capsules: list[Capsule], obstacles: list[Plane | Box], left_out: set[frozenset[str]]
+    capsules: list[Capsule],
+    edges: list[Capsule],
+    obstacles: list[Plane | Box],
+    left_out: set[frozenset[str]],
 ) -> list[tuple[Capsule, Capsule | Plane | Box]]:
-    """Pairs that move against each other, without those that are left out."""
+    """Pairs that move against each other, without those that are left out; planes beside lines
+    through the corners of a link, where it has them."""
     pairs: list[tuple[Capsule, Capsule | Plane | Box]] = [
         (one, other) for k, one in enumerate(capsules) for other in capsules[:k]
         if one.body != other.body
     ]  # fmt: skip
-    pairs += [(one, other) for one in capsules if one.body >= 0 for other in obstacles]
+    edged = {one.name for one in edges}
+    beside_planes = [*(one for one in capsules if one.name not in edged), *edges]
+    for other in obstacles:
+        firsts = beside_planes if isinstance(other, Plane) else capsules
+        pairs += [(one, other) for one in firsts if one.body >= 0]
     return [pair for pair in pairs if frozenset((pair[0].name, pair[1].name)) not in left_out]

@@ -2,7 +2,7 @@
 // arc with a head around each joint that feels a torque.
 
 import {
-  AmbientLight, CapsuleGeometry, Color, ConeGeometry, DirectionalLight, GridHelper, Group, Mesh,
+  AmbientLight, BoxGeometry, CapsuleGeometry, Color, ConeGeometry, DirectionalLight, GridHelper, Group, Mesh,
   MeshStandardMaterial, PerspectiveCamera, Quaternion, Scene as Space, SphereGeometry, TorusGeometry,
   Vector3, WebGLRenderer, Box3,
 } from "three";
@@ -88,7 +88,7 @@ export class Scene {
   }
 
   #refuse() {
-    this.#shapes?.refuse(this.#meeting, this.#names);
+    this.#shapes?.refuse(this.#meeting, this.#names, this.#load);
     this.#host.dataset.meeting = this.#meeting?.pair.join(" ") ?? "";
   }
 
@@ -121,7 +121,8 @@ export class Scene {
     // As large as so much water would be, twice.
     const radius = 2 * Math.cbrt((3 * this.#carried.mass) / (4e3 * Math.PI));
     const material = new MeshStandardMaterial({ color: 0x9a6bd0, wireframe: !this.#carried.announced });
-    this.#load = new Mesh(new SphereGeometry(radius, 16, 12), material);
+    const { box } = this.#carried;
+    this.#load = new Mesh(box ? new BoxGeometry(...box) : new SphereGeometry(radius, 16, 12), material);
     this.#load.position.set(...this.#carried.com);
     hand.add(this.#load);
   }

@@ -47,15 +47,16 @@ export class Shapes {
     for (const group of [this.#around, this.#there]) group.removeFromParent();
   }
 
-  /** Draw the arm at the place of a meeting, beside the arm as it stands, or take it off. */
-  refuse(meeting, names) {
+  /** Draw the arm with its load at the place of a meeting, beside it as it stands, or take it off. */
+  refuse(meeting, names, load) {
     this.#there.clear();
     if (!meeting) return;
     const stood = names.map((name) => this.#robot.joints[name].angle);
     const pose = (angles) => names.forEach((name, i) => this.#robot.setJointValue(name, angles[i]));
     pose(meeting.position);
     for (const part of [this.#robot, this.#around]) part.updateMatrixWorld(true);
-    for (const part of [...this.#arm, ...this.#around.children]) {
+    const parts = [...this.#arm, ...this.#around.children, ...(load ? [named("payload", load)] : [])];
+    for (const part of parts) {
       const lit = meeting.pair.includes(part.name);
       if (!lit && this.#around.children.includes(part)) continue;
       const there = new Mesh(part.geometry, lit ? this.#met : this.#plain);

@@ -15,8 +15,10 @@ from common.errors import ConfigurationError, ModelError
 from daemon.config.load import Robot, load_robot
 from daemon.config.shapes import (
     BASE,
+    MOST_CORNERS,
     SHAPES,
     CapsuleEntry,
+    CornersEntry,
     LeftOut,
     Shapes,
     Surroundings,
@@ -29,7 +31,7 @@ from daemon.config.shapes import (
 )
 from estimator.dynamics import Body
 from estimator.model_reading import read_urdf
-from identification.capsules import PairGaps, fit_capsule, gaps_over_poses, split
+from identification.capsules import PairGaps, corners_of, fit_capsule, gaps_over_poses, split
 from programs.command_line.sentences import say
 
 Source = Literal["collision", "visual", "inertial"]
@@ -70,8 +72,9 @@ def fitted(
     """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
     chosen, links = points_of(robot, source, single=single)
     capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
+    whole = points_of(robot, source, single=True)[1]
     shapes = Shapes(
-        version=1, urdf=urdf, source=chosen, capsules=capsules,
+        version=1, urdf=urdf, source=chosen, capsules=capsules, corners=_edged(robot, whole),
         surroundings=digest_of_surroundings(around),
     )  # fmt: skip
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
@@ -167,6 +170,17 @@ def _capsules(robot: Robot, links: list[LinkPoints]) -> list[CapsuleEntry]:
         entries.append(
             CapsuleEntry(name=link.name, joint=joint, start=start, end=end, radius=radius)
         )
+    return entries
+
+
+def _edged(robot: Robot, links: list[LinkPoints]) -> list[CornersEntry]:
+    """Corners of the links that have few."""
+    joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
+    for link in links:
+        points = corners_of(link.points)
+        if link.body >= 0 and link.radius == 0.0 and len(points) <= MOST_CORNERS:
+            joint, places = joints[bodies[link.body].row], np.round(points, 4).tolist()
+            entries.append(CornersEntry(name=link.name, joint=joint, points=places))
     return entries
 
 

@@ -62,6 +62,7 @@ class Load(msgspec.Struct, frozen=True):
     announced: bool
     mass: float  # [kg]
     com: list[float]  # its centre, in the frame of the arm's last link [m]
+    box: list[float] | None  # edges of a box about it [m]
     text: str
 
 
@@ -257,7 +258,9 @@ def load(state: State) -> Load | None:
     for field, announced in (("recognised", False), ("payload", True)):
         found = getattr(state, field, None)
         if found is not None:
-            return Load(announced, found.mass, list(found.com), str(found))
+            return Load(
+                announced, found.mass, list(found.com), getattr(found, "box", None), str(found)
+            )
     return None
 
 

@@ -44,10 +44,8 @@ def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
     robot = load_robot(folder)
     assert robot.walls is not None
     clearance = clearance_of(robot.walls, robot.model.bodies(), robot.configuration.joint_names)
-    names = dict.fromkeys((one.name, other.name) for one, other in clearance.pairs)
-    assert list(names) == [
-        (one, other) for one in ("column", "swing") for other in ("table", "press")
-    ]
+    names = {(one.name, other.name) for one, other in clearance.pairs}
+    assert names == {(one, other) for one in ("column", "swing") for other in ("table", "press")}
     plane, box = obstacles_of(robot.walls)
     assert plane.offset == pytest.approx(-0.2)
     assert np.allclose(box.axes @ [1, 0, 0], [0, 1, 0])
@@ -70,6 +68,7 @@ def edited(folder: Path, name: str, old: str, new: str) -> None:
     ("name", "old", "new"),
     [
         (SHAPES, "joint: swing", "joint: elbow"), (SHAPES, "name: swing", "name: column"),
+        (SHAPES, "corners:\n- name: column\n  joint: c", "corners:\n- name: column\n  joint: el"),
         (SHAPES, "name: swing", "name: table"), (SHAPES, "radius: ", "radius: -"),
         (SHAPES, "urdf: ", "urdf: f"), (SURROUNDINGS, "[0, 0, 2]", "[0, 0, 0]"),
         (SURROUNDINGS, "press", "table"), (SURROUNDINGS, "planes", "walls"),
