@@ -26,6 +26,7 @@ def with_payload(walls: Walls, payload: Payload, model: Model) -> Walls:
             start=tuple(model.in_joint(payload.com + start).tolist()),
             end=tuple(model.in_joint(payload.com + end).tolist()),
             radius=radius,
+            edged=True,
         )
         for start, end, radius in capsules_of_box(box)
     ]

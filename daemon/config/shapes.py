@@ -33,7 +33,7 @@ MOST_CORNERS: Final = 16
 ROUNDING_M: Final = 1e-4
 """What the figures of a file may be too small by."""
 HEAD: Final = (
-    "# Written by `contactd shapes`: capsules about the links, each in the frame of its joint (an\n"
+    "# Written by `contactd shapes`: capsules and corners of links, in their joint's frame (an\n"
     "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
     "# capsules for what the URDF lacks, as a tool. Taken up by `contactctl reload`, while off.\n"
 )
@@ -43,23 +43,24 @@ Place = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
 
 
-class CapsuleEntry(Settings, frozen=True):
+class _Part(Settings, frozen=True):
+    name: Name
+    joint: str
+
+
+class CapsuleEntry(_Part, frozen=True):
     """Capsule: all that is within a radius of the segment from start to end. Capsules that share a
     name, and a joint, are parts of one link."""
 
-    name: Name
-    joint: str
     start: Place
     end: Place
     radius: Radius
+    edged: bool = False  # beside planes its link's corners count instead
 
 
-class CornersEntry(Settings, frozen=True):
-    """Corners of a link, from which planes are kept, instead of from its capsules, which are wider:
-    of an edged one, so that nothing is lost beside a table or a wall."""
+class CornersEntry(_Part, frozen=True):
+    """Corners of an edged link: planes are kept off those, as its capsules are wider."""
 
-    name: Name
-    joint: str
     points: Annotated[list[Place], Meta(min_length=1, max_length=MOST_CORNERS)]
 
 
@@ -161,14 +162,20 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         )
     around = [*surroundings.planes, *surroundings.boxes] if surroundings else []
     joint_of = dict.fromkeys(around, "of the surroundings")
-    entries = [("capsules", k, one) for k, one in enumerate(shapes.capsules)]
-    for key, k, one in [*entries, *(("corners", k, one) for k, one in enumerate(shapes.corners))]:
+    parts: list[tuple[str, int, _Part]] = [
+        *(("capsules", k, one) for k, one in enumerate(shapes.capsules)),
+        *(("corners", k, one) for k, one in enumerate(shapes.corners)),
+    ]
+    cornered = {one.name for one in shapes.corners}
+    for key, k, one in parts:
         where = f"{path}:{source.line([key, k])}: {key}[{k}]"
         if one.joint not in [BASE, *joints]:
             raise ConfigurationError(
                 f"{where}: no joint {one.joint!r}; there are: {', '.join(joints)}, or '' for the "
                 "root of the URDF"
             )
+        if isinstance(one, CapsuleEntry) and one.edged and one.name not in cornered:
+            raise ConfigurationError(f"{where}: edged, but there are no corners of {one.name!r}")
         if joint_of.setdefault(one.name, one.joint) != one.joint:
             raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
     walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
@@ -231,7 +238,8 @@ def clearance_of(walls: Walls, bodies: list[Body], joints: list[str]) -> Clearan
         for one in walls.shapes.corners
         for start, end in zip(one.points[::2], [*one.points[1::2], one.points[0]], strict=False)
     ]
-    pairs = pairs_of(capsules, edges, obstacles_of(walls), walls.left_out)
+    round_ = [c for c, one in zip(capsules, walls.shapes.capsules, strict=True) if not one.edged]
+    pairs = pairs_of(capsules, [*round_, *edges], obstacles_of(walls), walls.left_out)
     return Clearance(bodies, [*capsules, *edges], pairs)
 
 
@@ -250,18 +258,15 @@ def obstacles_of(walls: Walls) -> list[Plane | Box]:
 
 def pairs_of(
     capsules: list[Capsule],
-    edges: list[Capsule],
+    beside_planes: list[Capsule],
     obstacles: list[Plane | Box],
     left_out: set[frozenset[str]],
 ) -> list[tuple[Capsule, Capsule | Plane | Box]]:
-    """Pairs that move against each other, without those that are left out; planes beside lines
-    through the corners of a link, where it has them."""
+    """Pairs that move against each other, without those that are left out."""
     pairs: list[tuple[Capsule, Capsule | Plane | Box]] = [
         (one, other) for k, one in enumerate(capsules) for other in capsules[:k]
         if one.body != other.body
     ]  # fmt: skip
-    edged = {one.name for one in edges}
-    beside_planes = [*(one for one in capsules if one.name not in edged), *edges]
     for other in obstacles:
         firsts = beside_planes if isinstance(other, Plane) else capsules
         pairs += [(one, other) for one in firsts if one.body >= 0]

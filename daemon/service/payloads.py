@@ -48,7 +48,7 @@ class Payloads:
     def asked_for(self, request: SetPayload) -> Payload | None:
         """Payload of a request, None for none. Raises ModelError for an impossible one."""
         if request.name is not None:
-            if not request.mass is request.com is request.box is None:
+            if any(x is not None for x in (request.mass, request.com, request.box)):
                 raise ModelError("it takes a `name`, or a `mass` with its `com` and `box`")
             if request.name == NO_PAYLOAD:
                 return None

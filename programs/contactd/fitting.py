@@ -71,10 +71,10 @@ def fitted(
 ) -> tuple[Shapes, list[str]]:
     """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
     chosen, links = points_of(robot, source, single=single)
-    capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
-    whole = points_of(robot, source, single=True)[1]
+    corners = _corners_of(robot, points_of(robot, source, single=True)[1])
+    capsules = _capsules(robot, links, {one.name for one in corners})
     shapes = Shapes(
-        version=1, urdf=urdf, source=chosen, capsules=capsules, corners=_edged(robot, whole),
+        version=1, urdf=digest_of(robot.urdf), source=chosen, capsules=capsules, corners=corners,
         surroundings=digest_of_surroundings(around),
     )  # fmt: skip
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
@@ -159,7 +159,7 @@ def _corners(half: Matrix) -> Matrix:
     return np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, 8).T * half
 
 
-def _capsules(robot: Robot, links: list[LinkPoints]) -> list[CapsuleEntry]:
+def _capsules(robot: Robot, links: list[LinkPoints], edged: set[str]) -> list[CapsuleEntry]:
     joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
     for link in links:
         fit = fit_capsule(link.points)
@@ -168,12 +168,19 @@ def _capsules(robot: Robot, links: list[LinkPoints]) -> list[CapsuleEntry]:
         fits_m = fit.radius if link.radius == 0.0 else max(fit.radius - 0.005, 0.0) + link.radius
         radius = round(fits_m + 1e-4, 4)  # and what rounding may take
         entries.append(
-            CapsuleEntry(name=link.name, joint=joint, start=start, end=end, radius=radius)
+            CapsuleEntry(
+                name=link.name,
+                joint=joint,
+                start=start,
+                end=end,
+                radius=radius,
+                edged=link.name in edged,
+            )
         )
     return entries
 
 
-def _edged(robot: Robot, links: list[LinkPoints]) -> list[CornersEntry]:
+def _corners_of(robot: Robot, links: list[LinkPoints]) -> list[CornersEntry]:
     """Corners of the links that have few."""
     joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
     for link in links:
