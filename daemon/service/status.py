@@ -28,6 +28,7 @@ from daemon.tick.loop import Loop
 from daemon.tick.telemetry import SIDE_NAMES, finite_list, wrench_of
 from daemon.tick.tick import Tick
 
+UNGUARDED = "no shape is guarded, as positions are not trusted: see `identification`"
 ASK_AGAIN = "request the motion again: it is forgotten when the program that began it ends"
 
 
@@ -131,6 +132,7 @@ def status_of(
         wrench_at=c.estimator.force_at or tick.estimator.model.tool,
         wrench_axes=c.estimator.force_at or tick.estimator.model.hand,
         near=(last.near or None) if last else None,
+        unguarded=UNGUARDED if tick.controller.motion.blind and process.robot.walls else "",
         changed=process.changed,
         not_taken_up=process.not_taken_up if process.changed else "",
     )
