@@ -207,6 +207,8 @@ class Status(TypedDict):
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
     # None without shapes, or in a mode in which the arm does not move
     near: NotRequired[Near | None]
+    # reason why no shape is guarded in this run, of an arm that has some
+    unguarded: NotRequired[str]
     changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
     not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
 

@@ -229,9 +229,7 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
     weighed = {
-        name: msgspec.structs.replace(
-            c.payloads.get(name) or PayloadEntry(mass=p.mass), mass=p.mass, com=p.com
-        )
+        name: PayloadEntry(mass=p.mass, com=p.com, box=getattr(c.payloads.get(name), "box", None))
         for name, p in found.payloads.items()
     }
     joints = [
@@ -248,8 +246,7 @@ def used_entries(joint: Joint, found: Identified | None) -> dict[str, Entry]:
 
 
 def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
-    """Place in identified.yaml of the value behind the `keys` of config.yaml; empty if the value
-    of config.yaml is in force."""
+    """Place in identified.yaml of what `keys` name in config.yaml; empty if that is in force."""
     match keys:
         case ["joints", int(index), "wiring", *path] | ["joints", int(index), *path] if found:
             joint = c.joints[index]

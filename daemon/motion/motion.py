@@ -76,7 +76,7 @@ class Motion:
     def follow(self, anchor: Vector, *, again: bool = False) -> None:
         """Run the trajectory, at its present path time, from `anchor` [rad]; again: after a
         contact."""
-        self.reference = anchor.copy()
+        self.reference, self.meeting = anchor.copy(), None
         if stream := self.stream:
             stream.go_on(self.reference, again=again)
         else:
