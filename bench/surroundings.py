@@ -66,7 +66,8 @@ class Truth:
         self._data = self._model.createData()
         names = list(self._model.names)[1:]
         self._row = [robot.configuration.joint_names.index(name) for name in names]
-        self._hulls = {one.name: _hull(one.points) for one in points_of(robot, None)[1]}
+        links = points_of(robot, None, single=True)[1]  # whole: parts share a name
+        self._hulls = {one.name: _hull(one.points) for one in links}
 
     def gap(self, q: Vector, pair: tuple[Capsule, Capsule | Plane | Box]) -> float:
         """Distance [m] of a pair at q (n,) [rad]."""
@@ -206,17 +207,19 @@ def chatter(wanted: Matrix, sent: Matrix) -> int:
     return most
 
 
-def lost(scene: Scene, seed: int) -> tuple[int, int]:
-    """Poses that are clear by the truth, and those of them that the shapes forbid."""
+def lost(scene: Scene, seed: int) -> tuple[int, int, int]:
+    """Poses that are clear by the truth, those of them that the shapes forbid, and those that the
+    truth would with the same margin."""
     rng, clearance = np.random.default_rng(seed), scene.walls.clearance
-    margin, clear, forbidden = scene.robot.walls.shapes.margin, 0, 0  # type: ignore[union-attr]
+    margin, clear, forbidden, near = scene.robot.walls.shapes.margin, 0, 0, 0  # type: ignore[union-attr]
     for _ in range(POSES):
         q = rng.uniform(scene.lower, scene.upper)
         clearance.at(q)
-        if all(scene.truth.gap(q, pair) > 0.0 for pair in clearance.pairs):
+        if (gap := min(scene.truth.gap(q, pair) for pair in clearance.pairs)) > 0.0:
             clear += 1
             forbidden += float(np.min(clearance.gap)) < margin
-    return clear, forbidden
+            near += gap < margin
+    return clear, forbidden, near
 
 
 def draw(trace: Matrix, margin: float, period_s: float, file: Path) -> None:
@@ -249,7 +252,7 @@ def main(motions: int, seed: int, picture: Path | None, as_json: bool) -> None:
     for folder in (ROMEO, OPENARM, BEAM):
         one = scene(folder)
         runs = [motion(one, kind, seed + k) for kind in KINDS for k in range(motions)]
-        clear, forbidden = lost(one, seed)
+        clear, forbidden, near = lost(one, seed)
         times = 1e6 * np.concatenate([run["times"] for run in runs])
         data[one.name] = {
             "setpoints": len(times),
@@ -258,6 +261,7 @@ def main(motions: int, seed: int, picture: Path | None, as_json: bool) -> None:
             "pairs": len(one.walls.clearance.pairs),
             "bound_us": np.percentile(times, [50.0, 99.0, 99.9]).tolist(),
             "clear_poses": clear,
+            "lost_to_margin": near / max(clear, 1),
         }
         deepest = 1000.0 * max(run["deepest_m"] for run in runs)
         changes = max(run["changes"] for run in runs)

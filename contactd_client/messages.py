@@ -125,6 +125,8 @@ class Payload(TypedDict):
     mass: float  # [kg]
     com: list[float]  # its centre in the frame of the hand, the URDF's last link [m]
     name: NotRequired[str]  # in the configuration
+    # edges of a box about that centre, along the axes of the hand, in which it is [m]
+    box: NotRequired[list[float] | None]
 
 
 class Wrench(TypedDict):
@@ -205,6 +207,8 @@ class Status(TypedDict):
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
     # None without shapes, or in a mode in which the arm does not move
     near: NotRequired[Near | None]
+    # reason why no shape is guarded in this run, of an arm that has some
+    unguarded: NotRequired[str]
     changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
     not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
 
@@ -226,6 +230,7 @@ class Snapshot(TypedDict):
     bus_load: NotRequired[float | None]  # share of the bus that periodic frames take at worst
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes each State's `wrench` is ...
     wrench_point: NotRequired[list[float]]  # ... and where in that link's frame, x y z [m]
+    walls: NotRequired[dict[str, Any] | None]  # content of shapes.yaml and surroundings.yaml
 
 
 class Reply(TypedDict):
@@ -280,6 +285,14 @@ class Timing(TypedDict):
     doors_us: NotRequired[float]  # spent on clients and the log, after the previous tick
 
 
+class Meeting(TypedDict):
+    """Place of a path that was refused, at which it leads one shape through another."""
+
+    pair: list[str]  # their names
+    position: list[float]  # of the links there [rad]
+    text: str  # reason of the refusal
+
+
 class State(TypedDict):
     """Record of one tick: its measurements, estimates and decisions."""
 
@@ -329,3 +342,5 @@ class State(TypedDict):
     wrench: NotRequired[Wrench | None]
     # Left out without shapes, and in a mode in which the arm does not move.
     near: NotRequired[Near]
+    # Left out unless the last path that was asked for was refused for it.
+    meeting: NotRequired[Meeting]

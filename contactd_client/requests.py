@@ -55,3 +55,5 @@ class Request(TypedDict):
     mass: NotRequired[float | None]
     # `payload`: beside `mass`: its centre in the hand's frame, three numbers [m]
     com: NotRequired[list[float] | None]
+    # `payload`: edges of a box about that centre, along the hand's axes, three numbers [m]
+    box: NotRequired[list[float] | None]

@@ -11,9 +11,11 @@ from common.errors import ModelError
 HEAVIEST_KG = 100.0
 FURTHEST_M = 2.0
 """[m] from the origin of the hand's frame, along each axis"""
+THINNEST_M = 0.001
 
 Mass = Annotated[float, Meta(gt=0, le=HEAVIEST_KG)]
 Coordinate = Annotated[float, Meta(ge=-FURTHEST_M, le=FURTHEST_M)]
+Edge = Annotated[float, Meta(ge=THINNEST_M, le=FURTHEST_M)]
 
 
 class Payload(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,11 +25,19 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
     # its centre in the frame of the hand, the URDF's last link [m]
     com: Annotated[list[Coordinate], Meta(min_length=3, max_length=3)]
     name: str = ""  # in the configuration
+    # edges of a box about that centre, along the axes of the hand, in which it is [m]
+    box: Annotated[list[Edge], Meta(min_length=3, max_length=3)] | None = None
 
     @classmethod
-    def of(cls, mass: float, com: Sequence[float], name: str = "") -> Self:
-        """Payload of these. Raises ModelError for a mass that is none, or a place that is nowhere
-        near the hand."""
+    def of(
+        cls,
+        mass: float,
+        com: Sequence[float],
+        name: str = "",
+        box: Sequence[float] | None = None,
+    ) -> Self:
+        """Payload of these. Raises ModelError for a mass that is none, a place that is nowhere
+        near the hand, or a box that is none."""
         if not 0.0 < mass <= HEAVIEST_KG:  # nor NaN
             raise ModelError(f"{mass:g} kg is no payload: more than 0, at most {HEAVIEST_KG:g} kg")
         if len(com) != 3 or not all(abs(x) <= FURTHEST_M for x in com):
@@ -36,8 +46,15 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
                 f"({where}) m is no place of a payload: three numbers, each within "
                 f"{FURTHEST_M:g} m of the origin of the hand's frame"
             )
-        return cls(mass=mass, com=list(com), name=name)
+        if box and (len(box) != 3 or not all(THINNEST_M <= x <= FURTHEST_M for x in box)):
+            edges = " ".join(f"{x:g}" for x in box)
+            raise ModelError(
+                f"({edges}) m is no box of a payload: three edges, each {THINNEST_M:g} to "
+                f"{FURTHEST_M:g} m"
+            )
+        return cls(mass=mass, com=list(com), name=name, box=list(box) if box else None)
 
     def __str__(self) -> str:
         name = f"{self.name}: " if self.name else ""
-        return f"{name}{self.mass:.3g} kg at ({' '.join(f'{x:.3f}' for x in self.com)}) m"
+        box = f", {' x '.join(f'{x:g}' for x in self.box)} m" if self.box else ""
+        return f"{name}{self.mass:.3g} kg at ({' '.join(f'{x:.3f}' for x in self.com)}) m{box}"

@@ -83,6 +83,13 @@ def _about(points: Matrix, axis: Vector, centre: Vector) -> Fit:
     return Fit(centre + low * axis, centre + high * axis, radius)
 
 
+def corners_of(points: Matrix) -> Matrix:
+    """Corners (m, 3) [m] of the hull of points; all of them where they are flat."""
+    flat = np.linalg.matrix_rank(points - points[0], tol=1e-4) < 3
+    corners: Matrix = points if flat else points[ConvexHull(points).vertices]
+    return corners
+
+
 def split(points: Matrix) -> list[Matrix]:
     """Corners (m, 3) [m] of the hull of points, cut in two across the principal axis that leaves
     the thinnest capsules; in one piece where it is flat, or where these are hardly thinner."""

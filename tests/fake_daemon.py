@@ -125,6 +125,7 @@ class FakeDaemon:
     silenced: bool = False
     trajectory: Any = "ready"
     urdf: str = "<robot/>"
+    walls: dict[str, Any] | None = None
     tick: int = 0
     seen: list[tuple[str, Peer]] = field(default_factory=list)
     ready: threading.Event = field(default_factory=threading.Event)
@@ -138,7 +139,8 @@ class FakeDaemon:
             return Reply(ok=False, message=f"{command} is refused", reasons=reasons, mode=self.mode)
         if command == "subscribe":
             snapshot = snapshot_at(self.tick + self.snapshot_ahead)
-            return Reply(ok=True, snapshot=msgspec.structs.replace(snapshot, urdf=self.urdf))
+            ours = msgspec.structs.replace(snapshot, urdf=self.urdf, walls=self.walls)
+            return Reply(ok=True, snapshot=ours)
         if command == "status":
             if self._ahead:
                 self.mode = self._ahead.pop(0)

@@ -228,7 +228,10 @@ def residuals_alike(a: Configuration, b: Configuration) -> bool:
 
 def applied(c: Configuration, found: Identified) -> Configuration:
     """Configuration in which identified values replace those written by hand."""
-    weighed = {name: PayloadEntry(mass=p.mass, com=p.com) for name, p in found.payloads.items()}
+    weighed = {
+        name: PayloadEntry(mass=p.mass, com=p.com, box=getattr(c.payloads.get(name), "box", None))
+        for name, p in found.payloads.items()
+    }
     joints = [
         reduce(lambda joint, entry: entry.applied(joint), used_entries(one, found).values(), one)
         for one in c.joints
@@ -243,8 +246,7 @@ def used_entries(joint: Joint, found: Identified | None) -> dict[str, Entry]:
 
 
 def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
-    """Place in identified.yaml of the value behind the `keys` of config.yaml; empty if the value
-    of config.yaml is in force."""
+    """Place in identified.yaml of what `keys` name in config.yaml; empty if that is in force."""
     match keys:
         case ["joints", int(index), "wiring", *path] | ["joints", int(index), *path] if found:
             joint = c.joints[index]

@@ -15,7 +15,7 @@ from drivers.makes import DriveProfile, Make, make_of
 from drivers.settings import Name, Settings
 from drivers.wiring import JointWiring
 from estimator.body_inertia import BodyInertia
-from estimator.payload import Coordinate, Mass
+from estimator.payload import Coordinate, Edge, Mass
 from estimator.settings import EstimatorSettings
 from estimator.thresholds import LEAST_SHARE
 
@@ -211,6 +211,8 @@ class PayloadEntry(Settings, frozen=True):
     mass: Mass  # [kg]
     # centre of mass in the frame of the URDF's last link [m]
     com: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    # edges of a box about it, along that link's axes, which walls keep off [m]; none: not known
+    box: tuple[Edge, Edge, Edge] | None = None
 
 
 JointPosition = Annotated[float, Meta(ge=-100, le=100)]  # of a link [rad]

@@ -29,8 +29,11 @@ BASE: Final = ""
 """Joint of what no joint moves."""
 MOST_PAIRS: Final = 150
 """Pairs that a tick, and the check of a path between two, have the time for."""
+MOST_CORNERS: Final = 16
+ROUNDING_M: Final = 1e-4
+"""By which figures of a file may be too small."""
 HEAD: Final = (
-    "# Written by `contactd shapes`: capsules about the links, each in the frame of its joint (an\n"
+    "# Written by `contactd shapes`: capsules and corners of links, in their joint's frame (an\n"
     "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
     "# capsules for what the URDF lacks, as a tool. Taken up by `contactctl reload`, while off.\n"
 )
@@ -40,15 +43,25 @@ Place = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
 
 
-class CapsuleEntry(Settings, frozen=True):
+class _Part(Settings, frozen=True):
+    name: Name
+    joint: str
+
+
+class CapsuleEntry(_Part, frozen=True):
     """Capsule: all that is within a radius of the segment from start to end. Capsules that share a
     name, and a joint, are parts of one link."""
 
-    name: Name
-    joint: str
     start: Place
     end: Place
     radius: Radius
+    edged: bool = False  # beside planes its link's corners count instead
+
+
+class CornersEntry(_Part, frozen=True):
+    """Corners of an edged link: planes are kept off those, as its capsules are wider."""
+
+    points: Annotated[list[Place], Meta(min_length=1, max_length=MOST_CORNERS)]
 
 
 class LeftOut(Settings, frozen=True):
@@ -65,6 +78,7 @@ class Shapes(Settings, frozen=True):
     urdf: str  # digest of the URDF that they were fitted to
     source: Literal["collision", "visual", "inertial"]  # what of it
     capsules: Annotated[list[CapsuleEntry], Meta(min_length=1, max_length=64)]
+    corners: list[CornersEntry] = msgspec.field(default_factory=list)
     margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # gap that is kept [m]
     left_out: list[LeftOut] = msgspec.field(default_factory=list)
     surroundings: str = ""  # digest of those that were there
@@ -148,13 +162,20 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         )
     around = [*surroundings.planes, *surroundings.boxes] if surroundings else []
     joint_of = dict.fromkeys(around, "of the surroundings")
-    for k, one in enumerate(shapes.capsules):
-        where = f"{path}:{source.line(['capsules', k])}: capsules[{k}]"
+    parts: list[tuple[str, int, _Part]] = [
+        *(("capsules", k, one) for k, one in enumerate(shapes.capsules)),
+        *(("corners", k, one) for k, one in enumerate(shapes.corners)),
+    ]
+    cornered = {one.name for one in shapes.corners}
+    for key, k, one in parts:
+        where = f"{path}:{source.line([key, k])}: {key}[{k}]"
         if one.joint not in [BASE, *joints]:
             raise ConfigurationError(
                 f"{where}: no joint {one.joint!r}; there are: {', '.join(joints)}, or '' for the "
                 "root of the URDF"
             )
+        if isinstance(one, CapsuleEntry) and one.edged and one.name not in cornered:
+            raise ConfigurationError(f"{where}: edged, but there are no corners of {one.name!r}")
         if joint_of.setdefault(one.name, one.joint) != one.joint:
             raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
     walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
@@ -165,7 +186,7 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
                     f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} is "
                     "another than when this pair was left out: `contactd shapes --force`"
                 )
-    if (pairs := _guarded(walls)) > MOST_PAIRS:
+    if (pairs := guarded(walls)) > MOST_PAIRS:
         raise ConfigurationError(
             f"{path}:{source.line(['capsules'])}: {pairs} pairs to guard; at most {MOST_PAIRS} "
             "leave a tick its time: `contactd shapes --single --force`, or fewer planes and boxes"
@@ -173,7 +194,7 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
     return walls
 
 
-def _guarded(walls: Walls) -> int:
+def guarded(walls: Walls) -> int:
     """Number of pairs that are guarded."""
     capsules, around = walls.shapes.capsules, walls.surroundings
     pairs = [(a.name, b.name) for a, b in combinations(capsules, 2) if a.joint != b.joint]
@@ -212,7 +233,14 @@ def clearance_of(walls: Walls, bodies: list[Body], joints: list[str]) -> Clearan
         Capsule(one.name, numbers[one.joint], np.array(one.start), np.array(one.end), one.radius)
         for one in walls.shapes.capsules
     ]
-    return Clearance(bodies, capsules, pairs_of(capsules, obstacles_of(walls), walls.left_out))
+    edges = [
+        Capsule(one.name, numbers[one.joint], np.array(start), np.array(end), ROUNDING_M)
+        for one in walls.shapes.corners
+        for start, end in zip(one.points[::2], [*one.points[1::2], one.points[0]], strict=False)
+    ]
+    round_ = [c for c, one in zip(capsules, walls.shapes.capsules, strict=True) if not one.edged]
+    pairs = pairs_of(capsules, [*round_, *edges], obstacles_of(walls), walls.left_out)
+    return Clearance(bodies, [*capsules, *edges], pairs)
 
 
 def obstacles_of(walls: Walls) -> list[Plane | Box]:
@@ -229,12 +257,17 @@ def obstacles_of(walls: Walls) -> list[Plane | Box]:
 
 
 def pairs_of(
-    capsules: list[Capsule], obstacles: list[Plane | Box], left_out: set[frozenset[str]]
+    capsules: list[Capsule],
+    beside_planes: list[Capsule],
+    obstacles: list[Plane | Box],
+    left_out: set[frozenset[str]],
 ) -> list[tuple[Capsule, Capsule | Plane | Box]]:
     """Pairs that move against each other, without those that are left out."""
     pairs: list[tuple[Capsule, Capsule | Plane | Box]] = [
         (one, other) for k, one in enumerate(capsules) for other in capsules[:k]
         if one.body != other.body
     ]  # fmt: skip
-    pairs += [(one, other) for one in capsules if one.body >= 0 for other in obstacles]
+    for other in obstacles:
+        firsts = beside_planes if isinstance(other, Plane) else capsules
+        pairs += [(one, other) for one in firsts if one.body >= 0]
     return [pair for pair in pairs if frozenset((pair[0].name, pair[1].name)) not in left_out]

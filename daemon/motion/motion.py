@@ -13,6 +13,7 @@ from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 from daemon.motion.target_stream import TargetStream
+from daemon.protocol.state import Meeting
 from estimator.walls import Walls
 
 # Distance from the line's end at which a joint has arrived [rad].
@@ -51,6 +52,9 @@ class Motion:
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
         self.blind, self.walls = blind, None if blind else walls
+        self.meeting: Meeting | None = None
+        """of the last path that was looked at, if it leads through a shape"""
+        self._held_back = False  # by a wall, and not caught up since
         self.limits, self.gains, self.follower = limits, gains, follower
         self.probing = np.zeros_like(limits.lower)
         """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""
@@ -72,7 +76,7 @@ class Motion:
     def follow(self, anchor: Vector, *, again: bool = False) -> None:
         """Run the trajectory, at its present path time, from `anchor` [rad]; again: after a
         contact."""
-        self.reference = anchor.copy()
+        self.reference, self.meeting = anchor.copy(), None
         if stream := self.stream:
             stream.go_on(self.reference, again=again)
         else:
@@ -181,6 +185,7 @@ class Motion:
                 wanted, self.velocity = self.velocity, np.empty_like(desired)
                 moved = before if moved is None else moved
                 self.walls.bound(here, moved, wanted, self.limits.each(play), self.velocity)
+                self._held_back = self._held_back or self.walls.slows
                 if mode is Mode.HOLDING and self.walls.slows and self.walls.touch(self.reference):
                     self.hold(q)  # what it is held back from is no place to go to later
         else:
@@ -232,7 +237,9 @@ class Motion:
         """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they
         open: it catches up no faster than its path goes, `speed`, or than an arm goes back."""
         velocity: Vector = self._manner.position_gain * (reference - q)
-        if self.walls is None:
+        if self.walls is None or not self._held_back:
             return velocity
         most = np.maximum(speed, self._manner.return_velocity)
-        return np.minimum(np.maximum(velocity, -most), most)
+        slowly = np.minimum(np.maximum(velocity, -most), most)
+        self._held_back = self.walls.slows or bool((slowly != velocity).any())
+        return slowly

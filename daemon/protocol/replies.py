@@ -162,5 +162,6 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     wrench_at: str = ""  # its point, in words
     wrench_axes: str = ""  # link of the URDF along whose axes it is
     near: Near | None = None  # None without shapes, or in a mode in which the arm does not move
+    unguarded: str = ""  # reason why no shape is guarded in this run, of an arm that has some
     changed: list[str] = []  # files that differ from those in use; checked while off
     not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field

@@ -11,7 +11,7 @@ import msgspec
 from daemon.protocol.bounds import FASTEST, MAX_GAIN, PLAUSIBLE, SLOWEST
 from daemon.protocol.lease import LONGEST_S, SHORTEST_S
 from daemon.protocol.text import MOST_ON_BEHALF, ONE_LINE, PLAIN
-from estimator.payload import FURTHEST_M, HEAVIEST_KG
+from estimator.payload import FURTHEST_M, HEAVIEST_KG, THINNEST_M
 
 MAX_REQUEST_BYTES: Final = 8192  # of one message to the daemon
 
@@ -156,6 +156,8 @@ class SetPayload(_Bare, frozen=True, tag="payload"):
     mass: Annotated[float, _within(0.0, HEAVIEST_KG)] | None = None
     # beside `mass`: its centre in the hand's frame, three numbers [m]
     com: list[Annotated[float, _within(-FURTHEST_M, FURTHEST_M)]] | None = None
+    # edges of a box about that centre, along the hand's axes, three numbers [m]
+    box: list[Annotated[float, _within(THINNEST_M, FURTHEST_M)]] | None = None
 
 
 class Reload(_Bare, frozen=True, tag="reload"):

@@ -76,6 +76,14 @@ class Near(msgspec.Struct, frozen=True, kw_only=True):
     slows: bool  # a joint is slowed for this or another pair
 
 
+class Meeting(msgspec.Struct, frozen=True, kw_only=True):
+    """Place of a path that was refused, at which it leads one shape through another."""
+
+    pair: list[str]  # their names
+    position: PerJoint  # of the links there [rad]
+    text: str  # reason of the refusal
+
+
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Event of one tick: a contact, a fault, or (`mode`) a change of mode or permission, or other
     news, as `what: cause`; ` -> ` in it is a change of mode, or of a gain."""
@@ -147,6 +155,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     wrench: Wrench | None = None  # at the tool; None in recordings from before it was published
     # Left out without shapes, and in a mode in which the arm does not move.
     near: Near | msgspec.UnsetType = msgspec.UNSET
+    # Left out unless the last path that was asked for was refused for it.
+    meeting: Meeting | msgspec.UnsetType = msgspec.UNSET
 
 
 STATE_FORMAT = 6
@@ -181,3 +191,4 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     bus_load: float | None = None  # share of the bus that periodic frames take at worst
     wrench_axes: str = ""  # link of the URDF along whose axes each State's `wrench` is ...
     wrench_point: list[float] = []  # ... and where in that link's frame, x y z [m]
+    walls: dict[str, Any] | None = None  # content of shapes.yaml and surroundings.yaml

@@ -286,11 +286,13 @@ class Commands:
         return self._reply(request)
 
     def _payload(self, request: requests.SetPayload, who: str) -> Reply:
+        last, payloads = self.loop.tick.last, self.process.payloads
         try:
-            payload = self.process.payloads.asked_for(request)
+            payload = payloads.asked_for(request)
+            walls = payloads.walls(payload, last.samples.link_position if last else None)
         except ModelError as error:
             return self._reply(request, [str(error)])
-        reasons = self.process.payloads.too_heavy(payload) or self.loop.tick.carry(payload, who)
+        reasons = payloads.too_heavy(payload) or self.loop.tick.carry(payload, who, walls)
         return self._reply(request, reasons, str(payload) if payload else "none")
 
     def _gain(self, request: requests.SetGain, who: str) -> Reply:

@@ -1,21 +1,29 @@
 """Payloads that may be announced: by mass and place, or by their names in the configuration."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from common.arrays import Vector
 from common.errors import ModelError
+from daemon.assembly import build_walls
 from daemon.config.load import Robot
+from daemon.config.payload_shape import PAYLOAD, with_payload
 from daemon.config.schema import NO_PAYLOAD, Configuration
+from daemon.config.shapes import MOST_PAIRS, guarded
 from daemon.config.worst_loads import Carrying
 from daemon.protocol.bounds import LIGHTEST_KG
 from daemon.protocol.requests import SetPayload
+from estimator.clearance import Capsule
 from estimator.payload import HEAVIEST_KG, Payload
+from estimator.walls import Walls
 
 
 def named_payloads(c: Configuration, tool_place: Sequence[float]) -> dict[str, Payload]:
     """Payloads under `payloads`, by name; those without a place are at the tool point."""
     return {
-        name: Payload.of(entry.mass, entry.com or tool_place, name)
+        name: Payload.of(entry.mass, entry.com or tool_place, name, entry.box)
         for name, entry in c.payloads.items()
     }
 
@@ -40,8 +48,8 @@ class Payloads:
     def asked_for(self, request: SetPayload) -> Payload | None:
         """Payload of a request, None for none. Raises ModelError for an impossible one."""
         if request.name is not None:
-            if request.mass is not None or request.com is not None:
-                raise ModelError("it takes a `name`, or a `mass` with its `com`")
+            if any(x is not None for x in (request.mass, request.com, request.box)):
+                raise ModelError("it takes a `name`, or a `mass` with its `com` and `box`")
             if request.name == NO_PAYLOAD:
                 return None
             if request.name not in self.named:
@@ -52,7 +60,7 @@ class Payloads:
                 )
             return self.named[request.name]
         if request.mass is None:
-            raise ModelError("it takes a `name`, or a `mass` with its `com`")
+            raise ModelError("it takes a `name`, or a `mass` with its `com` and `box`")
         if request.mass == 0.0:
             return None
         if not LIGHTEST_KG <= request.mass <= HEAVIEST_KG:
@@ -61,7 +69,36 @@ class Payloads:
                 "nothing"
             )
         com = self._tool_place if request.com is None else request.com
-        return Payload.of(request.mass, com)
+        return Payload.of(request.mass, com, box=request.box)
+
+    def walls(self, payload: Payload | None, q: Vector | None) -> Walls | None:
+        """Walls of the arm while it carries that, at q (n,) [rad] now, if that is known; None
+        without shapes. Raises ModelError for a box without shapes to keep it off, with too many
+        pairs, or that reaches into a link."""
+        robot = self.robot
+        if payload is None or payload.box is None:
+            return build_walls(robot)
+        if robot.walls is None:
+            raise ModelError(
+                "the arm has no shapes from which a box could be kept: `contactd shapes` first, or "
+                "leave the box out"
+            )
+        content = with_payload(robot.walls, payload, robot.model)
+        if (pairs := guarded(content)) > MOST_PAIRS:
+            raise ModelError(f"{pairs} pairs to guard with its box; at most {MOST_PAIRS}")
+        walls = build_walls(replace(robot, walls=content))
+        if walls is not None and q is not None and walls.touch(q):
+            c = walls.clearance
+            for row in np.flatnonzero(np.asarray(c.gap) < 0.0):
+                first, second = c.pairs[c.pair[row]]
+                # A table that it stands on is left all the same.
+                if isinstance(second, Capsule) and PAYLOAD in (first.name, second.name):
+                    other = first.name if second.name == PAYLOAD else second.name
+                    raise ModelError(
+                        f"its box reaches {-1000.0 * c.gap[row]:.0f} mm into the shape of {other} "
+                        "here: a smaller one, or another pose"
+                    )
+        return walls
 
     def too_heavy(self, payload: Payload | None) -> list[str]:
         """Reasons why the motors cannot carry it, joint by joint."""

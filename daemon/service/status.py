@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
+from msgspec import to_builtins
 from msgspec.structs import replace
 
 from common.errors import ControlError
@@ -27,6 +28,7 @@ from daemon.tick.loop import Loop
 from daemon.tick.telemetry import SIDE_NAMES, finite_list, wrench_of
 from daemon.tick.tick import Tick
 
+UNGUARDED = "no shape is guarded, as positions are not trusted: see `identification`"
 ASK_AGAIN = "request the motion again: it is forgotten when the program that began it ends"
 
 
@@ -130,6 +132,7 @@ def status_of(
         wrench_at=c.estimator.force_at or tick.estimator.model.tool,
         wrench_axes=c.estimator.force_at or tick.estimator.model.hand,
         near=(last.near or None) if last else None,
+        unguarded=UNGUARDED if tick.controller.motion.blind and process.robot.walls else "",
         changed=process.changed,
         not_taken_up=process.not_taken_up if process.changed else "",
     )
@@ -209,4 +212,5 @@ def context_of(robot: Robot) -> Snapshot:
         bus_load=load_of(c),
         wrench_axes=c.estimator.force_at or robot.model.hand,
         wrench_point=[0.0] * 3 if c.estimator.force_at else robot.model.tool_place.tolist(),
+        walls=to_builtins(robot.walls),
     )

@@ -110,9 +110,8 @@ class Controller:
         """Allow contacts to move the arm, unless the mode forbids it; returns the reason. A new
         arming renews the allowance, a repeated one does not. All other conditions are checked
         before, by `ArmingChecks`."""
-        mode = self.machine.mode
-        if mode not in ARMABLE:
-            return [refusal(mode, "arm")]
+        if self.machine.mode not in ARMABLE:
+            return [refusal(self.machine.mode, "arm")]
         if not self.machine.armed:
             self._allowance.renew()
         self.machine.arm(f"armed by {who}")
@@ -148,12 +147,13 @@ class Controller:
             return ["no samples of the drives yet"]
         if event is Event.START and (lacks := lacking(place.path, blind=self.motion.blind)):
             return lacks
-        joints, limits = self._tuning.joints, self.motion.limits
+        joints, limits, blind = self._tuning.joints, self.motion.limits, self.motion.blind
         if event is Event.START and observed is not None:
-            armed, blind = self.machine.armed, self.motion.blind
-            reasons = touched(observed, place.path, armed=armed, blind=blind)
+            reasons = touched(observed, place.path, armed=self.machine.armed, blind=blind)
             reasons = reasons or not_startable(joints, observed.q, limits, place)
-            return reasons or leads_through(self.motion.walls, observed.q, place)
+            walls = None if reasons else self.motion.walls
+            self.motion.meeting = met = leads_through(walls, observed.q, place)
+            return [met.text] if met else reasons
         if event is Event.ENABLE and observed is not None:
             return not_energisable(joints, self._tuning.ends, limits, observed)
         return []

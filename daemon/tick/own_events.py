@@ -18,6 +18,7 @@ from daemon.motion.hand_witness import HandWitness
 from daemon.motion.limits import all_finite
 from daemon.motion.motion import Motion
 from daemon.motion.probe import Probe
+from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput, ControllerSettings
 from daemon.tick.refusals import leaves_limits, looked_ahead
 
@@ -40,7 +41,7 @@ class OwnEvents:
         self._settings, self._machine, self._motion = settings, machine, motion
         self._quiet, self._allowance = quiet, allowance
         self._probe, self._witness = Probe(len(settings.joints), settings.quiet_s), witness
-        self._ahead: Iterator[list[str]] | None = None  # what is still to be looked at
+        self._ahead: Iterator[Meeting | None] | None = None  # what is still to be looked at
         self._rests = ""  # joint on which a hand was found to rest, since the arm began to yield
         self._waits: dict[Mode, Callable[[float, ControlInput], Trigger | None]] = {
             Mode.ENABLING: self._enabling,
@@ -130,11 +131,11 @@ class OwnEvents:
         if self._ahead is None:
             self._ahead = looked_ahead(self._motion.walls, q, self._motion.follower.place)
         looks = list(islice(self._ahead, PLACES_A_TICK))
-        reasons = next(filter(None, looks), [])
-        if len(looks) == PLACES_A_TICK and not reasons:
+        met = next(filter(None, looks), None)
+        if len(looks) == PLACES_A_TICK and met is None:
             return None
-        self._ahead = None
-        return reasons
+        self._ahead, self._motion.meeting = None, met
+        return [met.text] if met else []
 
     def _releasing(self, dt: float, observed: ControlInput) -> Trigger | None:
         release = self._motion.giving_way

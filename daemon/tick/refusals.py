@@ -9,6 +9,7 @@ from common.arrays import Vector
 from daemon.faults.conditions import Response
 from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import ROUNDING, JointPath, Place, stands
+from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput
 from estimator.walls import Walls
 
@@ -102,15 +103,14 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
     return reasons
 
 
-def leads_through(walls: Walls | None, q: Vector, place: Place) -> list[str]:
-    """Reason against `start` from q (n,) [rad]; empty without one."""
-    return next((reasons for reasons in looked_ahead(walls, q, place) if reasons), [])
+def leads_through(walls: Walls | None, q: Vector, place: Place) -> Meeting | None:
+    """First place of a path from q (n,) [rad] that is a reason against `start`."""
+    return next(filter(None, looked_ahead(walls, q, place)), None)
 
 
-def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[list[str]]:
+def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeting | None]:
     """For each of PLACES of the rest of a path from q (n,) [rad], or of its first minute if it has
-    no end: the reason against it if it leads two shapes through each other. Shapes that overlap may
-    come apart."""
+    no end: what it leads through each other there. Shapes that overlap may come apart."""
     if walls is None or not walls.clearance.pairs:
         return
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
@@ -120,17 +120,19 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[list[
     least, origin = np.minimum.reduceat(clearance.gap, first_rows), q - path.offset(s)
     least = np.minimum(least, 0.0) - ROUNDING
     for at_s in np.linspace(s, end, PLACES).tolist() if path.fastest(s).any() else []:
-        clearance.at(origin + path.offset(at_s))
+        there = origin + path.offset(at_s)
+        clearance.at(there)
         gaps = np.minimum.reduceat(clearance.gap, first_rows)
         pair = int(np.argmin(gaps - least))
         if (gap := gaps[pair]) >= least[pair]:
-            yield []
+            yield None
             continue
-        first, second = clearance.pairs[pair]
-        yield [
-            f"{path.name} leads {first.name} through {second.name}, {-1000.0 * gap:.0f} mm "
-            f"deep, at {at_s:.1f} s: go there another way"
-        ]
+        names = [one.name for one in clearance.pairs[pair]]
+        text = (
+            f"{path.name} leads {' through '.join(names)}, {-1000.0 * gap:.0f} mm deep, at "
+            f"{at_s:.1f} s: go there another way"
+        )
+        yield Meeting(pair=names, position=there.tolist(), text=text)
 
 
 def way_to(joints: Sequence[str], there: Vector) -> str:

@@ -14,6 +14,7 @@ from daemon.modes.table import Mode
 from daemon.motion.target_stream import TargetStream
 from daemon.protocol.state import (
     Contact,
+    Meeting,
     Near,
     Notice,
     PerJoint,
@@ -102,6 +103,7 @@ class TickRecord:
     silenced: bool = False  # last stage of a stop: nothing is sent to the drives
     stream: StreamState | None = None  # that the arm follows
     near: Near | UnsetType = UNSET
+    meeting: Meeting | UnsetType = UNSET
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it
 
 
@@ -140,6 +142,7 @@ def state_of(record: TickRecord, permit: Permit | None = None) -> State:
         recognised=record.recognised,
         stream=record.stream,
         near=record.near,
+        meeting=record.meeting,
         timing=Timing(
             wall_s=wakeup.wall_s,
             monotonic_s=wakeup.monotonic_s,

@@ -28,6 +28,7 @@ from drivers.api import Drives, PowerTarget, Samples
 from estimator.estimate import Estimate, Flag
 from estimator.estimator import Estimator
 from estimator.payload import Payload
+from estimator.walls import Walls
 
 # A sample younger than this still shows whether a joint is at standstill [periods].
 RECENT_PERIODS = 2.5
@@ -136,6 +137,7 @@ class Tick:
             silenced=self.drives.silenced,
             stream=self.controller.stream_state(),
             near=near_of(self.controller.motion.walls) if machine.mode in SENSING else UNSET,
+            meeting=self.controller.motion.meeting or UNSET,
             notices=self._news.step(time_s, self._sensing, findings, contacts, unproved, others),
         )
 
@@ -242,16 +244,18 @@ class Tick:
 
     # --- requests between two ticks ---------------------------------------------------------
 
-    def carry(self, payload: Payload | None, who: str) -> list[str]:
-        """Set the payload of the model, None for none, from the next tick on; returns reasons of a
-        refusal."""
+    def carry(self, payload: Payload | None, who: str, walls: Walls | None = None) -> list[str]:
+        """Set the payload of the model, None for none, with the walls of an arm that carries it,
+        from the next tick on; returns reasons of a refusal."""
         machine = self.controller.machine
         if machine.mode in GUIDED or machine.mode in YIELDING:
             why = refusal(machine.mode, "payload")
             return [f"{why}: let go of it first; if only a load moves it, `contactctl stop`"]
         text = f"payload {payload}" if payload else "payload none"
-        if payload and self.controller.motion.walls is not None:
-            text += ", whose shape no wall knows"
+        motion = self.controller.motion
+        if motion.walls is not None:
+            motion.walls = walls or motion.walls
+            text += ", whose shape no wall knows" if payload and not payload.box else ""
         self.estimator.carry(payload)
         self.payload = payload
         self.loads.announce(payload)

@@ -90,6 +90,7 @@ function begin(message) {
   header.begin(hello.joints);
   joints.begin(hello);
   scene?.begin(hello);
+  show(at("shapes"), scene !== null && Boolean(hello.walls));
 }
 
 function takeWords(words) {
@@ -99,6 +100,8 @@ function takeWords(words) {
   header.words(words);
   joints.words(words);
   scene?.words(words);
+  show(at("meeting"), Boolean(words.meeting));
+  say(at("meeting"), words.meeting ? `✖ Refused: ${words.meeting.text}.` : "");
   commands.seen(STANDS.has(words.mode) && words.unproved.length === 0, words.mode);
 }
 
@@ -159,6 +162,8 @@ async function openScene() {
     const { Scene } = await import("./scene.js");
     scene = new Scene(at("scene"), `arms/${arm}/urdf`, (text) => say(at("scene-note"), text));
     if (hello?.joints.length) await scene.begin(hello);
+    show(at("shapes"), Boolean(hello?.walls));
+    at("shapes").addEventListener("change", ({ target }) => scene.show(target.checked));
     if (said !== null) scene.words(said);
   } catch (error) {
     say(at("scene-note"), `The arm cannot be drawn: ${error.message}.`);

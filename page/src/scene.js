@@ -2,12 +2,13 @@
 // arc with a head around each joint that feels a torque.
 
 import {
-  AmbientLight, CapsuleGeometry, Color, ConeGeometry, DirectionalLight, GridHelper, Group, Mesh,
+  AmbientLight, BoxGeometry, CapsuleGeometry, Color, ConeGeometry, DirectionalLight, GridHelper, Group, Mesh,
   MeshStandardMaterial, PerspectiveCamera, Quaternion, Scene as Space, SphereGeometry, TorusGeometry,
   Vector3, WebGLRenderer, Box3,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import URDFLoader from "urdf-loader";
+import { Shapes } from "./shapes.js";
 import { isBeyond } from "./words.js";
 
 const EVERY_MS = 33;
@@ -26,6 +27,7 @@ export class Scene {
   #joints = []; #touched = ""; #carried = null; #load = null; #drawn_ms = 0; #size = 1; #names;
   #colours = new Color(0xd06030); #force = null; #felt = null; #place; #touch = null; #point = null;
   #seen = new Box3(); #corners = []; #framed_ms = 0; #turned = false;
+  #walls = null; #shapes = null; #meeting = null; #shown = false;
 
   constructor(host, url, say) {
     this.#host = host;
@@ -45,8 +47,9 @@ export class Scene {
   }
 
   /** Build the arm, anew after the daemon came back: it may be another one. */
-  async begin({ joints, force_axes, force_point }) {
+  async begin({ joints, force_axes, force_point, walls }) {
     this.#names = joints;
+    this.#walls = walls;
     this.#place = { link: force_axes, point: force_point };
     const description = await readXml(this.#url);
     if (description === null) return this.#say("The arm's description cannot be read.");
@@ -70,9 +73,23 @@ export class Scene {
     this.#carried = words.load ?? null;
     this.#felt = words.force ?? null;
     this.#touch = words.touch ?? null;
+    this.#meeting = words.meeting ?? null;
     this.#carry();
+    this.#refuse();
     this.#mark();
     this.#push();
+  }
+
+  /** Show the shapes that are guarded, or hide them. */
+  show(shapes) {
+    this.#shown = shapes;
+    this.#shapes?.show(shapes);
+    this.#now();
+  }
+
+  #refuse() {
+    this.#shapes?.refuse(this.#meeting, this.#names, this.#load);
+    this.#host.dataset.meeting = this.#meeting?.pair.join(" ") ?? "";
   }
 
   /** Draw the pose, and what is felt, of a tick. */
@@ -104,7 +121,8 @@ export class Scene {
     // As large as so much water would be, twice.
     const radius = 2 * Math.cbrt((3 * this.#carried.mass) / (4e3 * Math.PI));
     const material = new MeshStandardMaterial({ color: 0x9a6bd0, wireframe: !this.#carried.announced });
-    this.#load = new Mesh(new SphereGeometry(radius, 16, 12), material);
+    const { box } = this.#carried;
+    this.#load = new Mesh(box ? new BoxGeometry(...box) : new SphereGeometry(radius, 16, 12), material);
     this.#load.position.set(...this.#carried.com);
     hand.add(this.#load);
   }
@@ -150,6 +168,7 @@ export class Scene {
 
   #build(robot) {
     if (this.#robot !== null) this.#space.remove(this.#robot, this.grid);
+    this.#shapes?.remove();
     robot.rotation.x = -Math.PI / 2; // URDF has z upwards, three.js y
     robot.updateMatrixWorld(true);
     this.#robot = robot;
@@ -165,7 +184,10 @@ export class Scene {
     this.#space.add(this.grid);
     this.#carry();
     this.#push();
+    this.#shapes = new Shapes(robot, this.#walls, this.#size);
+    this.#shapes.show(this.#shown);
     this.#survey();
+    this.#refuse();
     this.#recolour();
     this.#resize();
   }
@@ -247,6 +269,7 @@ export class Scene {
       joint.colours = { plain: colour("--link"), felt: colour("--felt"), touched: colour("--touched") };
       joint.paint();
     }
+    this.#shapes?.paint(colour("--residual"), colour("--bad"));
     this.#now();
   }
 }

@@ -105,14 +105,20 @@ class Client:
         return self.ask(Renew(lease_s=_a_lease(lease_s)))
 
     def payload(
-        self, mass: float | None = None, com: Sequence[float] | None = None, *, name: str = ""
+        self,
+        mass: float | None = None,
+        com: Sequence[float] | None = None,
+        *,
+        name: str = "",
+        box: Sequence[float] | None = None,
     ) -> Reply:
         """Announce the payload in the hand: a mass [kg] with its centre `com` (3,) [m] in the frame
-        of the URDF's last link (by default the tool point), or the `name` of one in the
-        configuration; neither, or 0 kg: nothing. The answer may be a refusal."""
-        place = None if com is None else list(com)
-        if name or place is not None:  # the daemon refuses what does not go together
-            return self.ask(SetPayload(name=name or None, mass=mass, com=place))
+        of the URDF's last link (by default the tool point) and the edges (3,) [m] of a `box` about
+        that for walls, or the `name` of one in the configuration; neither, or 0 kg: nothing. The
+        answer may be a refusal."""
+        place, edges = (None if x is None else list(x) for x in (com, box))
+        if name or not place is edges is None:  # the daemon refuses what does not go together
+            return self.ask(SetPayload(name=name or None, mass=mass, com=place, box=edges))
         return self.ask(SetPayload(mass=mass or 0.0))
 
     def go(

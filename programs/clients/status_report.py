@@ -67,8 +67,8 @@ def status_report(status: Status, socket: Path | None = None, point: str = "") -
         table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
     if point:
         table.add_row("touched", Text(point))
-    if status.near is not None:
-        table.add_row("near", Text(near_words(status.near)))
+    if near := status.unguarded or (near_words(status.near) if status.near else ""):
+        table.add_row("near", Text(near, "yellow" if status.unguarded else ""))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"
     table.add_row("loop", f"{status.ticks} ticks, {missed}, {work}")

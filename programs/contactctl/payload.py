@@ -19,8 +19,21 @@ from programs.contactctl.replies import answer, print_json
     help="Centre of the mass in the frame of the URDF's last link, in m; without it, the point "
     "that `status` calls the tool.",
 )
+@click.option(
+    "--box",
+    nargs=3,
+    type=float,
+    metavar="X Y Z",
+    help="Edges of a box about that centre, along that link's axes, in m: walls keep it off the "
+    "arm and its surroundings. Without it they do not know its shape.",
+)
 @click.pass_obj
-def payload(options: Options, what: str | None, com: tuple[float, float, float] | None) -> None:
+def payload(
+    options: Options,
+    what: str | None,
+    com: tuple[float, float, float] | None,
+    box: tuple[float, float, float] | None,
+) -> None:
     """Announce the payload in the hand, by its mass in kg or its name in the configuration, or
     `none`.
 
@@ -30,23 +43,28 @@ def payload(options: Options, what: str | None, com: tuple[float, float, float] 
     """
     from daemon.protocol.requests import SetPayload
 
+    beside = [f"--{name}" for name, given in (("com", com), ("box", box)) if given is not None]
     if what is None:
-        if com is not None:
-            raise click.UsageError("--com belongs to a mass")
+        if beside:
+            raise click.UsageError(f"{beside[0]} belongs to a mass")
         _show_payload(options)
         return
     try:
         mass = float(what)
     except ValueError:
-        if com is not None:
-            raise click.UsageError(f"--com belongs to a mass in kg, {what!r} is a name") from None
+        if beside:
+            raise click.UsageError(
+                f"{beside[0]} belongs to a mass in kg, {what!r} is a name"
+            ) from None
         request = SetPayload(name=what)
     else:
         if not math.isfinite(mass):
             raise click.UsageError(f"{what} is not a mass")
-        if com is not None and not all(map(math.isfinite, com)):
-            raise click.UsageError(f"--com {' '.join(map(str, com))} is not a place")
-        request = SetPayload(mass=mass, com=None if com is None else list(com))
+        for option, given, what_it_is in (("--com", com, "place"), ("--box", box, "size")):
+            if given is not None and not all(map(math.isfinite, given)):
+                text = f"{option} {' '.join(map(str, given))} is not a {what_it_is}"
+                raise click.UsageError(text)
+        request = SetPayload(mass=mass, com=com and list(com), box=box and list(box))
     with options.connect() as client:
         answer(options, client.ask(request))
 

@@ -10,10 +10,10 @@ from common import compiled
 from daemon.config.bounds import near
 from daemon.config.checks import suspects
 from daemon.config.convert import choices
-from daemon.config.evidence import unarmable
+from daemon.config.evidence import outdated, unarmable, unidentified
 from daemon.config.explanations import explain
 from daemon.config.identified import Identified
-from daemon.config.load import load_robot
+from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, frames_of
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
@@ -65,6 +65,7 @@ def print_check(config: Path) -> None:
         say(line)
     if robot.walls is not None:
         say(robot.walls.in_words)
+        _say_places(robot)
     _print_bus(console, c)
     # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
@@ -83,6 +84,19 @@ def print_check(config: Path) -> None:
     if marked := guesses(robot.text):
         say(f"{robot.path}: {marked} lines still hold guesses (CHECK)")
     say(f"{robot.path}: good")
+
+
+def _say_places(robot: Robot) -> None:
+    """Say why shapes may be elsewhere than they are taken to be."""
+    c, entries = robot.configuration, robot.identified.joints if robot.identified else {}
+    void = [outdated(step, robot.identified, c, robot.urdf) for step in ("wiring", "zero")]
+    if unidentified("wiring", robot.identified, c) or any(void):
+        say("shapes: none is guarded until wiring and zeros hold (`contactd identify wiring`)")
+    if names := [j for j in c.joint_names if getattr(entries.get(j), "zero", None) is None]:
+        say(
+            f"shapes: as far off as the zeros of {', '.join(names)}, which config.yaml states and "
+            "no step measured (`contactd identify zero`)"
+        )
 
 
 def _say_alone(c: Configuration) -> None:

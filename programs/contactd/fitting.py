@@ -15,8 +15,10 @@ from common.errors import ConfigurationError, ModelError
 from daemon.config.load import Robot, load_robot
 from daemon.config.shapes import (
     BASE,
+    MOST_CORNERS,
     SHAPES,
     CapsuleEntry,
+    CornersEntry,
     LeftOut,
     Shapes,
     Surroundings,
@@ -29,7 +31,7 @@ from daemon.config.shapes import (
 )
 from estimator.dynamics import Body
 from estimator.model_reading import read_urdf
-from identification.capsules import PairGaps, fit_capsule, gaps_over_poses, split
+from identification.capsules import PairGaps, corners_of, fit_capsule, gaps_over_poses, split
 from programs.command_line.sentences import say
 
 Source = Literal["collision", "visual", "inertial"]
@@ -69,9 +71,10 @@ def fitted(
 ) -> tuple[Shapes, list[str]]:
     """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
     chosen, links = points_of(robot, source, single=single)
-    capsules, urdf = _capsules(robot, links), digest_of(robot.urdf)
+    corners = _corners_of(robot, points_of(robot, source, single=True)[1])
+    capsules = _capsules(robot, links, {one.name for one in corners})
     shapes = Shapes(
-        version=1, urdf=urdf, source=chosen, capsules=capsules,
+        version=1, urdf=digest_of(robot.urdf), source=chosen, capsules=capsules, corners=corners,
         surroundings=digest_of_surroundings(around),
     )  # fmt: skip
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
@@ -156,7 +159,7 @@ def _corners(half: Matrix) -> Matrix:
     return np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, 8).T * half
 
 
-def _capsules(robot: Robot, links: list[LinkPoints]) -> list[CapsuleEntry]:
+def _capsules(robot: Robot, links: list[LinkPoints], edged: set[str]) -> list[CapsuleEntry]:
     joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
     for link in links:
         fit = fit_capsule(link.points)
@@ -165,8 +168,26 @@ def _capsules(robot: Robot, links: list[LinkPoints]) -> list[CapsuleEntry]:
         fits_m = fit.radius if link.radius == 0.0 else max(fit.radius - 0.005, 0.0) + link.radius
         radius = round(fits_m + 1e-4, 4)  # and what rounding may take
         entries.append(
-            CapsuleEntry(name=link.name, joint=joint, start=start, end=end, radius=radius)
+            CapsuleEntry(
+                name=link.name,
+                joint=joint,
+                start=start,
+                end=end,
+                radius=radius,
+                edged=link.name in edged,
+            )
         )
+    return entries
+
+
+def _corners_of(robot: Robot, links: list[LinkPoints]) -> list[CornersEntry]:
+    """Corners of the links that have few."""
+    joints, bodies, entries = robot.configuration.joint_names, robot.model.bodies(), []
+    for link in links:
+        points = corners_of(link.points)
+        if link.body >= 0 and link.radius == 0.0 and len(points) <= MOST_CORNERS:
+            joint, places = joints[bodies[link.body].row], np.round(points, 4).tolist()
+            entries.append(CornersEntry(name=link.name, joint=joint, points=places))
     return entries
 
 

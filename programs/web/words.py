@@ -1,14 +1,14 @@
 """Texts of one arm on the page: sent as JSON when they change. Pure."""
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
 from daemon.faults.finding import advice_on
 from daemon.modes.table import SENSING, Mode
 from daemon.protocol.replies import Check, Learned, Status
-from daemon.protocol.state import Permit, Snapshot, State, Wrench
+from daemon.protocol.state import Meeting, Permit, Snapshot, State, Wrench
 from programs.clients.near import near_words
 from programs.clients.sensed import lost_samples
 from programs.clients.stream_words import phase_in_words, quality_in_words
@@ -35,6 +35,7 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="kind"):
     may_record: bool
     force_axes: str  # link of the URDF along whose axes each `Force` is ...
     force_point: list[float]  # ... and where in its frame it presses [m]
+    walls: dict[str, Any] | None  # shapes of the arm and of its surroundings, as in their files
 
 
 class Force(msgspec.Struct, frozen=True):
@@ -61,6 +62,7 @@ class Load(msgspec.Struct, frozen=True):
     announced: bool
     mass: float  # [kg]
     com: list[float]  # its centre, in the frame of the arm's last link [m]
+    box: list[float] | None  # edges of a box about it [m]
     text: str
 
 
@@ -84,6 +86,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     touch: Touch | None  # None where no point is known
     stream: str  # phase of the arm on a stream of targets; empty without one
     near: str  # nearest pair of its shapes and surroundings; empty without shapes
+    meeting: Meeting | None  # where the last path that was asked for leads through a shape
 
 
 class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
@@ -196,6 +199,7 @@ def hello(
         may_record=may_record,
         force_axes=s.wrench_axes if s else "",
         force_point=s.wrench_point if s else [],
+        walls=s.walls if s else None,
     )
 
 
@@ -219,6 +223,7 @@ def words(arm: int, state: State, found: TouchPoint | None = None) -> Words:
         touch=touch(found) if found is not None and found.placed else None,
         stream=phase_in_words(state.stream) if state.stream else "",
         near=near_words(near) if (near := getattr(state, "near", None)) else "",
+        meeting=getattr(state, "meeting", None) or None,
     )
 
 
@@ -253,7 +258,9 @@ def load(state: State) -> Load | None:
     for field, announced in (("recognised", False), ("payload", True)):
         found = getattr(state, field, None)
         if found is not None:
-            return Load(announced, found.mass, list(found.com), str(found))
+            return Load(
+                announced, found.mass, list(found.com), getattr(found, "box", None), str(found)
+            )
     return None
 
 

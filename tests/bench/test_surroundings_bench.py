@@ -49,5 +49,5 @@ def test_shapes_contain_the_truth(openarm: Scene) -> None:
 
 def test_some_poses_are_lost(openarm: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bench.surroundings.POSES", 60)
-    clear, forbidden = lost(openarm, 1)
-    assert 0 <= forbidden < clear <= 60
+    clear, forbidden, near = lost(openarm, 1)
+    assert 0 <= near <= forbidden < clear <= 60

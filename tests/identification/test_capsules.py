@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from identification.capsules import THINNER, THINNEST, PairGaps, fit_capsule, gaps_over_poses, split
+from identification.capsules import (
+    THINNER,
+    THINNEST,
+    PairGaps,
+    corners_of,
+    fit_capsule,
+    gaps_over_poses,
+    split,
+)
 from tests.daemon.motion.test_walls import TABLE, arm
 
 
@@ -49,6 +57,15 @@ def test_two_halves_cover_a_box_with_thinner_capsules(seed: int) -> None:
 def test_what_is_flat_stays_in_one_piece(edges: list[float]) -> None:
     corners = np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, 8).T * edges
     assert len(split(corners)) == 1
+
+
+def test_corners_of_a_box_and_of_what_is_flat() -> None:
+    rng = np.random.default_rng(3)
+    box = np.array(np.meshgrid(*([-0.1, 0.2],) * 3)).reshape(3, 8).T
+    found = corners_of(np.vstack((rng.uniform(-0.1, 0.2, (100, 3)), box)))
+    assert sorted(map(tuple, found)) == sorted(map(tuple, box))
+    flat = rng.uniform(-1.0, 1.0, (5, 3)) * [1.0, 1.0, 0.0]
+    assert np.array_equal(corners_of(flat), flat)
 
 
 def test_a_point_has_the_least_radius() -> None:

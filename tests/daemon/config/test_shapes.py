@@ -44,10 +44,8 @@ def test_shapes_and_surroundings_make_pairs(folder: Path) -> None:
     robot = load_robot(folder)
     assert robot.walls is not None
     clearance = clearance_of(robot.walls, robot.model.bodies(), robot.configuration.joint_names)
-    names = dict.fromkeys((one.name, other.name) for one, other in clearance.pairs)
-    assert list(names) == [
-        (one, other) for one in ("column", "swing") for other in ("table", "press")
-    ]
+    names = {(one.name, other.name) for one, other in clearance.pairs}
+    assert names == {(one, other) for one in ("column", "swing") for other in ("table", "press")}
     plane, box = obstacles_of(robot.walls)
     assert plane.offset == pytest.approx(-0.2)
     assert np.allclose(box.axes @ [1, 0, 0], [0, 1, 0])
@@ -70,6 +68,8 @@ def edited(folder: Path, name: str, old: str, new: str) -> None:
     ("name", "old", "new"),
     [
         (SHAPES, "joint: swing", "joint: elbow"), (SHAPES, "name: swing", "name: column"),
+        (SHAPES, "corners:\n- name: column", "corners:\n- name: other"),
+        (SHAPES, "corners:\n- name: column\n  joint: c", "corners:\n- name: column\n  joint: el"),
         (SHAPES, "name: swing", "name: table"), (SHAPES, "radius: ", "radius: -"),
         (SHAPES, "urdf: ", "urdf: f"), (SURROUNDINGS, "[0, 0, 2]", "[0, 0, 0]"),
         (SURROUNDINGS, "press", "table"), (SURROUNDINGS, "planes", "walls"),
@@ -81,6 +81,22 @@ def test_refused_with_file_and_line(folder: Path, name: str, old: str, new: str)
     edited(folder, name, old, new)
     with pytest.raises(ConfigurationError, match=rf"{name}:\d+: "):
         load_robot(folder)
+
+
+def test_a_capsule_that_was_added_counts_beside_a_plane(folder: Path) -> None:
+    """Under the name of a link, too, whose corners are all that the plane was kept off."""
+    (folder / SURROUNDINGS).write_text(TABLE)
+
+    def gap() -> float:
+        walls = build_walls(load_robot(folder))
+        assert walls is not None
+        walls.clearance.at(np.zeros(2))
+        return float(np.min(walls.clearance.gap))
+
+    before = gap()
+    tool = "{name: swing, joint: swing, start: [0, 0, 0], end: [0, 0, 0], radius: 0.5}"
+    edited(folder, SHAPES, "capsules:\n", f"capsules:\n- {tool}\n")
+    assert gap() < before - 0.1
 
 
 def test_more_pairs_than_a_tick_has_time_for_are_refused(folder: Path) -> None:

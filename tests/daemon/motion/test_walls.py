@@ -11,6 +11,7 @@ from daemon.motion.limits import Limits
 from daemon.motion.motion import Motion
 from daemon.motion.path import Follower, Place
 from daemon.motion.pose_path import PosePath
+from daemon.protocol.state import Meeting
 from daemon.tick.refusals import leads_through
 from estimator.clearance import Box, Capsule, Clearance, Plane
 from estimator.dynamics import Body
@@ -191,11 +192,14 @@ def test_a_path_that_leads_through_is_refused_with_where() -> None:
     one, speed = walls(TABLE, BOX), np.full(3, 0.5)
     here, beyond = np.array([0.9, 0.0, 0.0]), np.array([-0.4, 0.9, 0.0])
 
-    def way(start: np.ndarray, goal: np.ndarray) -> list[str]:
+    def way(start: np.ndarray, goal: np.ndarray) -> Meeting | None:
         return leads_through(one, start, Place(PosePath("pose", start, goal, speed)))
 
-    (reason,) = way(here, beyond)
-    assert "link 1 through box" in reason
+    met = way(here, beyond)
+    assert met is not None
+    assert met.pair == ["link 1", "box"]
+    assert one.touch(np.array(met.position))
+    assert not one.touch(np.array(met.position) - 0.03 * (beyond - here))  # the first such place
     assert not leads_through(None, here, Place(PosePath("pose", here, beyond, speed)))
     assert not way(here, here + 0.3)
     assert not way(here, here)
@@ -211,8 +215,9 @@ def test_what_overlaps_already_hides_no_other_pair() -> None:
     path = PosePath("pose", q, np.array([0.0, -1.3, -0.3]), np.full(3, 0.5))
     one.clearance.at(q)
     assert np.min(one.clearance.gap) < -0.1
-    (reason,) = leads_through(one, q, Place(path))
-    assert "link 2 through table" in reason
+    met = leads_through(one, q, Place(path))
+    assert met is not None
+    assert met.pair == ["link 2", "table"]
 
 
 def test_shapes_without_a_pair_bound_and_refuse_nothing() -> None:

@@ -103,6 +103,7 @@ class OddRequests:
                 {"mass": small},
                 {"mass": "0.1", "com": "[0.0,0.01,0.0]"},
                 {"mass": "0.05", "com": "[0,0,0]"},
+                {"mass": "0.05", "box": "[0.1,0.1,0.2]"},
                 {"name": self._name(chance, [*self.payloads, "none"])},
             ],
         }
@@ -117,6 +118,7 @@ class OddRequests:
             "name": lambda: self._name(chance, [*self.payloads, "none"]),
             "pose": lambda: self._name(chance, self.poses),
             "com": lambda: _numbers(chance, chance.choice([3, 3, 3, 2, 4])),
+            "box": lambda: _numbers(chance, chance.choice([3, 3, 3, 2, 4])),
             "planned_from": lambda: _numbers(chance, len(self.joints)),
             "q": lambda: _numbers(chance, len(self.joints)),
             "velocity": lambda: _numbers(chance, len(self.joints)),

@@ -50,6 +50,12 @@ def test_it_is_set_shown_and_taken_off(served: ServedDaemon) -> None:
         (["1", "--com", "0", "0", "3"], 1, "(0 0 3) m is no place"),
         (["cup", "--com", "0", "0", "0"], 2, "'cup' is a name"),
         (["--com", "0", "0", "0"], 2, "--com belongs to a mass"),
+        (["cup", "--box", "1", "1", "1"], 2, "'cup' is a name"),
+        (["--box", "1", "1", "1"], 2, "--box belongs to a mass"),
+        (["1", "--box", "1", "nan", "1"], 2, "--box 1.0 nan 1.0 is not a size"),
+        (["1", "--box", "0.1", "0", "0.1"], 1, "each 0.001 to 2 m"),
+        (["1", "--box", "100", "100", "200"], 1, "each 0.001 to 2 m"),
+        (["1", "--box", "0.1", "0.1", "0.1"], 1, "the arm has no shapes"),
         (["6"], 1, "too heavy: the motors can hold at most"),
     ],
 )
@@ -68,6 +74,9 @@ def test_its_fields_belong_to_it(served: ServedDaemon, client: Client) -> None:
         (SetPayload(name="none", mass=1.0), "it takes a `name`, or a `mass` with its"),
         (SetPayload(com=[0.0, 0.0, 0.0]), "it takes a `name`, or a `mass` with its `com`"),
         (SetPayload(mass=1.0, com=[0.0]), "three numbers"),
+        (SetPayload(box=[0.1, 0.1, 0.1]), "it takes a `name`, or a `mass` with its `com`"),
+        (SetPayload(name="none", box=[0.1, 0.1, 0.1]), "it takes a `name`, or a `mass` with its"),
+        (SetPayload(mass=1.0, box=[0.1, 0.1]), "three edges"),
     ):
         reply = served.until(lambda asked=request: client.ask(asked))
         assert not reply.ok
@@ -82,6 +91,7 @@ def test_a_program_is_refused_what_does_not_go_together(
         lambda: client.payload(0.4, name="cup"),
         lambda: client.payload(com=place),
         lambda: client.payload(com=place, name="cup"),
+        lambda: client.payload(box=place),
     ):
         reply = served.until(asked)
         assert not reply.ok

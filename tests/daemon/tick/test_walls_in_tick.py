@@ -15,7 +15,7 @@ from daemon.config.load import load_robot
 from daemon.config.shapes import SHAPES, SURROUNDINGS, Surroundings, shapes_text
 from daemon.modes.table import Event, Mode
 from daemon.motion.pose_path import PosePath
-from daemon.protocol.state import Near
+from daemon.protocol.state import Meeting, Near
 from estimator.payload import Payload
 from programs.contactd.fitting import fitted
 
@@ -83,9 +83,20 @@ def test_the_nearest_pair_is_named_and_a_path_into_it_refused(rig: Rig) -> None:
     assert isinstance(near, Near)
     assert near.pair[1] == "wall"
     assert near.distance == pytest.approx(0.05, abs=0.01)
-    (reason,) = rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
-    assert "through wall" in reason
+    assert rig.state().meeting is UNSET
+    refused = rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
+    rig.step()
+    met = rig.state().meeting
+    assert isinstance(met, Meeting)
+    assert met.pair[1] == "wall"
+    assert [met.text] == refused
+    assert rig.tick.controller.motion.walls.touch(np.array(met.position))
     assert rig.state().mode is Mode.HOLDING
+    q = np.array(rig.state().link_position)
+    clear = PosePath("back", q, q + 0.2 * (q - np.array(met.position)), np.full(len(q), 0.4))
+    assert not rig.tick.controller.refusals(Event.START, clear)
+    rig.step()
+    assert rig.state().meeting is UNSET
 
 
 def test_a_payload_whose_shape_is_not_known_is_said(rig: Rig) -> None:
@@ -96,7 +107,7 @@ def test_a_payload_whose_shape_is_not_known_is_said(rig: Rig) -> None:
 
 
 def test_what_leads_into_it_all_the_same_stops(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daemon.tick.controller.leads_through", lambda *_: [])
+    monkeypatch.setattr("daemon.tick.controller.leads_through", lambda *_: None)
     assert not rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
     nearest, slowed = 1.0, False
     for _ in range(400):

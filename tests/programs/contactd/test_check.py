@@ -258,6 +258,20 @@ def test_what_arm_would_refuse_is_reported(tmp_path):
     assert good.endswith("config.yaml: good")
 
 
+def test_doubt_about_where_shapes_are_is_said(tmp_path):
+    folder = Path(shutil.copytree(DESK_ARM, tmp_path / "arm"))
+    assert "zeros of" not in check(folder).output
+    CliRunner().invoke(main, ["shapes", str(folder)], catch_exceptions=False)
+    lines = [line for line in check(folder).output.splitlines() if line.startswith("shapes: ")]
+    assert len(lines) == 2
+    assert "zeros of column, swing" in lines[1]
+    assert "`contactd identify zero`" in lines[1]
+    config = folder / "config.yaml"
+    config.write_text(re.sub(r"known: .*", "known: {gap: none}", config.read_text()))
+    (folder / "identified.yaml").unlink(missing_ok=True)
+    assert "none is guarded until" in check(folder).output
+
+
 def test_the_source_of_each_level_is_shown(tmp_path):
     """A stated level, a floor beside an identified one, and a draft's."""
     folder = shutil.copytree(ROMEO, tmp_path / "arm")

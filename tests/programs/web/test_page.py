@@ -14,10 +14,10 @@ from bench.rigs.generated_arms import Body, urdf_of
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
-from daemon.protocol.state import Notice, Permit, StreamState, Wrench
+from daemon.protocol.state import Meeting, Notice, Permit, StreamState, Wrench
 from tests.programs.recordings.test_touch_point import POSE, pushed
 from tests.programs.web.page_server import Page, page_of
-from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screens
+from tests.programs.web.screens import AXE, DESKTOP, PHONE, PICTURES, WALL, Screen, Screens
 
 FakeDaemon = Any  # of tests/fake_daemon.py
 
@@ -344,3 +344,42 @@ def test_the_force_at_the_tool_is_an_arrow_with_the_cone_of_its_doubt(
         screen.until("document.querySelector('#scene').dataset.touch.startsWith('l_wrist ± ')")
         screen.shows("#felt", "touched at l_wrist ± ")
         screen.picture("touch")
+
+
+def test_a_refused_path_is_drawn_where_two_shapes_would_meet(
+    screens: Screens, arm: FakeDaemon
+) -> None:
+    """Red where it would be; gone once a path is taken."""
+    arm.urdf = (ROMEO / "arm.urdf").read_text()
+    names = load_robot(ROMEO).configuration.joint_names
+    hand = {"name": "hand", "joint": names[-1], "start": [0, 0, 0], "end": [0.1, 0, 0]}
+    plane = {"point": [0.0, 0.0, -0.4], "normal": [0.0, 0.0, 2.0]}
+    box = {"centre": [0.4, 0.0, 0.0], "size": [0.1, 0.1, 0.1], "rpy": [0.0, 0.0, 0.5]}
+    arm.walls = {
+        "shapes": {"capsules": [hand | {"radius": 0.05}]},
+        "surroundings": {"planes": {"table": plane}, "boxes": {"press": box}},
+    }
+    there = Meeting(pair=["hand", "table"], position=[1.0] * len(names), text="it leads through")
+    with page_of(arm.path) as shown:
+        screen = screens.open(f"{shown.url}?scene=on", (1000, 800))
+        screen.until("document.querySelector('#scene').dataset.arrows !== undefined")
+        before = redness(screen)
+        screen.page.check("#shapes input")
+        arm.changes = {"meeting": there}
+        screen.shows("#meeting", "Refused: it leads through")
+        screen.until("document.querySelector('#scene').dataset.meeting === 'hand table'")
+        screen.page.wait_for_timeout(500)
+        assert redness(screen) > before + 1000
+        screen.picture("refused")
+        arm.changes = {}
+        screen.hides("#meeting")
+        screen.until("document.querySelector('#scene').dataset.meeting === ''")
+        screen.page.wait_for_timeout(500)
+        assert redness(screen) < before + 100
+
+
+def redness(screen: Screen) -> int:
+    """Number of the picture's pixels that are red."""
+    shot = screen.page.locator("#scene canvas").screenshot()
+    red, green, blue = np.moveaxis(imread(io.BytesIO(shot))[..., :3], -1, 0)
+    return int(np.count_nonzero(red > 0.2 + np.maximum(green, blue)))
