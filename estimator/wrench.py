@@ -83,7 +83,7 @@ class Wrench:
         parts += (_RAISED * raised) * (_RAISED * raised)
         parts += (_UNLEARNED * unlearned) * (_UNLEARNED * unlearned)
         parts += (_TORQUE * torque) * (_TORQUE * torque) + (_LAG * lag) * (_LAG * lag)
-        self._r[i], self.weight[i] = r, 1.0 / parts if senses else 0.0
+        self._r[i], self.weight[i] = (r, 1.0 / parts) if senses else (0.0, 0.0)
 
     def step(self, dt: float, pressed: bool, teaches: bool) -> None:
         """Estimate from all joints, whose dynamics are those of now; learn the level in dt [s]

@@ -6,7 +6,8 @@ poses but the last,
 
     k_i = sum tau_i r_i / sum r_i^2,    within  sum |r_i| e_i / sum r_i^2,    tau = J^T f
 
-and the last, the witness, must show the force better with them.
+and the last, the witness, must show the force better with them. Where one is off by more than MOST,
+it is more likely the mass, or where it hangs, and none is proposed.
 """
 
 from collections.abc import Sequence
@@ -14,11 +15,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
 
 MOST: Final = 0.1
-"""Largest correction, as a share."""
+"""Largest correction, and largest error of a constant that is believed, as a share."""
 _USUAL_N: Final = 100.0  # of a force beforehand
 _LEVER: Final = 2.0  # times its friction, from which a joint's torque says anything
 
@@ -50,24 +52,25 @@ class HeldPose:
 @dataclass(frozen=True, slots=True)
 class Correction:
     """Factors of the torque constants (n,) with their bounds, those that are proposed (1: none),
-    and the witness's error with neither and with these [N]."""
+    those that cannot be a constant's, and the witness's error with neither and with these [N]."""
 
     factor: Vector
     bound: Vector
     proposed: Vector
+    beyond: NDArray[np.bool_]
     before_N: float
     after_N: float
 
     @property
     def witnessed(self) -> bool:
-        """True if the witness agrees."""
-        return self.after_N < self.before_N
+        """True if the witness agrees: its error is less by a tenth."""
+        return self.after_N < 0.9 * self.before_N
 
 
 def correct(poses: Sequence[HeldPose]) -> Correction:
     """Correction from two poses and more; the last is the witness. A proposal is the nearest to the
-    present constant that the bounds allow, and at most MOST of it; none is made where the joint
-    shows less than its friction."""
+    present constant that the bounds allow; none is made where the joint shows less than its
+    friction, nor any where one would be more than MOST of it."""
     r = np.array([pose.added for pose in poses[:-1]])
     tau = np.array([pose.J.T @ pose.force for pose in poses[:-1]])
     e = np.array([pose.friction for pose in poses[:-1]])
@@ -77,7 +80,9 @@ def correct(poses: Sequence[HeldPose]) -> Correction:
     over = np.where(known, squares, 1.0)
     factor = np.where(known, np.sum(shows * tau * r, axis=0) / over, 1.0)
     bound = np.where(known, np.sum(shows * np.abs(r) * e, axis=0) / over, np.inf)
-    proposed = np.clip(np.clip(1.0, factor - bound, factor + bound), 1.0 - MOST, 1.0 + MOST)
+    nearest = np.clip(1.0, factor - bound, factor + bound)
+    beyond = np.abs(nearest - 1.0) > MOST
+    proposed = np.ones(len(factor)) if beyond.any() else nearest
     witness = poses[-1]
     before, after = witness.error_N(np.ones(len(factor))), witness.error_N(proposed)
-    return Correction(factor, bound, proposed, before, after)
+    return Correction(factor, bound, proposed, beyond, before, after)

@@ -22,7 +22,7 @@ from programs.contactctl.replies import print_json
 if TYPE_CHECKING:
     from rich.live import Live
 
-    from daemon.protocol.state import State
+    from daemon.protocol.state import Snapshot, State
     from programs.clients.client import Client
 
 FRAMES_PER_S = 10
@@ -54,9 +54,8 @@ def watch(options: Options) -> None:
 def touches(options: Options, file: Path | None) -> None:
     """Print each contact when it is over, until Ctrl-C, or those of a recording: touched, pushed,
     hit, clamped, leaning or load, why, where on the arm, and with how much."""
-    from daemon.protocol.state import Snapshot
     from programs.clients.log_reader import read_log
-    from programs.recordings.touches import Touches
+    from programs.recordings.touches import contacts
 
     def live() -> Iterator["Snapshot | State"]:
         with options.connect() as client:
@@ -66,15 +65,9 @@ def touches(options: Options, file: Path | None) -> None:
 
     if not options.json and file is None:
         click.echo("contacts, each when it is over; Ctrl-C ends", err=True)
-    seen, count = None, 0
+    count = 0
     with suppress(KeyboardInterrupt):
-        for message in read_log(file) if file else live():
-            if isinstance(message, Snapshot):
-                seen = seen or Touches(message)
-                continue
-            assert seen is not None  # a snapshot comes first
-            if (contact := seen.take(message)) is None:
-                continue
+        for contact in contacts(read_log(file) if file else live()):
             count += 1
             line = json.dumps(contact.report()) if options.json else str(contact)
             click.echo(line if options.json else f"{contact.evidence.begin_s:8.2f} s  {line}")

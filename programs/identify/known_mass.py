@@ -2,6 +2,7 @@
 # ruff: noqa: PLC0415 - what the command needs is imported when it runs
 
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,9 +16,9 @@ if TYPE_CHECKING:
     from daemon.protocol.state import Snapshot, State
     from identification.known_force import HeldPose
 
-FREE_S, HELD_S, STILL_RAD, LEAST_POSES = 2.0, 2.0, 0.02, 3
+FREE_S, HELD_S, STILL_RAD, LEAST_POSES, APART_RAD = 2.0, 2.0, 0.02, 3, 0.3
 """Parts of a recording without the force and with it, at its begin and its end; how far the arm may
-move between; poses, the last being the witness."""
+move between; poses, the last being the witness; by which a joint of each two has to differ."""
 _G: Final = 9.80665
 _FRICTION: Final = 0.4  # of what raises a level at rest: so much of it holds a load, in 95 of 100
 
@@ -32,8 +33,8 @@ def wrench(recordings: tuple[Path, ...], mass: float | None, scale: float | None
     """Hold the force at the tool against a known one: how far off the newtons are.
 
     A recording a pose, the arm holding, of 10 s: 2 s without the mass, then hang it at the tool
-    point and keep the hands off. With three poses and more it proposes corrections of torque
-    constants, which the last pose has to confirm. It writes nothing.
+    point and keep the hands off. With three poses and more that differ by 0.3 rad it proposes
+    corrections of torque constants, which the last pose has to confirm. It writes nothing.
     """
     if (mass is None) == (scale is None):
         raise click.UsageError("one of --mass and --scale")
@@ -46,38 +47,47 @@ def report(recordings: Sequence[Path], up: float) -> list[str]:
     """Lines for a person; up: the force, away from the ground [N]. Raises LogError."""
     import numpy as np
 
-    from identification.known_force import correct
+    from identification.known_force import MOST, correct
 
     lines, poses = [f"{'pose':20}  newtons off, by axis of the force's frame"], list["HeldPose"]()
-    joints: list[str] = []
+    joints, at = list[str](), list["Vector"]()
     for path in recordings:
-        snapshot, pose, off, unseen = _held(path, up)
+        snapshot, pose, off, unseen, q = _held(path, up)
         parts = " ".join(f"{axis} {x:+.1f}" for axis, x in zip("xyz", off, strict=True))
         blind = f"; {unseen} not seen" if unseen else ""
         lines.append(f"{path.name:20}  {parts} N, of {abs(up):.1f}{blind}")
         poses.append(pose)
         joints = snapshot.joints
+        at.append(q)
     if len(poses) < LEAST_POSES:
         return [*lines, f"for torque constants: {LEAST_POSES} poses, the last as a witness"]
+    if min(np.abs(a - b).max() for a, b in combinations(at, 2)) < APART_RAD:
+        return [*lines, f"for torque constants: poses of which each two differ by {APART_RAD} rad"]
     found = correct(poses)
-    for name, factor, bound, proposed in zip(
-        joints, found.factor, found.bound, found.proposed, strict=True
+    for name, factor, bound, proposed, beyond in zip(
+        joints, found.factor, found.bound, found.proposed, found.beyond, strict=True
     ):
         if not np.isfinite(bound):
             lines.append(f"{name:20}  shows no more than its friction")
             continue
         advice = f": `torque_constant` times {proposed:.3f}" if proposed != 1.0 else ": as it is"
+        advice = f": more than {MOST:.0%} off" if beyond else advice
         lines.append(f"{name:20}  {factor:.3f} +- {bound:.3f} times its torque{advice}")
     verdict = "confirms" if found.witnessed else "does not confirm: change nothing"
     error = f"{found.before_N:.1f} N off, {found.after_N:.1f} N with them"
+    if found.beyond.any():
+        return [
+            *lines,
+            "change nothing: is it that mass, at the tool point, hung in the third second?",
+        ]
     if np.all(found.proposed == 1.0):
         return [*lines, "no torque constant is off by more than its friction hides"]
     return [*lines, f"{recordings[-1].name}, the witness, {verdict}: {error}"]
 
 
-def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str]":
-    """A pose of a recording, the error of the force that was said there (3,) [N], and what was not
-    seen of it. Raises LogError."""
+def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str, Vector]":
+    """A pose of a recording, the error of the force that was said there (3,) [N], what was not
+    seen of it, and q (n,). Raises LogError."""
     import numpy as np
 
     from daemon.protocol.state import Snapshot
@@ -118,4 +128,4 @@ def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str]":
     for way in np.array(unseen).reshape(-1, 3):
         truth = truth - way * (way @ truth)
     off = np.median([w.force for w in said], axis=0) - truth
-    return snapshot, pose, off, " and ".join(f"along {along(way)}" for way in unseen)
+    return snapshot, pose, off, " and ".join(f"along {along(way)}" for way in unseen), q

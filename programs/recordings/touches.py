@@ -3,14 +3,15 @@
 Nothing is learned: WORDS is the table, the first that holds is said, with the evidence it needs.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from math import inf
 from typing import Any, Final
 
 import numpy as np
 
 from common.arrays import Vector
-from daemon.modes.table import Mode
+from daemon.modes.table import SENSING, YIELDING
 from daemon.protocol.state import Snapshot, State
 from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
 
@@ -26,26 +27,29 @@ class Evidence:
     """Evidence of one contact."""
 
     begin_s: float
-    seconds: float = 0.0
+    seconds: float = 0.0  # from beyond its level to beyond it again, in between beyond the first
     hard: bool = False  # past a collision level within _HARD_S
     held_s: float = 0.0  # an arm that yields did not move, though pressed beyond its levels
     harder: float = 0.0  # by this share, when the arm went on
-    moved_rad: float = 0.0  # of the joint that moved furthest
+    moved_rad: float = 0.0  # of the joint that moved furthest while the arm yields
     unsteady: float = 0.0  # of the strongest residual, the last second: spread over mean
-    load_kg: float | None = None  # recognised
+    load_kg: float | None = None  # recognised, and the arm does not yield
     most_N: float = 0.0
     where: TouchPoint | None = None  # the last of those that are best known
 
 
 WORDS: Final[dict[str, tuple[Callable[[Evidence], bool], str]]] = {
-    "load": (lambda e: e.load_kg is not None, "it weighs what an unannounced load would"),
+    "load": (lambda e: e.load_kg is not None, "it is what an unannounced load weighs"),
     "clamped": (
         lambda e: e.held_s >= HELD_S or e.harder >= STEADY,
         "pressed and does not move, or harder as soon as the arm goes on",
     ),
     "hit": (lambda e: e.hard, "past a collision level at once"),
     "leaning": (lambda e: e.seconds >= LEANS_S and e.unsteady <= STEADY, "long and steady"),
-    "pushed": (lambda e: e.seconds >= PUSHED_S or e.moved_rad >= PUSHED_RAD, "it gave way"),
+    "pushed": (
+        lambda e: e.seconds >= PUSHED_S or e.moved_rad >= PUSHED_RAD,
+        "longer, or it gave way",
+    ),
     "touched": (lambda _: True, "short, and nothing moved"),
 }
 """Each word, whether a contact is one, and why in words."""
@@ -92,48 +96,58 @@ class Touches:
     def __init__(self, snapshot: Snapshot) -> None:
         """Raises ModelError for a bad URDF."""
         self._finder = TouchFinder.of(snapshot)
-        self._now: Evidence | None = None
-        self._last_s = self._held_from_s = 0.0
+        self.now: Evidence | None = None  # of the contact that goes on
+        self._time_s, self._last_s, self._held_from_s = inf, 0.0, 0.0
         self._begun_at = self._held_at = np.zeros(0)
-        # Joint whose residual is the largest, that, and what it was before the arm went on.
-        self._joint, self._peak, self._rested = 0, 0.0, 0.0
+        # Joint whose residual is the largest of those beyond their levels, that, its level then,
+        # and the residual before the arm went on.
+        self._joint, self._peak, self._level, self._rested = 0, 0.0, 0.0, 0.0
+        self._waits_s = 0.0  # beyond that level, but not beyond the one in force
         self._sizes: list[tuple[float, float]] = []
 
     def take(self, state: State) -> Contact | None:
         """The contact that has ended with this State, if one has."""
         q, r = (np.array(part, dtype=np.float64) for part in (state.link_position, state.residual))
-        if state.sensing is not None:
-            r = np.where(state.sensing, r, np.nan)
-        found = self._finder.see(state)
-        stays = self._now is not None and abs(r[self._joint]) > STAYS * self._peak
+        senses = state.mode in SENSING and (state.sensing is None or np.array(state.sensing))
+        r = np.where(senses, r, np.nan)
+        found, now = self._finder.see(state), self.now
+        since = max(state.time_s - self._time_s, state.interval_s)
+        self._time_s = state.time_s
+        stays = now is not None and abs(r[self._joint]) > STAYS * self._peak
         if found is None and not stays:
-            if self._now is None or state.time_s - self._last_s <= APART_S:
+            if now is None or state.time_s - self._last_s <= APART_S:
                 return None
-            ended, self._now = Contact.of(self._now), None
+            ended, self.now = Contact.of(now), None
             return ended
-        if self._now is None:
-            self._now = Evidence(state.time_s)
+        if now is None:
+            now = self.now = Evidence(state.time_s)
             self._begun_at, self._held_at, self._held_from_s = q, q, state.time_s
-            self._sizes, self._peak, self._rested = [], 0.0, 0.0
+            self._sizes, self._peak, self._rested, self._waits_s = [], 0.0, 0.0, 0.0
         self._last_s = state.time_s
-        self._see(self._now, state, found, q, r)
+        self._see(now, state, found, q, r)
+        self._waits_s = self._waits_s + since if abs(r[self._joint]) > self._level else 0.0
+        if found is not None:
+            now.seconds, self._waits_s = now.seconds + max(self._waits_s, since), 0.0
         return None
 
     def _see(
         self, e: Evidence, state: State, found: TouchPoint | None, q: Vector, r: Vector
     ) -> None:
-        e.seconds = state.time_s - e.begin_s
         levels = [notice.contact.level for notice in state.notices if notice.contact]
         e.hard |= "collision" in levels and e.seconds <= _HARD_S
-        e.load_kg = state.recognised.mass if state.recognised else e.load_kg
+        yields = state.mode in YIELDING
+        if found is not None:  # one that explains the residuals is held; else a hand is there, too
+            e.load_kg = state.recognised.mass if state.recognised and not yields else None
+        if not yields:
+            self._begun_at = q
         e.moved_rad = max(e.moved_rad, float(np.abs(q - self._begun_at).max()))
-        yields = state.mode == Mode.ADMITTANCE
         if np.abs(q - self._held_at).max() > HELD_RAD or not yields or found is None:
             self._held_at, self._held_from_s = q, state.time_s
         e.held_s = max(e.held_s, state.time_s - self._held_from_s)
-        if found is not None and np.nanmax(np.abs(r)) > self._peak:
-            self._joint = int(np.nanargmax(np.abs(r)))
-            self._peak = float(abs(r[self._joint]))
+        beyond = np.where(np.abs(r) > state.threshold, np.abs(r), 0.0)
+        if found is not None and beyond.max() > self._peak:
+            self._joint, self._peak = int(beyond.argmax()), float(beyond.max())
+            self._level = state.threshold[self._joint]
         size = float(abs(r[self._joint]))
         if found is None and yields:
             self._rested = size
@@ -141,13 +155,26 @@ class Touches:
             e.harder = max(e.harder, size / self._rested - 1.0)
         self._sizes = [one for one in self._sizes if state.time_s - one[0] < 1.0]
         self._sizes.append((state.time_s, size))
-        sizes = np.array([one for _, one in self._sizes])
-        e.unsteady = float(sizes.std() / sizes.mean())
         if found is None:
             return
+        sizes = np.array([one for _, one in self._sizes])
+        e.unsteady = float(sizes.std() / sizes.mean())
         if e.where is None or _known(found) >= _known(e.where):
             e.where = found
         e.most_N = max(e.most_N, float(np.linalg.norm(found.force)) if found.placed else 0.0)
+
+
+def contacts(messages: Iterable[Snapshot | State]) -> Iterator[Contact]:
+    """Each contact when it is over, and one in which they end; the first message is a Snapshot.
+    Raises ModelError."""
+    seen: Touches | None = None
+    for message in messages:
+        if isinstance(message, Snapshot):
+            seen = seen or Touches(message)
+        elif seen is not None and (contact := seen.take(message)):
+            yield contact
+    if seen is not None and seen.now is not None:
+        yield Contact.of(seen.now)
 
 
 def _known(found: TouchPoint) -> tuple[bool, bool]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, describe, lockstep_rig
@@ -49,14 +50,22 @@ def test_constants_are_corrected_as_far_as_friction_lets_be_known() -> None:
     assert found.witnessed
 
 
-def test_no_proposal_goes_further_than_is_allowed() -> None:
-    found = correct(poses(np.full(7, 0.6)))
-    assert found.factor[0] > 1.5
-    assert found.proposed.max() == 1.0 + MOST
+@pytest.mark.parametrize("by", [0.6, 2.0, -1.0])
+def test_nothing_is_proposed_where_it_must_be_the_mass(by: float) -> None:
+    found = correct(poses(np.full(7, by)))
+    assert abs(found.factor[0] - 1.0) - found.bound[0] > MOST
+    assert found.beyond[0]
+    assert np.all(found.proposed == 1.0)
 
 
 def test_a_witness_that_shows_otherwise_does_not_confirm() -> None:
-    assert not correct(poses(np.full(7, 0.9), witness=np.full(7, 1.1))).witnessed
+    off = np.full(7, 0.94)
+    assert correct(poses(off)).witnessed
+    for witness in (np.full(7, 1.06), np.ones(7)):
+        found = correct(poses(off, witness=witness))
+        assert not found.beyond.any()
+        assert found.proposed.max() > 1.0
+        assert not found.witnessed
 
 
 def recorded(path: Path, pose: tuple[float, ...], mass: float) -> None:
@@ -103,8 +112,14 @@ def test_the_command_on_recordings_of_a_mass(tmp_path: Path) -> None:
     proposals = {line.split()[0]: float(line.split()[-1]) for line in lines if " times 0." in line}
     assert proposals.keys() == {"LWristYaw"}  # whose constant is 0.92 of the configured
     assert 0.92 < proposals["LWristYaw"] < 1.0
-    two = CliRunner().invoke(main, [*words[:4], str(files[0])])
-    assert "3 poses" in two.output
+    for given, answer in (
+        (files[:1], "3 poses"),
+        ([files[0], files[1], files[0]], "differ by 0.3 rad"),
+    ):
+        assert answer in CliRunner().invoke(main, [*words[:4], *map(str, given)]).output
+    wrong = CliRunner().invoke(main, ["identify", "wrench", "--mass", "2", *map(str, files)])
+    assert "change nothing" in wrong.output
+    assert " times 1." not in wrong.output
     assert CliRunner().invoke(main, [*words[:2], str(files[0])]).exit_code == 2
 
 

@@ -1,30 +1,21 @@
-"""Touched link and point of contact, on a plant whose surfaces and torques differ from the model's,
-and contacts in words."""
+"""Touched link and point of contact, on a plant whose surfaces and torques are not the model's."""
 
-import json
 from collections.abc import Sequence
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.rigs.lockstep import ROMEO
 from bench.study.hands import Hands
 from daemon.config.load import load_robot
-from daemon.config.schema import Configuration
-from daemon.modes.table import Event, Mode
-from daemon.protocol.state import Payload, Snapshot, State
-from programs.contactctl.contactctl import main
+from daemon.modes.table import Mode
+from daemon.protocol.state import Snapshot, State
 from programs.contactctl.point import point_now
 from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
-from programs.recordings.touches import Contact, Evidence, Touches
-from simulator.hand_script import AnyAct, Clamp, Lean, Press, Push, Release
 from tests.fake_daemon import snapshot_at, state_at
-from tests.programs.clients.test_replay import written
 
 ROBOT = load_robot(ROMEO)
 NAMES = list(ROBOT.model.names)
@@ -153,87 +144,3 @@ def test_status_says_the_point_of_now_and_asks_for_states_only_then() -> None:
     nothing: Any = None
     for quiet in (states[0], msgspec.structs.replace(status, mode=Mode.OFF)):
         assert point_now(nothing, quiet) == ""
-
-
-def test_contacts_of_a_recording(tmp_path: Path) -> None:
-    snapshot, states = a_push()
-    path = str(written(tmp_path / "a.mcap", [snapshot, *states]))
-    answer = CliRunner().invoke(main, ["--json", "touches", path])
-    assert answer.exit_code == 0, answer.output
-    (said,) = [json.loads(line) for line in answer.output.splitlines()]
-    assert (said["link"], said["decided"], said["word"]) == ("l_wrist", True, "touched")
-    off = [msgspec.structs.replace(state, mode=Mode.OFF) for state in states]
-    path = str(written(tmp_path / "b.mcap", [snapshot, *off]))
-    answer = CliRunner().invoke(main, ["touches", path])
-    assert (answer.exit_code, answer.stdout) == (0, "")
-    assert answer.stderr == f"{path}: no contact\n"
-
-
-@pytest.mark.parametrize(
-    ("fields", "word"),
-    [
-        ({}, "touched"),
-        ({"seconds": 0.5}, "pushed"),
-        ({"moved_rad": 0.1}, "pushed"),
-        ({"seconds": 3.0}, "leaning"),
-        ({"seconds": 3.0, "unsteady": 0.5}, "pushed"),
-        ({"hard": True, "seconds": 3.0}, "hit"),
-        ({"held_s": 0.6, "hard": True}, "clamped"),
-        ({"harder": 0.3, "seconds": 3.0}, "clamped"),
-        ({"load_kg": 0.4, "held_s": 0.6}, "load"),
-    ],
-)
-def test_the_table_of_words(fields: dict[str, Any], word: str) -> None:
-    assert Contact.of(Evidence(1.0, **fields)).word == word
-
-
-def goes_on(c: Configuration) -> Configuration:
-    """It goes on in a hand that rests."""
-    return msgspec.structs.replace(c, admittance=msgspec.structs.replace(c.admittance, probe=False))
-
-
-def played(*hand: AnyAct, seconds: float = 8.0) -> tuple[list[State], Snapshot]:
-    with lockstep_rig(hand=hand, configure=goes_on) as rig:
-        rig.enable()
-        rig.run(1.0)
-        rig.permit("the test")
-        rig.request(Event.START)
-        states = list(rig.states(seconds))
-    context = Snapshot(
-        joints=NAMES, half_gap=[], thresholds=CONTACT.tolist(), period_s=0.01, tick=0, memory={},
-        configuration="", urdf=ROBOT.urdf, program="",
-    )  # fmt: skip
-    return states, context
-
-
-def contacts(states: Sequence[State], context: Snapshot) -> list[Contact]:
-    seen = Touches(context)
-    return [contact for state in states if (contact := seen.take(state))]
-
-
-SHOULDER = "LShoulderPitch"
-
-
-@pytest.mark.parametrize(
-    ("hand", "word"),
-    [
-        ((Push(at_s=3.0, joint="LElbowYaw", torque=1.2, duration_s=0.12),), "touched"),
-        ((Press(at_s=3.0, force=(0.0, -10.0, 0.0), duration_s=0.8),), "pushed"),
-        ((Press(at_s=3.0, force=(0.0, -60.0, 0.0), rise_s=0.01, duration_s=0.2),), "hit"),
-        ((Lean(at_s=3.0, joint=SHOULDER, torque=-2.5), Release(at_s=6.0)), "leaning"),
-        ((Clamp(at_s=3.0, joints=(SHOULDER, "LElbowYaw")), Release(at_s=7.0)), "clamped"),
-    ],
-)
-def test_hands_at_the_simulated_arm_in_words(hand: tuple[AnyAct, ...], word: str) -> None:
-    found = contacts(*played(*hand))
-    assert [contact.word for contact in found] == [word]
-    assert found[0].report()["word"] == word
-    if word == "pushed":
-        report = found[0].report()
-        assert (report["link"], report["decided"]) == ("l_wrist", True)
-        assert report["most_N"] == pytest.approx(10.0, abs=2.0)
-        assert np.linalg.norm(np.subtract(report["point_m"], [0.07, 0.0, 0.0])) < report["doubt_m"]
-        states, context = played(*hand)
-        load = Payload(mass=0.4, com=(0.0, 0.0, 0.0), name="")
-        weighed = [msgspec.structs.replace(state, recognised=load) for state in states]
-        assert [contact.word for contact in contacts(weighed, context)] == ["load"]
