@@ -37,6 +37,7 @@ _NEVER: Final = _any("error err std acc accel acceleration qdd temp temperature 
 _MOTOR: Final = _any("motor rotor")
 _TIMES: Final = _any("time t timestamp stamp sec secs seconds clock date datetime")
 _STEPS_S: Final = (3e-4, 0.3)  # between samples
+_PAUSE: Final = 10.0  # times the median of them
 _OUTSIDE: Final = 0.05  # of the limits [rad]
 _SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
 _AS_IT_IS: Final = 0.3  # of a scale of 1, or the link's: noise, swings; no gear is so little
@@ -169,7 +170,7 @@ def guessed(
     angle = _angle([(table[its[one.joint]["link_position"]], one) for one in there])
     most = max((float(np.abs(table[each["current"]]).max())
                 for each in its.values() if "current" in each), default=0.0)  # fmt: skip
-    period = float(np.median(np.diff(table[column]))) * UNITS["time"][time.unit]
+    period = _step(table[column]) * UNITS["time"][time.unit]
     return Columns(time, {
         one.joint: _of_joint(its[one.joint], table, one, angle, period)
         | _effort(its[one.joint], milli=most > _MOST_A)
@@ -178,12 +179,20 @@ def guessed(
 
 
 def _time(column: str, values: Vector) -> Column:
-    steps = np.diff(values)
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    step = _step(values)
     for unit, factor in UNITS["time"].items():
         if _STEPS_S[0] < step * factor < _STEPS_S[1]:
             return Column(column, unit, doubt=f"a sample every {1e3 * step * factor:.3g} ms")
     return Column(column, "s", doubt=f"a sample every {step:.3g} of its unit")
+
+
+def _step(times: Vector) -> float:
+    """Mean time between samples without pauses; neighbours may be equal, where it is rounded."""
+    steps = np.diff(times)
+    ahead = steps[steps > 0.0]
+    if not len(ahead):
+        return 1.0
+    return float(steps[(steps >= 0.0) & (steps < _PAUSE * np.median(ahead))].mean())
 
 
 def _angle(positions: Sequence[tuple[Vector, JointRange]]) -> str:

@@ -177,14 +177,20 @@ def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
         ("", "is empty"),
         ("a,b", "no column is a time"),
         ("time,base_pos,elbow_cur", "no joint of arm.urdf has"),
+        ("time,base_pos,base_cur\n", "too short: 0 samples, at least 100"),
+        ("time,base_pos,base_cur\n1,2,nan", "base_cur is nan at sample 0"),
+        ("time,base_pos,base_cur,base_pos", "two columns base_pos"),
+        ("time,base_pos,base_cur", "time does not grow at sample 1"),
+        ("time;base_pos;base_cur", "there are time;base_pos;base_cur, by commas"),
+        ("time,base_pos,base_cur\n1,off,3", "log.csv:2: base_pos is 'off': not a number"),
     ],
 )
 def test_what_cannot_be_guessed_leaves_nothing(
     tmp_path: Path, arm: Stranger, columns: str, says: str
 ) -> None:
     path = tmp_path / "log.csv"
-    rows = [",".join("12345"[: columns.count(",") + 1])] * 30
-    path.write_text("\n".join([columns, *rows]) if columns else "")
+    row = "\n" + ",".join("12345"[: columns.partition("\n")[0].count(",") + 1])
+    path.write_text(columns + row * 130 * (columns[-1:] not in ("", "\n")))
     urdf = urdf_of(arm, tmp_path)
     result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", "--urdf",
                                        str(urdf), str(path)])  # fmt: skip
