@@ -42,8 +42,8 @@ MASSES = 4  # logs for one whose masses are asked for: they take as long as all 
 LACKS = {
     "no torque": (Style(without=("cur",)), "a torque or current"),
     "no position": (Style(without=("pos", "motor_pos")), "has a position"),
-    "one position": (Style(without=("motor_pos",)), "no column motor_position"),
-    "too short": (Style(), "of motion"),
+    "one position": (Style(without=("motor_pos",), one_encoder=True), "as of one encoder"),
+    "too short": (Style(longest_s=4.0), "of motion"),
     "a load": (Style(), "`contactctl payload"),
 }
 """Lack of a log, and words of the answer that name it."""
@@ -118,8 +118,7 @@ def examine(job: tuple[int, int]) -> Found:
     found = Found(k, f"{style}, {load_kg} kg", lacks=lacks)
     with tempfile.TemporaryDirectory() as made:
         folder, number = Path(made), 1000 * seed + k
-        seconds = 4.0 if lacks == "too short" else SECONDS
-        of = stranger(number, seconds, folder / "truth", load_kg=load_kg)
+        of = stranger(number, SECONDS, folder / "truth", load_kg=load_kg)
         log, arm = write_csv(of, style, folder / "log.csv"), folder / "arm"
         begun = time.monotonic()
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
@@ -164,7 +163,10 @@ def lacking(found: Found, given: tuple[str | Path, ...], loaded: Path | None) ->
         return ""
     if loaded is None:
         step = "gap" if found.lacks == "one position" else "friction"
-        return typed(found, "identify", step, *given)
+        said = typed(found, "identify", step, *given)
+        identified = load_robot(arm).identified
+        found.errors = [(step, name, 9.0) for name in (identified.joints if identified else ())]
+        return said
     for step in ("gap", "friction", "thresholds"):
         typed(found, "identify", step, *given)
     beside(loaded).write_text(beside(log).read_text())

@@ -16,7 +16,15 @@ import numpy as np
 
 from common.arrays import Vector
 from identification.gap_in_motion import from_motion
-from identification.gap_result import SMALLEST, GapResult, GapVerdict, Limit, refused, spread
+from identification.gap_result import (
+    ONE_BORDER,
+    SMALLEST,
+    GapResult,
+    GapVerdict,
+    Limit,
+    refused,
+    spread,
+)
 from identification.motion_log import PAUSE_S, MotionLog
 from identification.plateaus import from_plateaus
 from identification.ramps import from_ramps
@@ -24,6 +32,8 @@ from identification.stroke_samples import stroking
 from identification.strokes import from_strokes
 
 _WIDEST = 0.5  # [rad]: what a configuration takes
+_PARTLY = 0.6
+_ALIKE = 1.1  # times what phi spans in one sitting: so it spans in all where zeros stay
 _SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
 _WALKS = 2.0  # Kuiper: range of noise that adds up, its mean taken out, in 99 of 100 logs
 
@@ -43,6 +53,10 @@ def identify_gap(
         found = refused(found, GapVerdict.UNCLEAR, [widest])
     if log.motor_position is not None:
         return found
+    if found.limit is not None and found.limit.cause == ONE_BORDER:
+        about = ("; or motor_velocity is the change of link_position, as of one encoder: log the "
+                 "motor's own position (`motor_position`)")  # fmt: skip
+        found = replace(found, reason=found.reason + about)
     # No encoder of the motor was read: a harmonic of its turn is not that encoder's error.
     of_link = tuple(one for one in found.harmonics if one.encoder == "link")
     return replace(found, harmonics=of_link)
@@ -51,6 +65,7 @@ def identify_gap(
 def _found(
     log: MotionLog, joint: int, torque_constant: float, gear: float, *, by_hand: bool, stroked: bool
 ) -> GapResult:
+    log = _spanning(log, joint)
     q, theta = positions(log, joint)
     moved_q, moved_theta = spread(q), spread(theta)
     name = log.joints[joint]
@@ -118,17 +133,40 @@ def _by_hand(
     return GapResult(joint=name, verdict=GapVerdict.MOTOR_MOVED, reason=about, estimate=guess)
 
 
+def _spanning(log: MotionLog, joint: int) -> MotionLog:
+    """The log without sittings of another zero in which phi spans far less than in others: at one
+    border alone, they have no middle."""
+    q, theta = positions(log, joint)
+    phi, sittings = q - theta, log.stretches(PAUSE_S)
+    if _one_zero(log, phi, sittings):
+        return log
+    spans, there = [spread(phi[rows]) for rows in sittings], np.zeros(len(phi), dtype=np.bool_)
+    for rows, span in zip(sittings, spans, strict=True):
+        there[rows] = span > _PARTLY * max(spans)
+    return log.select(there)
+
+
+def _one_zero(log: MotionLog, phi: Vector, sittings: list[slice]) -> bool:
+    """Whether zeros stay the same over all sittings, which then span what the widest does."""
+    measured = log.motor_position is not None
+    each = max(spread(phi[rows]) for rows in sittings)
+    return len(sittings) == 1 or (measured and spread(phi) < _ALIKE * each)
+
+
 def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
-    """Positions (N,) [rad] of link and motor. Each sitting after a pause begins with the motor at
-    zero and with the middle of its own phi there, so that sittings can be compared."""
+    """Positions (N,) [rad] of link and motor. Where a zero is another after a pause, each sitting
+    begins with the motor at zero and with the middle of its own phi there, so that sittings can be
+    compared."""
     q, theta = log.link_position[:, joint].copy(), np.empty_like(log.time_s)
     sittings = log.stretches(PAUSE_S)
     for rows in sittings:
         theta[rows] = _theta(log, rows, joint)
-        if len(sittings) > 1:
-            low, high = np.percentile(q[rows] - theta[rows], [2.0, 98.0])
-            q[rows] -= theta[rows.start] + 0.5 * (low + high)
-            theta[rows] -= theta[rows.start]
+    if _one_zero(log, q - theta, sittings):
+        return q, theta
+    for rows in sittings:
+        low, high = np.percentile(q[rows] - theta[rows], [2.0, 98.0])
+        q[rows] -= theta[rows.start] + 0.5 * (low + high)
+        theta[rows] -= theta[rows.start]
     return q, theta
 
 

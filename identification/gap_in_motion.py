@@ -11,6 +11,7 @@ from identification.encoder_errors import turns
 from identification.gap_result import (
     CLEAR,
     CROSSINGS,
+    ONE_BORDER,
     SMALLEST,
     GapResult,
     GapVerdict,
@@ -28,7 +29,6 @@ _APART, _PLACES = 0.08, 24  # [rad] between places of a map, and their number at
 _LARGEST = 0.015  # [rad] from end to end of a map
 _UNSURE = 0.1  # of what the gear bends: friction does not quite keep its size
 _SCATTERED = ("scatter of phi at the borders", "interval of alpha")
-_ONE_BORDER = "only one border was met, or there is no gap: move the link by hand"
 
 
 def from_motion(
@@ -118,6 +118,7 @@ class _Fit:
     side: Vector
     """+-1, (M,)"""
     scatter: float
+    """at the border where phi scatters more"""
 
 
 def _mapped(name: str, seen: _Seen, q: Vector, repeats: Matrix, enough: int) -> GapResult:
@@ -156,8 +157,9 @@ def _fitted(seen: _Seen, further: Matrix) -> _Fit:
         if np.allclose(before, solution, rtol=1e-9, atol=1e-12):
             break
     left = x - columns @ solution
-    errors = _block_errors(columns, left, seen.time_s)
-    return _Fit(solution, errors, columns[:, 2], 1.4826 * float(np.median(np.abs(left))))
+    errors, side = _block_errors(columns, left, seen.time_s), columns[:, 2]
+    scatters = [1.4826 * float(np.median(np.abs(left[side == one]))) for one in set(side)]
+    return _Fit(solution, errors, side, max(scatters))
 
 
 def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEAR) -> GapResult:
@@ -179,9 +181,9 @@ def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEA
     rarer = float(min((fit.side > 0).mean(), (fit.side < 0).mean()))
     limits = [
         Limit("share of the time at the more frequent border", 1.0 - rarer, 1.0 - _RARE, "",
-              _ONE_BORDER),
+              ONE_BORDER),
         Limit("smallest gap that shows over alpha", SMALLEST / max(alpha, 1e-9), 1.0, "",
-              _ONE_BORDER),
+              ONE_BORDER),
         Limit(_SCATTERED[0], 1e3 * fit.scatter, 1e3 * most * alpha, "mrad",
               "an elastic gear, or encoders with errors that repeat otherwise than 1 or 2 x per "
               "turn"),

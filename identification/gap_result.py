@@ -15,6 +15,7 @@ CROSSINGS = 15
 """Differences between plateaus below which no figure is given."""
 CLEAR = 0.15
 """Scatter of the plateaus, as a share of alpha, beyond which they are no borders."""
+ONE_BORDER = "only one border was met, or there is no gap: move the link by hand"
 
 _SAME = 1e-9  # [rad]: closer ones are one value of an encoder, rounded otherwise
 

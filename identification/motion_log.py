@@ -4,6 +4,7 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
 from common.errors import LogError, ShortLogError
@@ -81,8 +82,8 @@ class MotionLog:
         """Duration without what is missing [s]."""
         return sum(float(self.time_s[s.stop - 1] - self.time_s[s.start]) for s in self.stretches())
 
-    def select(self, rows: slice) -> "MotionLog":
-        """A stretch of the log."""
+    def select(self, rows: slice | NDArray[np.bool_]) -> "MotionLog":
+        """A stretch of the log, or rows of it."""
         position, setpoint = (
             None if values is None else values[rows]
             for values in (self.motor_position, self.setpoint)

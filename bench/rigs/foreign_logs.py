@@ -60,6 +60,9 @@ class Style:
     """amplitude of the link encoders' error, once a turn, and half of it 3 and 5 times [rad]"""
     vibration: tuple[float, float] = (0.0, 1.0)
     """of the torque, in shares of each joint's friction, at a frequency [Hz]"""
+    one_encoder: bool = False
+    """velocities are the change of the link's position"""
+    longest_s: float = np.inf
     seed: int = 0
 
 
@@ -91,6 +94,7 @@ def write_csv(of: Stranger, style: Style, path: Path) -> Path:
     fine, rng = of.log, np.random.default_rng((style.seed, 31))
     step = 1.0 / style.rate_Hz
     t = np.arange(fine.time_s[0] + 0.05, fine.time_s[-1] - 0.05, step)
+    t = t[t <= t[0] + style.longest_s]
     t = np.sort(t + style.jitter * step * rng.standard_normal(len(t)))
     for begin in rng.uniform(t[0], t[-1] - 3.0, style.pauses):
         t = t[(t < begin) | (t > begin + 2.0)]
@@ -102,13 +106,16 @@ def write_csv(of: Stranger, style: Style, path: Path) -> Path:
     share, hertz = style.vibration
     shakes = np.sin(_TURN * hertz * t)[:, None] * share * of.friction / of.truth.torque_constant
     q = at(fine.link_position)
+    velocity = fine.motor_velocity
+    if style.one_encoder:
+        velocity = np.gradient(fine.link_position, fine.time_s, axis=0)
     wobble = np.cos(q + 1.0) + 0.5 * np.cos(3.0 * q) + 0.5 * np.sin(5.0 * q)
     angle, unit = (np.degrees, "deg") if style.degrees else (np.asarray, "rad")
     assert fine.motor_position is not None
     columns = {
         "pos": angle(q + style.eccentric * wobble),
         "motor_pos": angle(at(fine.motor_position)),
-        "vel": angle(at(fine.motor_velocity, style.late_s.get("motor_velocity", 0.0))),
+        "vel": angle(at(velocity, style.late_s.get("motor_velocity", 0.0))),
         "tau" if style.torque else "cur":
             (current + shakes) * (of.truth.torque_constant if style.torque else 1.0),
     }  # fmt: skip

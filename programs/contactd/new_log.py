@@ -8,17 +8,16 @@ from pathlib import Path
 import click
 import numpy as np
 
-from common.errors import ConfigurationError, LogError
+from common.errors import ConfigurationError, LogError, ModelError
 from common.regular_file import read_text
 from daemon.config.load import load_robot
-from daemon.protocol.text import printable
 from estimator.urdf import JointRange, joint_ranges
 from identification.skew import without_skew
 from programs.command_line.sentences import say
 from programs.contactd.drafts.configuration import guesses
 from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
 from programs.contactd.drafts.log_columns import Columns, guessed, named_columns
-from programs.identify.csv_log import header_of, is_mcap, numbers_of, read_csv
+from programs.identify.csv_log import header_of, is_mcap, numbers_of, read_csv, there_are
 from programs.identify.foreign import joined
 from programs.identify.log_names import NamedLog, beside, read_names
 from programs.identify.mcap_log import headers
@@ -41,6 +40,8 @@ def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
                 shutil.rmtree(path, ignore_errors=True)
             else:
                 path.unlink(missing_ok=True)
+        if isinstance(error, ModelError):
+            raise ConfigurationError(f"{urdf}: {error}") from error
         if isinstance(error, OSError | UnicodeDecodeError):
             why = getattr(error, "strerror", None) or error
             raise ConfigurationError(f"{urdf} or {folder}: {why}") from error
@@ -124,7 +125,7 @@ def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
     if not header:
         raise LogError(f"{log}: no names of columns, no messages: it is empty")
     named = named_columns(header, joints)
-    there = f"there are {printable(', '.join(header)[:200])}; name them in {beside(log).name}"
+    there = f"{there_are(header)}; name them in {beside(log).name} beside it (docs/logs.md)"
     if ("", "time") not in named:
         raise LogError(f"{log}: no column is a time by its name; {there}")
     table = numbers_of(log, list(dict.fromkeys(named.values())), named["", "time"], topic)

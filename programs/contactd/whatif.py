@@ -75,7 +75,8 @@ def print_whatif(request: Request) -> bool:
         reading(files[0], shown=shown and alone) as progress,
     ):
         for answer in answers(question, asked, request.workers, request.scheduler, progress):
-            answer.file = str(read[Path(answer.file)])
+            named = str(read[Path(answer.file)])
+            answer.failed, answer.file = answer.failed.replace(answer.file, named), named
             total.add(answer)
             done()
     total.answers.sort(key=lambda answer: answer.file)

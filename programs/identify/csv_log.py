@@ -6,22 +6,19 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
-from common.errors import LogError
+from common.errors import LogError, ShortLogError
 from common.regular_file import open_text
 from daemon.protocol.text import printable
-from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
+from identification.motion_log import SHORTEST, MotionLog
 from programs.identify.log_names import Conversion, NamedLog, Rows, beside, read_names
+from programs.identify.log_times import once, rastered, spread_evenly, unheld
 from programs.identify.mcap_log import of_one_sender, read_rows
-from programs.recordings.raster import on_raster
 
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
 _SIDES = COLUMNS[2:4]
 _ALSO = "torque"
-_TWICE = 0.3  # share of equal neighbours, below which rows may have been logged twice
-_JITTER = 0.2  # of the period: beyond it, samples are put on a raster
 
 
 def read_csv(
@@ -41,8 +38,8 @@ def read_csv(
     holding what was measured before left out, and samples at uneven times put on an even raster.
     Raises LogError.
     """
-    table, twice = _once(_table(path, joints))
-    table, held = _unheld(table)
+    table, twice = once(_table(path, joints))
+    table, held = unheld(table)
     if len(table["time"]) == 0:
         raise LogError(f"{path}: there are no samples in it")
     missing: list[str] = []
@@ -62,7 +59,7 @@ def read_csv(
         ]
         raise LogError(f"{path}: no column {', '.join(missing)}{''.join(instead)}; columns of "
                        f"other names: {beside(path).name} beside it (docs/logs.md)")  # fmt: skip
-    time_s, notes = _even(table["time"])
+    time_s, notes = spread_evenly(table["time"])
     derived = [joint for joint in joints if f"{_SIDES[0]}.{joint}" not in table]
     grows = bool((np.diff(time_s) > 0.0).all())  # else it is refused next
     for joint in derived:
@@ -79,7 +76,7 @@ def read_csv(
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
-    return _on_a_raster(log, twice + held + notes + _assumed(path, joints))
+    return rastered(log, twice + held + notes + _assumed(path, joints))
 
 
 def _assumed(path: Path, joints: Sequence[str]) -> tuple[str, ...]:
@@ -113,6 +110,12 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     }
 
 
+def there_are(header: Sequence[str]) -> str:
+    """What columns there are, in words."""
+    there = printable(", ".join(header)[:200])
+    return f"there are {there}, by commas" if there else "it is empty"
+
+
 def header_of(path: Path) -> list[str]:
     """Names of the columns of a CSV. Raises LogError."""
     return _rows(path, "")[0]
@@ -120,8 +123,15 @@ def header_of(path: Path) -> list[str]:
 
 def numbers_of(path: Path, columns: Sequence[str], time: str, topic: str = "") -> dict[str, Vector]:
     """Columns of a log as they stand there; `time` names the one that may be times of day. Raises
-    LogError."""
-    return dict(zip(columns, _values(path, *_rows(path, topic), columns, time).T, strict=True))
+    LogError, also for too few rows, or one that has no number."""
+    table = _values(path, *_rows(path, topic), columns, time)
+    if len(table) < SHORTEST:
+        raise ShortLogError(f"{path}: the log is too short: {len(table)} samples, at least "
+                            f"{SHORTEST} are needed")  # fmt: skip
+    if len(bad := np.argwhere(~np.isfinite(table))):
+        k, i = bad[0]
+        raise LogError(f"{path}: {columns[i]} is {table[k, i]} at sample {k}: no number")
+    return dict(zip(columns, table.T, strict=True))
 
 
 def _values(
@@ -133,7 +143,7 @@ def _values(
 ) -> Matrix:
     at = [header.index(name) for name in columns]
     stamp = columns.index(time) if time in columns else -1
-    values = [_numbers(path, line, [row[k] for k in at], stamp) for line, row in rows]
+    values = [_numbers(path, line, [row[k] for k in at], columns, stamp) for line, row in rows]
     table = np.array(values, dtype=np.float64).reshape(-1, len(at))
     return of_one_sender(path, table, columns, stamp) if is_mcap(path) else table
 
@@ -159,7 +169,8 @@ def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequen
             at = rows.line_num if rows else 1
             raise LogError(f"{path}:{at}: is not CSV: {error}") from error
         except (OSError, UnicodeDecodeError) as error:
-            raise LogError(f"cannot read {path}: {error}") from error
+            why = getattr(error, "strerror", None) or error
+            raise LogError(f"cannot read {path}: {why}") from error
 
     def whole() -> Iterator[tuple[int, list[str]]]:
         blank = 0  # line, which is no fault at the end of a file
@@ -187,8 +198,7 @@ def _conversions(
     known = {"time", *(f"{c}.{j}" for c in (*COLUMNS, _ALSO) for j in joints)}
     if named is None:
         if "time" not in header:
-            there = printable(", ".join(header)[:200])
-            raise LogError(f"{path}: no column time; there are {there or 'none'}, by commas")
+            raise LogError(f"{path}: no column time; {there_are(header)}")
         return {name: Conversion(name) for name in known if name in header}, None
     conversions = {name: one for name, one in named.conversions.items() if name in known}
     which = named.rows
@@ -199,23 +209,24 @@ def _conversions(
         wanted["rows"] = which.column
     for name, column in wanted.items():
         if column not in header:
-            there = printable(", ".join(header)[:200])
             raise LogError(f"{beside(path)}: {name}: no column {printable(column)} in {path}; "
-                           f"there are {there}")  # fmt: skip
+                           f"{there_are(header)}")  # fmt: skip
     return conversions, which
 
 
-def _numbers(path: Path, line: int, row: Sequence[str | float], stamp: int) -> list[float]:
-    """Numbers of a row; `stamp`: which of them may be a time of day, by ISO 8601."""
-    try:
-        return [
-            _time_of_day(field)
-            if k == stamp and isinstance(field, str) and ":" in field
-            else _number(field)
-            for k, field in enumerate(row)
-        ]
-    except ValueError as error:
-        raise LogError(f"{path}:{line}: not a number: {printable(str(error))[:100]}") from error
+def _numbers(
+    path: Path, line: int, row: Sequence[str | float], columns: Sequence[str], stamp: int
+) -> list[float]:
+    """Numbers of a row of `columns`; `stamp`: which of them may be a time of day, by ISO 8601."""
+    numbers: list[float] = []
+    for k, field in enumerate(row):
+        try:
+            of_day = k == stamp and isinstance(field, str) and ":" in field
+            numbers.append(_time_of_day(str(field)) if of_day else _number(field))
+        except ValueError as error:
+            about = f"{printable(columns[k])[:60]} is {printable(repr(field))[:60]}"
+            raise LogError(f"{path}:{line}: {about}: not a number") from error
+    return numbers
 
 
 def _time_of_day(field: str) -> float:
@@ -228,73 +239,3 @@ def _number(field: str | float) -> float:
     if isinstance(field, str) and "_" in field:  # Python's own way to write a number
         raise ValueError(f"could not convert string to float: {field!r}")
     return float(field)
-
-
-def _once(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """Columns without the rows that were logged twice: those that repeat a time, where all of them
-    repeat the whole row, or where that is no rounding: spread evenly, times would move by more than
-    they are rounded by."""
-    time_s = table["time"]
-    again = np.diff(time_s, prepend=-np.inf) == 0.0
-    even, notes = _even(time_s)
-    if not notes:
-        return table, ()
-    if _changed(table)[again].any():
-        if again.mean() > _TWICE:
-            return table, ()
-        steps = np.diff(time_s)
-        if np.abs(even - time_s).max() <= float(np.median(steps[steps > 0.0])):
-            return table, ()
-    left = {name: values[~again] for name, values in table.items()}
-    return left, (f"{again.sum()} rows repeat the time of the row before: left out",)
-
-
-def _unheld(table: dict[str, Vector]) -> tuple[dict[str, Vector], tuple[str, ...]]:
-    """Columns without the rows that only hold what was measured before, of a log that was written
-    faster than it was measured: everything changes with every second row, or third, and so on."""
-    at = np.flatnonzero(_changed(table))
-    if len(at) < SHORTEST:
-        return table, ()
-    least, most = np.percentile(np.diff(at), [10.0, 90.0])
-    if least < 2.0 or most - least > 1.0:
-        return table, ()
-    number = np.arange(len(table["time"]))
-    since = number - at[np.searchsorted(at, number, side="right") - 1]
-    kept = since % round(most) == 0  # also where an arm stands, and nothing changes
-    left = {name: values[kept] for name, values in table.items()}
-    return left, (f"{(~kept).sum()} rows hold the values of the row before: left out",)
-
-
-def _changed(table: dict[str, Vector]) -> NDArray[np.bool_]:
-    """Rows (N,) in which anything but the time changed from the row before."""
-    changed = np.zeros(len(table["time"]), dtype=np.bool_)
-    changed[:1] = True
-    for name, values in table.items():
-        if name != "time":
-            changed[1:] |= values[1:] != values[:-1]
-    return changed
-
-
-def _even(time_s: Vector) -> tuple[Vector, tuple[str, ...]]:
-    """Times of which neighbours are equal, spread evenly: each stretch for itself, as a pause is no
-    part of any period."""
-    steps = np.diff(time_s)
-    rounded = (steps >= 0.0).all() and (steps == 0.0).any() and (steps > 0.0).any()
-    if not rounded:
-        return time_s, ()
-    stretches = np.split(time_s, np.flatnonzero(steps > PAUSE_S) + 1)
-    spread = np.concatenate([np.linspace(t[0], t[-1], len(t)) for t in stretches])
-    coarse = float(np.median(steps[steps > 0.0]))
-    return spread, (f"times are rounded to {1e3 * coarse:.3g} ms: spread evenly",)
-
-
-def _on_a_raster(log: MotionLog, notes: tuple[str, ...]) -> tuple[MotionLog, tuple[str, ...]]:
-    """The log as it is, or where its clock jitters, interpolated every median interval."""
-    period = log.period_s
-    stretches = log.stretches(2.5 * period)
-    steps = np.concatenate([np.diff(log.time_s[rows]) for rows in stretches])
-    jitter = float(np.percentile(np.abs(steps - period), 95.0))
-    if jitter <= _JITTER * period:
-        return log, notes
-    about = f"times jitter by {1e3 * jitter:.2g} ms: resampled every {1e3 * period:.3g} ms"
-    return on_raster(log, stretches, period), (*notes, about)

@@ -123,6 +123,40 @@ def test_good_encoders_are_not_accused():
     assert from_motion("j", t, q, theta, np.gradient(theta, t), gear=100.0).harmonics == ()
 
 
+def test_a_border_that_is_only_passed_by_is_none():
+    """Slow samples of a joint that rests at one border, and leaves it for a moment now and then: no
+    way through the gap ends twice at the same place, however well the other border shows."""
+    t, q, theta = two_encoders(0.0, 0.0)
+    away = np.zeros_like(t)
+    for k, depth in enumerate(np.random.default_rng(0).uniform(0.002, 0.008, 40)):
+        away[100 + 140 * k : 115 + 140 * k] = depth
+    gap = from_motion("j", t, q - away, theta, np.gradient(theta, t))
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert gap.limit.name == "scatter of phi at the borders"
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_part_at_one_border_after_a_pause_moves_no_zero(measured):
+    """The middle of its phi is no middle of the gap; without the motor's position it is left."""
+    t, q, theta = two_encoders(0.0, 0.004)
+    phi = np.clip(q - theta, -0.004, 0.004)
+    phi[3000:] = 0.004
+    columns = (-0.2 * np.sign(phi), theta + phi, np.gradient(theta, t))
+    position = theta[:, None] if measured else None
+    log = MotionLog(("j",), t + 2.0 * (t > 30.0), *(x[:, None] for x in columns), position)
+    gap = identify_gap(log, 0, 1.0)
+    assert gap.verdict is GapVerdict.CLEAR, gap
+    assert abs(gap.half_gap - 0.004) < min(gap.confidence, 0.001), gap
+
+
+def test_a_velocity_of_the_same_encoder_is_asked_about():
+    t, q, _ = two_encoders(0.0, 0.004)
+    columns = (np.sign(q), q, np.gradient(q, t))
+    gap = identify_gap(MotionLog(("j",), t, *(x[:, None] for x in columns)), 0, 1.0)
+    assert gap.verdict is GapVerdict.UNCLEAR, gap
+    assert "as of one encoder" in gap.reason
+
+
 def test_borders_that_wander_in_motion_are_none():
     t, q, theta = two_encoders(0.0, 0.004)
     wander = 0.003 * np.sin(2 * np.pi * 0.05 * t)

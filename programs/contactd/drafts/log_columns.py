@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from common.arrays import Vector
 from common.yaml_source import quoted
@@ -36,12 +37,15 @@ _NEVER: Final = _any("error err std acc accel acceleration qdd temp temperature 
 _MOTOR: Final = _any("motor rotor")
 _TIMES: Final = _any("time t timestamp stamp sec secs seconds clock date datetime")
 _STEPS_S: Final = (3e-4, 0.3)  # between samples
+_PAUSE: Final = 10.0  # times the median of them
 _OUTSIDE: Final = 0.05  # of the limits [rad]
 _SAME: Final = 0.08  # of a scale: less is a unit; a gear of 50 is no 57.3
-_AS_IT_IS: Final = 0.3  # of a scale of 1: noise of velocities, as no gear is so little
+_AS_IT_IS: Final = 0.3  # of a scale of 1, or the link's: noise, swings; no gear is so little
 _MOST_A: Final = 80.0  # of an arm's motor
 _WHOLE: Final = 0.015  # of a gear: nearer to a whole number it is one
 _FOLLOWS: Final = 0.7  # correlation of what is the same
+_WAY_S: Final = 0.04  # in which a velocity is compared with the change of a position
+_STRANGE: Final = "it does not follow the link's position: CHECK what it is"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +170,7 @@ def guessed(
     angle = _angle([(table[its[one.joint]["link_position"]], one) for one in there])
     most = max((float(np.abs(table[each["current"]]).max())
                 for each in its.values() if "current" in each), default=0.0)  # fmt: skip
-    period = float(np.median(np.diff(table[column]))) * UNITS["time"][time.unit]
+    period = _step(table[column]) * UNITS["time"][time.unit]
     return Columns(time, {
         one.joint: _of_joint(its[one.joint], table, one, angle, period)
         | _effort(its[one.joint], milli=most > _MOST_A)
@@ -175,12 +179,20 @@ def guessed(
 
 
 def _time(column: str, values: Vector) -> Column:
-    steps = np.diff(values)
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    step = _step(values)
     for unit, factor in UNITS["time"].items():
         if _STEPS_S[0] < step * factor < _STEPS_S[1]:
             return Column(column, unit, doubt=f"a sample every {1e3 * step * factor:.3g} ms")
     return Column(column, "s", doubt=f"a sample every {step:.3g} of its unit")
+
+
+def _step(times: Vector) -> float:
+    """Mean time between samples without pauses; neighbours may be equal, where it is rounded."""
+    steps = np.diff(times)
+    ahead = steps[steps > 0.0]
+    if not len(ahead):
+        return 1.0
+    return float(steps[(steps >= 0.0) & (steps < _PAUSE * np.median(ahead))].mean())
 
 
 def _angle(positions: Sequence[tuple[Vector, JointRange]]) -> str:
@@ -199,21 +211,27 @@ def _within(values: Vector, one: JointRange) -> bool:
 def _of_joint(
     its: Mapping[str, str], table: Mapping[str, Vector], one: JointRange, angle: str, period: float
 ) -> dict[str, Column]:
-    """Positions and velocities of a joint."""
+    """Positions and velocities of a joint; of a motor whose position is there, its own change."""
     name, limits = its["link_position"], f"the URDF's {one.lower:.3g} to {one.upper:.3g} rad"
     doubt = f"within {limits}" if angle else f"no unit is within {limits}: a scale, an offset?"
     found = {"link_position": Column(name, angle or "rad", doubt=doubt)}
     q = table[name] * UNITS["link_position"][angle or "rad"]
-    q_dot = np.gradient(q, period)
+    turns, span = q, max(2, round(_WAY_S / period))
+
+    def ways(positions: Vector) -> Vector:
+        return positions[span:] - positions[:-span]
+
     if "motor_position" in its:
         values = table[its["motor_position"]]
         follows = _following(its["motor_position"], values, q, UNITS["link_position"], angle)
         scale = UNITS["link_position"][follows.unit] * follows.scale
         offset = round(float(np.mean(q - scale * values)), 6)
         found["motor_position"] = replace(follows, offset=offset)
+        turns = scale * values if follows.doubt != _STRANGE else q
     for quantity in {"motor_velocity", "setpoint"} & its.keys():
         units = UNITS["motor_velocity"]
-        found[quantity] = _following(its[quantity], table[its[quantity]], q_dot, units)
+        swept = cumulative_trapezoid(table[its[quantity]], dx=period, initial=0.0)
+        found[quantity] = _following(its[quantity], ways(swept), ways(turns), units)
     return found
 
 
@@ -234,9 +252,9 @@ def _following(
     power = float(apart @ apart)
     scale = float(apart @ (about - about.mean())) / power if power else 0.0
     if abs(scale) * float(values.std()) < _FOLLOWS * float(about.std()) or not scale:
-        return replace(first, doubt="it does not follow the link's position: CHECK what it is")
+        return replace(first, doubt=_STRANGE)
     nearest = min(units, key=lambda one: abs(np.log(abs(scale) / units[one])))
-    same = _SAME if units[nearest] != 1.0 else _AS_IT_IS
+    same = _SAME if units[nearest] != 1.0 and nearest != unit else _AS_IT_IS
     if abs(abs(scale) / units[nearest] - 1.0) < same:
         way = "as" if scale > 0.0 else "against"
         return Column(name, nearest, float(np.sign(scale)), f"changes {way} the link's")

@@ -12,9 +12,10 @@ from bench.rigs.foreign_logs import Stranger, Style, stranger, urdf_of, write_cs
 from common.errors import ConfigurationError
 from daemon.config.load import load_robot
 from daemon.drives import build_setups
+from estimator.urdf import JointRange
 from programs.contactd.contactd import main
 from programs.contactd.drafts.log_arm import loosened
-from programs.contactd.drafts.log_columns import named_columns
+from programs.contactd.drafts.log_columns import guessed, named_columns
 from programs.identify.csv_log import read_csv
 from programs.identify.log_names import beside
 
@@ -82,6 +83,22 @@ def test_numbers_say_units_and_signs(tmp_path: Path, arm: Stranger, degrees: boo
     constants = np.array([joint.torque_constant for joint in robot.configuration.joints])
     # The first joint turns about the vertical: nothing weighs there.
     assert constants[1:] == pytest.approx(arm.truth.torque_constant[1:], rel=0.05)
+
+
+@pytest.mark.parametrize(("rate_Hz", "noise"), [(25.0, 0.0), (1000.0, 2e-5)])
+def test_a_motor_that_swings_through_its_gap_has_no_gear(rate_Hz: float, noise: float) -> None:
+    """It swings further than its link, too fast for 25 Hz; at 1 kHz a change is mostly noise."""
+    t = np.arange(0.0, 20.0, 1.0 / rate_Hz)
+    theta = 0.3 * np.sin(t) + 0.1 * np.sin(14.0 * t)
+    theta_dot = 0.3 * np.cos(t) + 1.4 * np.cos(14.0 * t)
+    q = 0.3 * np.sin(t) + 0.09 * np.sin(14.0 * t - 0.3)
+    q = q + noise * np.random.default_rng(0).standard_normal(len(t))
+    table = {"time": t, "link_position": np.degrees(q), "motor_position": np.degrees(theta),
+             "motor_velocity": np.degrees(theta_dot), "current": q}  # fmt: skip
+    named = {("elbow" if name != "time" else "", name): name for name in table}
+    its = guessed(named, table, [JointRange("elbow", 1, lower=-1.5, upper=1.5)]).joints
+    for name, unit in (("motor_position", "deg"), ("motor_velocity", "deg/s")):
+        assert (its["elbow"][name].unit, its["elbow"][name].scale) == (unit, 1.0)
 
 
 def test_torques_need_no_constant(tmp_path: Path, arm: Stranger) -> None:
@@ -160,14 +177,20 @@ def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
         ("", "is empty"),
         ("a,b", "no column is a time"),
         ("time,base_pos,elbow_cur", "no joint of arm.urdf has"),
+        ("time,base_pos,base_cur\n", "too short: 0 samples, at least 100"),
+        ("time,base_pos,base_cur\n1,2,nan", "base_cur is nan at sample 0"),
+        ("time,base_pos,base_cur,base_pos", "two columns base_pos"),
+        ("time,base_pos,base_cur", "time does not grow at sample 1"),
+        ("time;base_pos;base_cur", "there are time;base_pos;base_cur, by commas"),
+        ("time,base_pos,base_cur\n1,off,3", "log.csv:2: base_pos is 'off': not a number"),
     ],
 )
 def test_what_cannot_be_guessed_leaves_nothing(
     tmp_path: Path, arm: Stranger, columns: str, says: str
 ) -> None:
     path = tmp_path / "log.csv"
-    rows = [",".join("12345"[: columns.count(",") + 1])] * 30
-    path.write_text("\n".join([columns, *rows]) if columns else "")
+    row = "\n" + ",".join("12345"[: columns.partition("\n")[0].count(",") + 1])
+    path.write_text(columns + row * 130 * (columns[-1:] not in ("", "\n")))
     urdf = urdf_of(arm, tmp_path)
     result = CliRunner().invoke(main, ["new", str(tmp_path / "arm"), "--log-only", "--urdf",
                                        str(urdf), str(path)])  # fmt: skip
