@@ -206,7 +206,8 @@ class Session:
             )
         with collecting(self._connect, settled) as seen:
             yield seen
-        if left := next((state for state in seen if state.mode != Mode.OFF), None):
+            now = self.client.ask_status()  # the States may come late
+        if left := next((one for one in (*seen, now) if one.mode != Mode.OFF), None):
             raise ControlError(
                 f"the arm did not stay off: {left.mode}, {left.cause}; after a fault "
                 "`contactctl reset`, then the joints that are left: push softly"
