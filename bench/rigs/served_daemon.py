@@ -57,12 +57,18 @@ class PatientSocket(ControlSocket):
 class PatientConnection(Connection):
     """A client's connection that waits for the answer as long as a busy machine takes for it."""
 
+    asked_s = 0.0  # when one of them last asked or had its answer, by this machine's clock
+
     def __init__(self, path: Path, timeout_s: float) -> None:
         super().__init__(path, max(timeout_s, ANSWERED_S))
 
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
         """As usual, but for the patience."""
-        return super().exchange(request, max(timeout_s, ANSWERED_S))
+        PatientConnection.asked_s = time.monotonic()
+        try:
+            return super().exchange(request, max(timeout_s, ANSWERED_S))
+        finally:
+            PatientConnection.asked_s = time.monotonic()
 
 
 class PatientAccess(ObjectAccess):
@@ -84,6 +90,7 @@ def unhurried_drives() -> Iterator[None]:
 
 
 ANSWERED_S = 300.0
+ASKS_S = 0.1  # a client that waits for something asks more often
 READING_S = 0.005
 TYPING_S = 0.03  # some ticks: in the same one, a request may be older than the stop before it
 
@@ -97,11 +104,12 @@ def unread(connection: socket.socket) -> int:
 @dataclass(slots=True)
 class ServedDaemon:
     """Service, loop and simulated arm; time passes by `tick` alone, every `idle_s` while no client
-    reads, and as fast as it reads while one does."""
+    reads, or `computing_s` while none asks either, and as fast as it reads while one does."""
 
     rig: Rig
     service: Service
     idle_s: float = 0.0005
+    computing_s: float = 0.0
 
     @property
     def path(self) -> Path:
@@ -147,10 +155,14 @@ class ServedDaemon:
         thread.start()
         while thread.is_alive():
             self.tick()
-            thread.join(0.0 if self.service.control.readers else self.idle_s)
+            thread.join(0.0 if self.service.control.readers else self._idle_s())
         if errors:
             raise errors[0]
         return results[0]
+
+    def _idle_s(self) -> float:
+        asks = time.monotonic() < PatientConnection.asked_s + ASKS_S
+        return self.idle_s if asks else max(self.idle_s, self.computing_s)
 
     def ask(self, client: Client, command: Any) -> Reply:
         """The daemon's reply."""

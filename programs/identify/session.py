@@ -34,6 +34,8 @@ _SETTLE_S = 6.0
 _ATTENDS_EVERY_S = 0.5
 # No joint moves that in so long moves less [s, rad].
 _STILL_S, _STILL = 0.3, 0.002
+# Modes that wait for nothing.
+_RESTS = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 # Modes while our trajectory runs and after its end; any other mode ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
@@ -137,7 +139,7 @@ class Session:
             raise ControlError("the arm stays as it is: you did not let it move")
         if status.armed:
             self.client.demand("disarm")
-        status = asked_until(self.client.ask_status, lambda s: s.mode == Mode.HOLDING, _SETTLE_S)
+        status = asked_until(self.client.ask_status, lambda s: s.mode in _RESTS, _SETTLE_S)
         if status.mode != Mode.HOLDING:
             raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
         self._held = True
