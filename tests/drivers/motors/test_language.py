@@ -66,13 +66,19 @@ def test_none_is_made_of_what_is_no_number(arm: Path, place: tuple[float, float]
     assert bytes(language.setpoints[1][1]) == before
 
 
+#: Any of 11 and of 29 bits, and those by which motors of each make answer.
+IDS = (
+    st.integers(0, 0x7FF)
+    | st.integers(EXTENDED, EXTENDED | 0x1FFF_FFFF)
+    | st.integers(ANSWERS + 1, ANSWERS + 7)
+    | st.integers(0, 0xFFFF).map(lambda code: identifier(Kind.FEEDBACK, code & 0xFF07, HOST))
+)
+
+
 @ARMS
-@given(can_id=st.integers(0, 0x1FFF_FFFF), extended=st.booleans(), data=st.binary(max_size=8))
-def test_any_frame_is_one_motors_answer_or_none(
-    arm: Path, can_id: int, extended: bool, data: bytes
-) -> None:
+@given(can_id=IDS, data=st.binary(max_size=8))
+def test_any_frame_is_one_motors_answer_or_none(arm: Path, can_id: int, data: bytes) -> None:
     language = LANGUAGE[arm]
-    can_id = can_id | EXTENDED if extended else can_id & 0x7FF
     joint = language.answering(can_id)
     assert joint is None or language.commanded(can_id) is None
     if joint is not None:
