@@ -1,4 +1,4 @@
-"""Errors of friction that no log shows: those of masses and torque constants.
+"""Errors of friction that no log shows: those of masses, torque constants and motors' own loops.
 
 A fit is as good as ever where the model's inertial torque is a share too large: rotor and friction
 take it. So stated errors bear it, beside the noise.
@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from common.arrays import Vector
 from identification.friction_fit import FrictionFit
 from identification.log_intervals import Intervals, low_pass
-from identification.regression import COLUMNS, GAIN, Regression, Solution
+from identification.regression import COLUMNS, GAIN, NORMAL_95, Regression, Solution
 
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
@@ -88,3 +89,16 @@ def constant_off(gravity_scale: float) -> float:
     both = float(np.hypot(_CONSTANT_OFF, _BY_URDF))
     part = (_CONSTANT_OFF / both) ** 2
     return float(np.hypot(part * (gravity_scale - 1.0), _CONSTANT_OFF * _BY_URDF / both))
+
+
+def with_steps(fits: list[FrictionFit], falls: Vector) -> list[FrictionFit]:
+    """Fits of motors that get a position once a period: until the next their torque falls, by
+    `falls` (n,) = stiffness T [Nm s/rad] with their velocity, and is sampled at one moment. Up to
+    half of that is in the viscous friction, which the residual needs so; the gear's own is not."""
+    viscous = COLUMNS[1]
+    return [
+        replace(fit, errors=fit.errors | {viscous: float(np.hypot(fit.errors[viscous], error))})
+        if error > 0.0 and viscous in fit.errors
+        else fit
+        for fit, error in zip(fits, 0.5 * falls / NORMAL_95, strict=True)
+    ]

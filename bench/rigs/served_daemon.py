@@ -57,7 +57,7 @@ class PatientSocket(ControlSocket):
 class PatientConnection(Connection):
     """A client's connection that waits for the answer as long as a busy machine takes for it."""
 
-    asked_s = 0.0  # when one of them last asked or had its answer, by this machine's clock
+    asked_s = 0.0  # when one of them last asked, by this machine's clock
 
     def __init__(self, path: Path, timeout_s: float) -> None:
         super().__init__(path, max(timeout_s, ANSWERED_S))
@@ -65,10 +65,7 @@ class PatientConnection(Connection):
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
         """As usual, but for the patience."""
         PatientConnection.asked_s = time.monotonic()
-        try:
-            return super().exchange(request, max(timeout_s, ANSWERED_S))
-        finally:
-            PatientConnection.asked_s = time.monotonic()
+        return super().exchange(request, max(timeout_s, ANSWERED_S))
 
 
 class PatientAccess(ObjectAccess):
@@ -90,7 +87,7 @@ def unhurried_drives() -> Iterator[None]:
 
 
 ANSWERED_S = 300.0
-ASKS_S = 0.1  # a client that waits for something asks more often
+ASKS_S = 0.2  # a client that waits for something asks more often
 READING_S = 0.005
 TYPING_S = 0.03  # some ticks: in the same one, a request may be older than the stop before it
 
@@ -155,14 +152,12 @@ class ServedDaemon:
         thread.start()
         while thread.is_alive():
             self.tick()
-            thread.join(0.0 if self.service.control.readers else self._idle_s())
+            asks = time.monotonic() < PatientConnection.asked_s + ASKS_S
+            idle_s = self.idle_s if asks else max(self.idle_s, self.computing_s)
+            thread.join(0.0 if self.service.control.readers else idle_s)
         if errors:
             raise errors[0]
         return results[0]
-
-    def _idle_s(self) -> float:
-        asks = time.monotonic() < PatientConnection.asked_s + ASKS_S
-        return self.idle_s if asks else max(self.idle_s, self.computing_s)
 
     def ask(self, client: Client, command: Any) -> Reply:
         """The daemon's reply."""

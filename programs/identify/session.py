@@ -34,8 +34,7 @@ _SETTLE_S = 6.0
 _ATTENDS_EVERY_S = 0.5
 # No joint moves that in so long moves less [s, rad].
 _STILL_S, _STILL = 0.3, 0.002
-# Modes that wait for nothing.
-_RESTS = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
+_RESTS = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # no other follows by itself
 # Modes while our trajectory runs and after its end; any other mode ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
