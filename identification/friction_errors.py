@@ -12,6 +12,7 @@ from common.arrays import Vector
 from identification.friction_fit import FrictionFit
 from identification.log_intervals import Intervals, low_pass
 from identification.regression import COLUMNS, GAIN, NORMAL_95, Regression, Solution
+from identification.setpoint_steps import OF_POSITIONS
 
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
@@ -95,10 +96,9 @@ def with_steps(fits: list[FrictionFit], falls: Vector) -> list[FrictionFit]:
     """Fits of motors that get a position once a period: until the next their torque falls, by
     `falls` (n,) = stiffness T [Nm s/rad] with their velocity, and is sampled at one moment. Up to
     half of that is in the viscous friction, which the residual needs so; the gear's own is not."""
-    viscous = COLUMNS[1]
-    return [
-        replace(fit, errors=fit.errors | {viscous: float(np.hypot(fit.errors[viscous], error))})
-        if error > 0.0 and viscous in fit.errors
-        else fit
-        for fit, error in zip(fits, 0.5 * falls / NORMAL_95, strict=True)
-    ]
+    new, name = list(fits), COLUMNS[1]
+    for i in np.flatnonzero(falls):
+        error = float(np.hypot(fits[i].errors.get(name, 0.0), 0.5 * falls[i] / NORMAL_95))
+        doubt = fits[i].rotor_doubt or OF_POSITIONS
+        new[i] = replace(fits[i], errors=fits[i].errors | {name: error}, rotor_doubt=doubt)
+    return new

@@ -207,8 +207,8 @@ class Session:
             )
         with collecting(self._connect, settled) as seen:
             yield seen
-            now = self.client.ask_status()  # the States may come late
-        if left := next((one for one in (*seen, now) if one.mode != Mode.OFF), None):
+            looked: list[State | Status] = [*seen, self.client.ask_status()]  # seen may be late
+        if left := next((one for one in looked if one.mode != Mode.OFF), None):
             raise ControlError(
                 f"the arm did not stay off: {left.mode}, {left.cause}; after a fault "
                 "`contactctl reset`, then the joints that are left: push softly"

@@ -87,4 +87,5 @@ def test_a_motor_rubs_within_the_interval(
     (new,) = with_steps([fit(0.01, 0.0, viscous=found)], np.array([kp * T]))
     assert abs(found - VISCOUS) <= new.half_interval("K_theta_v")
     assert new.errors["K_theta_s"] == 0.01
+    assert not new.rotor_trusted
     assert with_steps([fit(0.01, 0.0)], np.zeros(1)) == [fit(0.01, 0.0)]
