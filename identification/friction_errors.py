@@ -1,4 +1,4 @@
-"""Errors of friction that no log shows: those of masses and torque constants.
+"""Errors of friction that no log shows: those of masses, torque constants and motors' own loops.
 
 A fit is as good as ever where the model's inertial torque is a share too large: rotor and friction
 take it. So stated errors bear it, beside the noise.
@@ -8,9 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from common.arrays import Vector
 from identification.friction_fit import FrictionFit
 from identification.log_intervals import Intervals, low_pass
-from identification.regression import COLUMNS, GAIN, Regression, Solution
+from identification.regression import COLUMNS, GAIN, NORMAL_95, Regression, Solution
+from identification.setpoint_steps import OF_POSITIONS
 
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
 """Least shares by which masses are believed to be off."""
@@ -88,3 +90,15 @@ def constant_off(gravity_scale: float) -> float:
     both = float(np.hypot(_CONSTANT_OFF, _BY_URDF))
     part = (_CONSTANT_OFF / both) ** 2
     return float(np.hypot(part * (gravity_scale - 1.0), _CONSTANT_OFF * _BY_URDF / both))
+
+
+def with_steps(fits: list[FrictionFit], falls: Vector) -> list[FrictionFit]:
+    """Fits of motors that get a position once a period: until the next their torque falls, by
+    `falls` (n,) = stiffness T [Nm s/rad] with their velocity, and is sampled at one moment. Up to
+    half of that is in the viscous friction, which the residual needs so; the gear's own is not."""
+    new, name = list(fits), COLUMNS[1]
+    for i in np.flatnonzero(falls):
+        error = float(np.hypot(fits[i].errors.get(name, 0.0), 0.5 * falls[i] / NORMAL_95))
+        doubt = fits[i].rotor_doubt or OF_POSITIONS
+        new[i] = replace(fits[i], errors=fits[i].errors | {name: error}, rotor_doubt=doubt)
+    return new

@@ -34,9 +34,9 @@ STEPS = (
     "the drives take setpoints as steps, or ramp too fast, and their current when it is sampled is "
     "not that of the period: B would come out wrong, mostly too small, and keeps its value. Have "
     "them ramp over the period (0x60C2, or what their manual calls interpolation); where they "
-    "cannot, as Damiao motors, give `rotor_inertia` by the motor's data sheet, times gear squared"
+    "cannot, give `rotor_inertia` by the motor's data sheet, times gear squared"
 )
-
+OF_POSITIONS = "such motors do not show it; that of the data sheet, times gear squared, is right"
 OR_MASSES = (
     "or masses, which are the URDF's, are off, and look like that: run `contactd identify masses`, "
     "then `friction` again"

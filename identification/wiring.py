@@ -110,8 +110,8 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     if off > allowed:
         problems.append(
             f"the current holds {in_Nm(held)}, gravity is {in_Nm(gravity)} by the URDF: "
-            "torque_constant, object or scale of the current, link_offset, masses, or another "
-            "joint than this one moved"
+            "torque_constant, object, scale or torque_max_Nm of the current, link_offset, masses, "
+            "or another joint than this one moved"
         )
     elif abs(gravity) < abs(friction):
         most = _most_gravity(model, joint)
@@ -176,7 +176,8 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
     scale = float(position @ turned / (turned @ turned))
     if abs(scale - 1.0) <= SCALE_TOLERANCE + _half_a_count(log.motor_velocity[:, joint]):
         return []
-    return [f"motor_position changes {scale:.3g} times as much as by motor_velocity: a scale"]
+    about = f"motor_position changes {scale:.3g} times as much as by motor_velocity"
+    return [f"{about}: a scale, or velocity_max"]
 
 
 def _half_a_count(velocity: Vector) -> float:

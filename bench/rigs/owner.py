@@ -287,7 +287,7 @@ class Owner:
         hand = threading.Thread(target=self._hand, args=(served, press, over))
         if press:
             hand.start()
-        served.idle_s = IDLE_S
+        served.computing_s = IDLE_S
         result = served.contactd("identify", *words, "--yes")
         over.set()
         if press:

@@ -57,11 +57,14 @@ class PatientSocket(ControlSocket):
 class PatientConnection(Connection):
     """A client's connection that waits for the answer as long as a busy machine takes for it."""
 
+    asked_s = 0.0  # when one of them last asked, by this machine's clock
+
     def __init__(self, path: Path, timeout_s: float) -> None:
         super().__init__(path, max(timeout_s, ANSWERED_S))
 
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
         """As usual, but for the patience."""
+        PatientConnection.asked_s = time.monotonic()
         return super().exchange(request, max(timeout_s, ANSWERED_S))
 
 
@@ -84,6 +87,7 @@ def unhurried_drives() -> Iterator[None]:
 
 
 ANSWERED_S = 300.0
+ASKS_S = 0.2  # a client that waits for something asks more often
 READING_S = 0.005
 TYPING_S = 0.03  # some ticks: in the same one, a request may be older than the stop before it
 
@@ -97,11 +101,12 @@ def unread(connection: socket.socket) -> int:
 @dataclass(slots=True)
 class ServedDaemon:
     """Service, loop and simulated arm; time passes by `tick` alone, every `idle_s` while no client
-    reads, and as fast as it reads while one does."""
+    reads, or `computing_s` while none asks either, and as fast as it reads while one does."""
 
     rig: Rig
     service: Service
     idle_s: float = 0.0005
+    computing_s: float = 0.0
 
     @property
     def path(self) -> Path:
@@ -147,7 +152,9 @@ class ServedDaemon:
         thread.start()
         while thread.is_alive():
             self.tick()
-            thread.join(0.0 if self.service.control.readers else self.idle_s)
+            asks = time.monotonic() < PatientConnection.asked_s + ASKS_S
+            idle_s = self.idle_s if asks else max(self.idle_s, self.computing_s)
+            thread.join(0.0 if self.service.control.readers else idle_s)
         if errors:
             raise errors[0]
         return results[0]

@@ -51,8 +51,8 @@ def _longer(fits: list[FrictionFit]) -> str:
                 if after[fit.joint] != _half(fit.unsure)]  # fmt: skip
         parts.append(
             (f"`--seconds {LONGEST_S}` leaves {', '.join(less)}: " if less else "")
-            + "a longer motion takes off no error of masses, of torque constants, or of friction "
-            "that falls with speed"
+            + "a longer motion takes off no error of masses, of torque constants, of friction that "
+            "falls with speed, or of what a motor's setpoints do within a period"
         )
     return "; ".join(parts)
 

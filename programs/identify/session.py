@@ -34,6 +34,7 @@ _SETTLE_S = 6.0
 _ATTENDS_EVERY_S = 0.5
 # No joint moves that in so long moves less [s, rad].
 _STILL_S, _STILL = 0.3, 0.002
+_RESTS = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})  # no other follows by itself
 # Modes while our trajectory runs and after its end; any other mode ended it.
 _OURS = frozenset({Mode.HOLDING.value, Mode.TRACKING.value})
 
@@ -137,7 +138,7 @@ class Session:
             raise ControlError("the arm stays as it is: you did not let it move")
         if status.armed:
             self.client.demand("disarm")
-        status = asked_until(self.client.ask_status, lambda s: s.mode == Mode.HOLDING, _SETTLE_S)
+        status = asked_until(self.client.ask_status, lambda s: s.mode in _RESTS, _SETTLE_S)
         if status.mode != Mode.HOLDING:
             raise ControlError(f"the arm does not hold: {status.mode}, {status.cause}")
         self._held = True
@@ -206,7 +207,8 @@ class Session:
             )
         with collecting(self._connect, settled) as seen:
             yield seen
-        if left := next((state for state in seen if state.mode != Mode.OFF), None):
+            looked: list[State | Status] = [*seen, self.client.ask_status()]  # seen may be late
+        if left := next((one for one in looked if one.mode != Mode.OFF), None):
             raise ControlError(
                 f"the arm did not stay off: {left.mode}, {left.cause}; after a fault "
                 "`contactctl reset`, then the joints that are left: push softly"

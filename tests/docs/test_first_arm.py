@@ -51,7 +51,7 @@ class Terminals:
                         self._folder, Path(folder), described=lambda robot, _: true_arm(robot)[0]
                     )
                 )
-                self.served.idle_s = IDLE_S
+                self.served.computing_s = IDLE_S
                 return Result(CliRunner(), b"", b"", b"", None, 0, None)
             case ["contactd", "identify", *more]:
                 assert self.served is not None

@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from identification.friction_errors import with_steps
 from identification.friction_fit import WIDE, FrictionFit
 from identification.friction_verdict import Verdict
+
+T, DT = 0.01, 5e-5  # [s] of setpoints, and of the simulated motor
+VISCOUS = 0.05  # Nm s/rad
 
 
 def fit(noise: float, stays: float, coulomb: float = 1.0, viscous: float = 0.5) -> FrictionFit:
@@ -55,3 +59,33 @@ def test_gravity_that_is_off_by_little_of_the_friction_is_not_off(scale, change,
 
 def test_what_is_printed_is_half_of_a_95_percent_interval():
     assert fit(0.05, 0.0).half_interval("K_theta_s") == pytest.approx(0.098)
+
+
+def sampled(velocity: float, inertia: float, kp: float, kd: float, phase: float) -> float:
+    """Torque [Nm], filtered by 40 Hz, at that phase of a period of a motor that goes at a velocity
+    by a position that steps once a period."""
+    p = q = speed = shown = torque = 0.0
+    for k in range(120 * round(T / DT)):
+        if k % round(T / DT) == 0:
+            p += velocity * T
+        torque = kp * (p - q) + kd * (velocity - speed)
+        speed += DT * (torque - VISCOUS * speed) / inertia
+        q += DT * speed
+        shown += (torque - shown) * DT / 0.004
+        if k == 119 * round(T / DT) + round(phase * T / DT) - 1:
+            return shown
+    return shown
+
+
+@pytest.mark.parametrize("inertia", [0.001, 0.02, 0.5])
+@pytest.mark.parametrize(("kp", "kd"), [(36.0, 5.0), (173.0, 11.0)])
+@pytest.mark.parametrize("phase", [0.6, 1.0])
+def test_a_motor_rubs_within_the_interval(
+    inertia: float, kp: float, kd: float, phase: float
+) -> None:
+    found = sampled(1.0, inertia, kp, kd, phase)
+    (new,) = with_steps([fit(0.01, 0.0, viscous=found)], np.array([kp * T]))
+    assert abs(found - VISCOUS) <= new.half_interval("K_theta_v")
+    assert new.errors["K_theta_s"] == 0.01
+    assert not new.rotor_trusted
+    assert with_steps([fit(0.01, 0.0)], np.zeros(1)) == [fit(0.01, 0.0)]

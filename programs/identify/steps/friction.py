@@ -62,6 +62,7 @@ def friction_outcome(
     from daemon.assembly import build_transmission
     from daemon.config.vectors import row
     from identification.friction import identify_friction
+    from identification.friction_errors import with_steps
     from identification.friction_fit import adopt
     from identification.friction_verdict import Verdict
     from identification.limit_cycle import limit_cycles
@@ -89,6 +90,8 @@ def friction_outcome(
         log, model, old, c.estimator, limit, shortest_s,
         weighed=weighed, by_urdf=by_urdf, makes=makes,
     )  # fmt: skip
+    stiffness = row(c, lambda j: getattr(c.drives[j.wiring.profile], "stiffness", 0.0))
+    fits = with_steps(fits, stiffness * c.period_s)
     gain = None if measured.reference is None else measured.gain or c.control.position_gain
     if gain is not None:
         # What a gap does with each swing looks like friction of its own, and fits well.

@@ -49,7 +49,14 @@ def test_problems(profile, wiring, play: float, at: str, says: str) -> None:
         ("make: robstride, model: RS00", "model: RS00", "drives.RS00", "make: robstride", "DM4310"),
         ("gear: 10,", "gear: 9,", "(joint3).wiring.gear", "RS00 is 10", "drives"),
         ("make: robstride, model: RS00", "make: robot, model: RS00", "RS00.make", "damiao", "eds"),
-    ],
+        (
+            "make: robstride, model: RS00",
+            "make: damiao, position_max: 12.5, model: DM4310",
+            "RS00.make",
+            "of one make",
+            "tpdo",
+        ),
+    ],  # fmt: skip
 )
 def test_a_wrong_word_names_those_of_its_make(
     tmp_path: Path, old: str, new: str, at: str, allowed: str, others: str

@@ -69,7 +69,7 @@ class CommissionedArm:
         """Type `contactd identify WORDS...` at an arm that holds. Returns True if all was good."""
         with self.served() as served:
             served.rig.enable()
-            served.idle_s = IDLE_S
+            served.computing_s = IDLE_S
             result = served.contactd("identify", *words, "--yes")
         self.output = result.output
         return result.exit_code == 0

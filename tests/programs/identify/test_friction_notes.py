@@ -68,8 +68,8 @@ def fit(
             True,
             ("friction is known of a to +-25 %, b to +-10 %, c to +-12 %: `--seconds 140` "
              "narrows that of b to +-7.5 %; `--seconds 600` leaves a +-20 %, c +-10 %: a longer "
-             "motion takes off no error of masses, of torque constants, or of friction that "
-             "falls with speed",),
+             "motion takes off no error of masses, of torque constants, of friction that falls "
+             "with speed, or of what a motor's setpoints do within a period",),
         ),
     ],
 )  # fmt: skip

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -16,7 +17,7 @@ from click.testing import CliRunner
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from bench.rigs.served_daemon import ServedDaemon
-from common.errors import LogError
+from common.errors import ControlError, LogError
 from daemon.config import identified as file
 from daemon.config.load import load_robot
 from daemon.modes.table import Mode
@@ -25,7 +26,7 @@ from identification.motion_log import MotionLog
 from programs.contactd import contactd
 from programs.identify.hand import Hand
 from programs.identify.measured import read_measured
-from programs.identify.session import followed
+from programs.identify.session import Session, followed
 from tests.programs.identify.commissioned_arm import CommissionedArm
 from tests.programs.identify.typed_session import (
     MOTION_S,
@@ -278,3 +279,19 @@ def test_a_touch_is_reported_at_once_and_left_out(
     found = load_robot(arm.folder).configuration.joints[0].friction
     true = served.rig.arm.plant.parameters.coulomb.sum()
     assert found.motor_coulomb + found.link_coulomb == pytest.approx(true, rel=0.04)
+
+
+@pytest.mark.parametrize("end", [Mode.FAULTED, Mode.OFF])
+def test_an_arm_that_will_not_hold_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: Mode
+) -> None:
+    modes = iter([Mode.STOPPING, Mode.STOPPING, end])
+
+    def ask_status() -> SimpleNamespace:
+        return SimpleNamespace(mode=next(modes), cause="apart", armed=False)
+
+    daemon = SimpleNamespace(ask_status=ask_status)
+    monkeypatch.setattr("programs.identify.session.Client", lambda socket: daemon)
+    session = Session(tmp_path, tmp_path, print, lambda off: True)
+    with pytest.raises(ControlError, match=f"does not hold: {end}, apart"):
+        session.hold()

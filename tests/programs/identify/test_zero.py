@@ -2,6 +2,8 @@
 
 import io
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, cast
@@ -19,9 +21,12 @@ from daemon.config.identified import Identified, WiringEntry, ZeroEntry, applied
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
+from daemon.protocol.state import State
 from identification.resting_link import stands
+from programs.identify import session
 from programs.identify.merge import merged
 from programs.identify.steps.zero import not_possible, zero_outcome
+from programs.identify.stream_readers import collecting
 from programs.simulate.simulated_robot import true_arm
 from simulator.hand_script import Lean
 
@@ -181,7 +186,18 @@ class Wrench(io.RawIOBase):
         return 2
 
 
-def test_a_fault_that_ends_it_is_named(tmp_path: Path) -> None:
+@contextmanager
+def belated(*reader: Any) -> Iterator[list[State]]:
+    """States of a reader that is behind: the last do not come in time."""
+    with collecting(*reader) as seen:
+        yield list(seen)
+
+
+@pytest.mark.parametrize("reader", [collecting, belated])
+def test_a_fault_that_ends_it_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: Any
+) -> None:
+    monkeypatch.setattr(session, "collecting", reader)
     folder = generate(1).write(tmp_path / "arm")
     with served_daemon(tmp_path, folder, described=lambda robot, _: true_arm(robot)[0]) as served:
         served.run(0.3)
