@@ -109,8 +109,9 @@ class Samples:
     """Measurements of one tick, reports and events beside them. Nothing of it changes afterwards:
     the arrays are read-only.
 
-    A joint is fresh when all of it was measured in this tick, and came in time; of any other the
-    values are the last that came (NaN before the first), not necessarily of one moment.
+    A joint is fresh when all of it was measured in this tick, came in time, and the tick's first
+    answer no later than usual (else no joint is); of any other the values are the last that came
+    (NaN before the first), not necessarily of one moment.
     """
 
     current: Vector  # A
@@ -118,7 +119,7 @@ class Samples:
     motor_velocity: Vector  # rad/s
     motor_position: Vector | None  # rad; None unless every drive sends it
     fresh: NDArray[np.bool_]
-    age_s: Vector  # since the last fresh sample, or since samples are asked for again [s]
+    age_s: Vector  # since the last sample that came, or since samples are asked for again [s]
     starting: NDArray[np.bool_]  # not fresh since then, and may still be starting up
     drives: tuple[DriveStatus, ...]
     events: tuple[Event, ...] = ()

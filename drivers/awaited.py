@@ -1,7 +1,7 @@
 """Answers awaited in a tick, and the age of each joint's samples. Pure.
 
 Which are still awaited is one integer, a bit for each of them. A joint is fresh when all of its
-answers came in time.
+answers came in time; none is where the first came so late that their moment is not known.
 """
 
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.arrays import Vector
+from drivers.promptness import Promptness
 from drivers.punctuality import Punctuality
 
 #: A drive may take so many ticks from its start to its first answer.
@@ -35,10 +36,12 @@ class Awaited:
     def __init__(self, joint_bits: Sequence[int], period_s: float) -> None:
         self._joint_bits, self._period_s = tuple(joint_bits), period_s
         self._all = sum(joint_bits)
-        self.punctuality = Punctuality(period_s)
+        self.punctuality, self._promptness = Punctuality(period_s), Promptness(period_s)
         self.missing = 0
         """Not zero while one is awaited."""
         self._asked = False  # in this tick
+        self._asked_s: float | None = None  # until the first answer is here
+        self._prompt = True
         n = len(joint_bits)
         self._every = frozen(np.ones(n, dtype=np.bool_))
         self.none = self._starting = frozen(np.zeros(n, dtype=np.bool_))
@@ -59,10 +62,20 @@ class Awaited:
         """Count every answer until the next question as late."""
         self.missing = 0
 
-    def expect_all(self, now: float) -> None:
-        """Await all: the question is about to go out."""
+    def expect_all(self, now: float, asked_s: float | None = None) -> None:
+        """Await all: the question is about to go out. asked_s: when its tick began, on the clock of
+        `left_s`; None where that is not known."""
         self.punctuality.asked(now)
         self.missing, self._asked = self._all, True
+        self._asked_s, self._prompt = asked_s, True
+
+    def left_s(self, deadline: float, clock_s: float) -> float | None:
+        """Time left for answers until `deadline` [s], None when all are here; both times are of the
+        same clock, clock_s is now."""
+        if self._asked_s is not None and self.missing != self._all:
+            self._prompt = self._promptness.step(clock_s - self._asked_s)
+            self._asked_s = None
+        return max(deadline - clock_s, 0.0) if self.missing else None
 
     def miss_all(self) -> None:
         """Count the answers of this tick as missing: they belong to no question, or not surely to
@@ -103,7 +116,7 @@ class Awaited:
         else:
             self._age_ticks, self._age_s = self._no_ticks, self._no_age
             self._starting, self._start_ticks = self.none, 0
-        return Freshness(fresh, self._age_s, self._starting)
+        return Freshness(fresh if self._prompt else self.none, self._age_s, self._starting)
 
 
 def frozen(array: NDArray[T]) -> NDArray[T]:

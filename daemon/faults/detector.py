@@ -182,7 +182,7 @@ class FaultDetector:
         ticks, period_s = self._settings.stale_ticks, self._settings.period_s
         longest = STARVED_FACTOR * ticks
         stale_s, longest_s = (ticks - 0.5) * period_s, (longest - 0.5) * period_s
-        awaited = ~(samples.fresh | samples.starting)
+        awaited = (samples.age_s > 0.0) & ~samples.starting  # late answers came
         self._missing += np.where(awaited, 1, -1)
         np.clip(self._missing, 0, longest, out=self._missing)
         often = self._missing >= longest

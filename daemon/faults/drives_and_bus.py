@@ -10,11 +10,11 @@ _C, _R = Condition, Response
 DRIVES_AND_BUS: Final = {
     _C.SAMPLE_MISSING: Row(
         _R.CONTINUE, "samples",
-        "a TPDO has not arrived when its tick decides",
+        "a TPDO has not arrived when its tick decides, or all came later than usual",
         "one frame may be lost; its joint's interval extends to the next one, and the other "
-        "joints sense",
+        "joints sense. When late ones were measured is not known",
         "nothing; if it is frequent, check cable, termination, and the bus load with `contactd "
-        "check`",
+        "check`; of all joints: the computer's load",
     ),
     _C.STALE: Row(
         _R.QUICK_STOP, "samples",

@@ -156,8 +156,7 @@ def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
             advice.append(f"announce the payload of the hand ({load}), or remove it")
         ask_again = attended and tick.controller.stream is None
         advice.append(ASK_AGAIN if ask_again else "`contactctl start` goes on with the trajectory")
-    if tick.loads.hint:
-        advice.append(tick.loads.hint)
+    advice += [words for words in (tick.loads.hint, tick.learning_news.load) if words]
     found = tick.last.findings if tick.last else ()
     advice += [one.advice for one in found if one.response is Response.CONTINUE]
     return "\n".join(dict.fromkeys(advice))

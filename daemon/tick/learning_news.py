@@ -1,4 +1,5 @@
-"""Notices about learning: learned friction that was discarded, and places of repeated contact."""
+"""Notices about learning: learned friction that was discarded, friction of load that was not
+identified, and places of repeated contact."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -10,6 +11,9 @@ from estimator.estimator import Estimator
 #: holds: without a hand it would be interrupted for ever.
 OFTEN: Final = 3
 TOO_OFTEN: Final = 5
+#: Friction per transmitted torque, beyond the identified interval, from which on it is reported:
+#: 0.05 is learned at most where there is none. Looked at once in so many ticks.
+LOAD, LOOKS_TICKS = 0.1, 50
 
 
 class LearningNews:
@@ -19,6 +23,7 @@ class LearningNews:
         self._estimator, self._names = estimator, tuple(names)
         self._given_up = [0] * len(self._names)
         self._met = [0] * len(self._names)
+        self._ticks, self._reported_load = 0, False
 
     @property
     def too_often(self) -> str:
@@ -33,12 +38,34 @@ class LearningNews:
                 )
         return ""
 
+    @property
+    def load(self) -> str:
+        """Joints whose gears rub more under load than was identified, and advice; empty without."""
+        estimator = self._estimator
+        learned = estimator.learned().load.tolist()
+        known = estimator.transmission.load_friction_error.tolist()
+        found = [
+            f"{name} by {rubs:.2f} per Nm"
+            for name, rubs, error in zip(self._names, learned, known, strict=True)
+            if rubs - error > LOAD
+        ]
+        if not found:
+            return ""
+        return (
+            f"friction grows with load, more than identified: {', '.join(found)}: "
+            "`contactd identify friction`, as what was learned of it ends with the daemon"
+        )
+
     def _at(self, i: int) -> str:
         return f"{self._estimator.place(i):.2f}"
 
     def step(self) -> tuple[Notice, ...]:
         """News of this tick; most often none."""
         estimator = self._estimator
+        self._ticks += 1
+        if self._ticks % LOOKS_TICKS == 0 and not self._reported_load and (load := self.load):
+            self._reported_load = True
+            return (Notice(kind="mode", text=load),)
         given_up, met = estimator.given_up.tolist(), estimator.met.tolist()
         if given_up == self._given_up and met == self._met:
             return ()

@@ -68,7 +68,7 @@ class Tick:
         self.payload: Payload | None = None
         """Payload at the hand in the model, from the next tick on."""
         self.loads = LoadWatch(estimator)
-        self._learning_news = LearningNews(estimator, drives.names)
+        self.learning_news = LearningNews(estimator, drives.names)
 
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
@@ -112,8 +112,8 @@ class Tick:
         # While a brake may carry the arm nothing is sensed.
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
-        losses = self.losses.step(samples.fresh, complete=complete)
-        news = self._learning_news.step() if mode in SENSING else ()
+        losses = self.losses.step(samples.age_s == 0.0, complete=complete)
+        news = self.learning_news.step() if mode in SENSING else ()
         others = (*losses, *loads, *news)
         self.last = TickRecord(
             number=self.number,
@@ -228,7 +228,7 @@ class Tick:
             load=load,
             struck=any(one.level == "collision" for one in estimate.contacts),
             sure=self._sensing.sure,
-            too_often=self._learning_news.too_often,
+            too_often=self.learning_news.too_often,
             drives=samples.drives,
             findings=findings,
             recent=complete or bool((samples.age_s < RECENT_PERIODS * self._period_s).all()),

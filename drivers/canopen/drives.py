@@ -148,7 +148,7 @@ class CanopenDrives:
         if presence.absent or looks:
             self._backlog = True
         else:
-            self._answers.awaited.expect_all(now)
+            self._answers.awaited.expect_all(now, entered_s)
             frames.append(SYNC_FRAME)
         if self._outbox.send(frames) and beats:
             presence.beaten(now)
@@ -176,13 +176,14 @@ class CanopenDrives:
         as its answer.
         """
         answers, inbox, frames_left = self._answers, self._inbox, FRAMES_PER_PASS
+        awaited, clock = answers.awaited, self._clock
         if self._backlog:
-            answers.awaited.expect_none()
+            awaited.expect_none()
             inbox.read_queued(self._now)
-            answers.awaited.miss_all()
+            awaited.miss_all()
             frames_left = 0
-        while answers.awaited.missing and frames_left:
-            frame = inbox.receive(max(deadline - self._clock(), 0.0))
+        while frames_left and (left_s := awaited.left_s(deadline, clock())) is not None:
+            frame = inbox.receive(left_s)
             if frame is None:
                 break
             inbox.take(*frame, self._now)

@@ -92,7 +92,7 @@ class MotorTick:
 
     def sync(self, now: float) -> None:
         """Begin a tick: read what came since the last, then ask all motors."""
-        self._now = self._port.now = now
+        asked_s, self._now, self._port.now = self._clock(), now, now
         gap_s = self._presence.gap_s(now)
         if gap_s is not None:
             text = f"the motors heard nothing of it for {1000 * gap_s:.0f} ms"
@@ -104,7 +104,7 @@ class MotorTick:
         if self._backlog or awaited.punctuality.leaves_out(now):
             self._backlog = True
             return
-        self.replies.begin_tick(now)
+        self.replies.begin_tick(now, asked_s)
         if not self._language.asks_by_setpoint:
             self._port.send(self._language.requests)
         elif self._port.send(self._asking()):
@@ -126,8 +126,8 @@ class MotorTick:
             self._port.read_queued()
             awaited.miss_all()
             frames_left = 0
-        while awaited.missing and frames_left:
-            if not self._port.take_next(max(deadline - self._clock(), 0.0)):
+        while frames_left and (left_s := awaited.left_s(deadline, self._clock())) is not None:
+            if not self._port.take_next(left_s):
                 break
             frames_left -= 1
         self._judge()

@@ -101,10 +101,10 @@ class Replies:
         where it has no encoder, its position jumped."""
         self.late_frames = 0
 
-    def begin_tick(self, now: float) -> None:
-        """Await all: the question is about to go out."""
+    def begin_tick(self, now: float, asked_s: float | None = None) -> None:
+        """Await all: the question is about to go out, as `Awaited.expect_all`."""
         self.plausibility.begin_tick()
-        self.awaited.expect_all(now)
+        self.awaited.expect_all(now, asked_s)
 
     def forget(self, joint: int) -> None:
         """Know no position of this joint: what it was counted from is another."""

@@ -175,7 +175,7 @@ def test_who_looks_is_reported_what_was_learned_and_how_full_the_bus_is(
     estimator = served.rig.tick.estimator
     memory = estimator.memory()
     # Nothing was learned from an arm at rest: shares as a minute of work might leave them.
-    shares = [[0.1, 0.03, -0.12, -0.07] for _ in memory["learning"]["shares"]]
+    shares = [[0.1, 0.03, -0.12, -0.17] for _ in memory["learning"]["shares"]]
     memory["learning"]["shares"] = shares
     estimator.restore(memory)
     with Client(view_socket_path(served.path)) as onlooker:
@@ -183,7 +183,8 @@ def test_who_looks_is_reported_what_was_learned_and_how_full_the_bus_is(
         snapshot, _ = served.until(onlooker.subscribe)
     assert status.learned is not None
     found = [status.learned.viscous, status.learned.coulomb, status.learned.load]
-    for values, expected in zip(found, [-0.03, 0.12, 0.07], strict=True):
+    for values, expected in zip(found, [-0.03, 0.12, 0.17], strict=True):
         assert values == pytest.approx([expected] * len(shares), abs=1e-3)
+    assert "identify friction" in status.advice
     c = served.rig.robot.configuration
     assert snapshot.bus_load == bus_load(frames_of(c), c.bus.bitrate)

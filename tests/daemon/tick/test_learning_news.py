@@ -1,0 +1,35 @@
+"""News of what an arm learns of its friction, in lockstep."""
+
+import msgspec
+import pytest
+
+from bench.rigs.lockstep import ROMEO, lockstep_rig
+from bench.study.world import load_known
+from daemon.config.load import load_robot
+from daemon.modes.table import Event
+from simulator.gear_settings import GearSettings
+
+LOSSY = GearSettings(load_driving=0.3, load_driven=0.24)
+
+
+@pytest.mark.parametrize(
+    ("gears", "known", "times"),
+    [(GearSettings(), None, 0), (LOSSY, None, 1), (LOSSY, 0.02, 0)],
+    ids=["sound", "lossy", "identified"],
+)
+def test_friction_of_load_that_was_not_identified_is_said_once(
+    gears: GearSettings, known: float | None, times: int
+) -> None:
+    joints = load_robot(ROMEO).configuration.joints
+    if known is not None:
+        joints = load_known(load_robot(ROMEO), gears, known).configuration.joints
+    with lockstep_rig(
+        configure=lambda c: msgspec.structs.replace(c, joints=joints),
+        simulate=lambda s: msgspec.structs.replace(s, gears=gears),
+    ) as rig:
+        rig.enable()
+        rig.request(Event.START)
+        texts = [notice.text for state in rig.states(12.0) for notice in state.notices]
+        load = rig.tick.learning_news.load
+    assert len([text for text in texts if "identify friction" in text]) == times
+    assert ("LShoulderPitch" in load) == bool(times)
