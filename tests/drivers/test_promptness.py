@@ -17,7 +17,7 @@ def verdicts(delays_s: np.ndarray) -> np.ndarray:
 
 
 def delays(seed: int, ticks: int = 2000) -> np.ndarray:
-    """Of a machine at ease."""
+    """Answers of a machine at ease."""
     return USUAL_S + RNG(seed).exponential(0.0001, ticks)
 
 

@@ -1,4 +1,4 @@
-"""What holds of the force at the tool whatever the arm: two to seven joints, any pose and frame,
+"""Properties of the force at the tool on any arm: two to seven joints, any pose and frame,
 forces of any size, and joints that do not sense or say nonsense."""
 
 from dataclasses import dataclass, replace
