@@ -87,7 +87,7 @@ def test_a_load_is_reported_where_a_state_has_one(
     fields: dict[str, Any], announced: bool | None
 ) -> None:
     found = load(cast(State, SimpleNamespace(**fields)))
-    expected = announced is not None and Load(announced, 0.4, [0.0, 0.1, 0.0], str(CUP))
+    expected = announced is not None and Load(announced, 0.4, [0.0, 0.1, 0.0], None, str(CUP))
     assert found == (expected or None)
 
 
