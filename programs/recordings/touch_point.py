@@ -42,7 +42,7 @@ _LEVEL, _RAISED, _LAG, _GAIN = 0.05, 0.25, 0.8, 25.0
 _LEAST_NM = 1e-3
 _SHAPE_M, _COARSE_M = 0.03, 0.006  # by which a surface is off; between its points
 _BALL_M = 0.035  # radius of a link that is too short to have a capsule
-_EVERY = 3  # ticks
+_EVERY, _LATE_S = 3, 0.05  # ticks; what counts at most of the time between [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,10 +147,12 @@ class TouchFinder:
             return None
         if self._ticks % _EVERY == 0:
             usual = share * self._contact
-            parts = (_LEVEL * usual, _RAISED * (threshold - usual), _LAG * self._lag, _LEAST_NM)
-            variance = np.sum([np.square(part) * np.ones(len(q)) for part in parts], axis=0)
+            parts = (_LEVEL * usual, _RAISED * (threshold - usual), _LAG * self._lag)
+            variance = np.sum(np.square(parts), axis=0) + _LEAST_NM**2
             variance[~np.isfinite(r)] = np.inf
-            self._found = self._find(np.nan_to_num(q), np.nan_to_num(r), variance, _EVERY * dt)
+            self._found = self._find(
+                np.nan_to_num(q), np.nan_to_num(r), variance, min(_EVERY * dt, _LATE_S)
+            )
         self._ticks += 1
         return self._found
 
