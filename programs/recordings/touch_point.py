@@ -27,8 +27,8 @@ from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_o
 LIKELY, SURE_S = 0.5, 0.06
 """A link is decided after SURE_S as the most likely one, where time counts in full at a probability
 of one and not at all at LIKELY: outer residuals rise later, behind their gaps [s]."""
-MOSTLY, MOSTLY_S = 0.7, 0.2
-"""Or after MOSTLY_S as the most likely one, beyond LIKELY, if that was so by MOSTLY."""
+MOSTLY, MOSTLY_SURE, MOSTLY_S = 0.7, 0.6, 0.2
+"""Or after MOSTLY_S as the most likely one, by MOSTLY_SURE, if it was so in MOSTLY of it."""
 CANDIDATE: Final = 0.05
 MOST_DOUBT_M, LEAST_SURE = 0.1, 0.7
 """Beyond it, or for a link less likely, a point is not given."""
@@ -85,7 +85,7 @@ class MostLikely:
         self.counts_s = self.counts_s + counts_s if stays else 0.0
         self.best = best
         self.sums[best] = self.sums.get(best, 0.0) + sure
-        mostly = sure >= LIKELY and self.sums[best] >= MOSTLY * sum(self.sums.values())
+        mostly = sure >= MOSTLY_SURE and self.sums[best] >= MOSTLY * sum(self.sums.values())
         late = self.since_s >= MOSTLY_S - 1e-9
         self.since_s += dt
         return self.counts_s >= SURE_S - 1e-9 or (late and mostly)

@@ -80,6 +80,7 @@ def test_a_link_is_decided_once_its_residuals_have_settled() -> None:
         (9 * [(6, 0.95)], 4),  # 0.06 s of it, after the first
         (9 * [(6, 0.45)], None),  # another is as likely
         (9 * [(6, 0.7), (6, 0.4)], 9),  # never long, but nearly always, for 0.2 s
+        (9 * [(6, 0.55), (6, 0.4)], None),
         (9 * [(6, 0.7), (3, 0.7)], None),
         ([(3, 0.7), (6, 0.7), (6, 0.4)] * 6, None),
     ],
