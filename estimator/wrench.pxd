@@ -9,7 +9,7 @@ cdef extern from "math.h":
 
 cdef Py_ssize_t _COVARIANCE, _STRENGTH, _MISFIT, _UNSEEN, _SWEEPS
 cdef double _SEEN_N, _SEEN_SHARE, _SEEN_MOST_N, _LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE
-cdef double _LAG, _LEAST_NM, _HIDDEN
+cdef double _LAG, _LEAST_NM, _HIDDEN, _STUCK, _OF_LEVEL
 cdef double _OFF, _USUAL_N, _ANY_N, _LEAST, _MOST, _OF_PEAK, _GROWS, _FADES_S, _QUIET_S, _PEAK_S
 
 cdef class Wrench:
@@ -26,14 +26,12 @@ cdef class Wrench:
         self, Py_ssize_t i, double r, double dt, double usual, double friction, double raised,
         double unlearned, double torque, bint senses
     ) noexcept
-    @cython.locals(square=double, misfit=double, strength=double, along=double, level=double)
+    @cython.locals(square=double, misfit=double, strength=double, counted=double, along=double, level=double)
     cpdef void step(self, double dt, bint pressed, bint teaches) noexcept
     cpdef double level(self) noexcept
     @cython.locals(square=double)
     cpdef void nothing(self) noexcept
     cdef void _learn(self, double strength, bint touched, double dt) noexcept
-    @cython.locals(counted=double)
-    cdef double _counted(self) noexcept
     @cython.locals(d=Dynamics, i=Py_ssize_t, row=Py_ssize_t)
     cdef void _jacobian(self) noexcept
     @cython.locals(rr=double, w=double, wJ=double)

@@ -11,7 +11,7 @@ together. For readers of States; nothing of it is in the loop.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -27,6 +27,8 @@ from programs.recordings.skeleton import Skeleton, from_rpy, rotated, skeleton_o
 LIKELY, SURE_S = 0.5, 0.06
 """A link is decided after SURE_S as the most likely one, where time counts in full at a probability
 of one and not at all at LIKELY: outer residuals rise later, behind their gaps [s]."""
+MOSTLY, MOSTLY_SURE, MOSTLY_S = 0.7, 0.6, 0.2
+"""Or after MOSTLY_S as the most likely one, by MOSTLY_SURE, if it was so in MOSTLY of it."""
 CANDIDATE: Final = 0.05
 MOST_DOUBT_M, LEAST_SURE = 0.1, 0.7
 """Beyond it, or for a link less likely, a point is not given."""
@@ -40,7 +42,7 @@ _LEVEL, _RAISED, _LAG, _GAIN = 0.05, 0.25, 0.8, 25.0
 _LEAST_NM = 1e-3
 _SHAPE_M, _COARSE_M = 0.03, 0.006  # by which a surface is off; between its points
 _BALL_M = 0.035  # radius of a link that is too short to have a capsule
-_EVERY = 3  # ticks
+_EVERY, _LATE_S = 3, 0.05  # ticks; what counts at most of the time between [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,29 @@ class TouchPoint:
         return near and self.misfit < NO_FIT
 
 
+@dataclass(slots=True)
+class MostLikely:
+    """The most likely links of a contact by their joints: the last one, for how long it counts, and
+    the probabilities of each, summed."""
+
+    best: int = -1
+    counts_s: float = 0.0
+    since_s: float = 0.0
+    sums: dict[int, float] = field(default_factory=dict)
+
+    def decides(self, best: int, sure: float, dt: float) -> bool:
+        """True if the link of joint `best`, now the most likely one, is decided; dt [s] long."""
+        counts_s = dt * (sure - LIKELY) / (1.0 - LIKELY)
+        stays = best == self.best and counts_s >= 0.0
+        self.counts_s = self.counts_s + counts_s if stays else 0.0
+        self.best = best
+        self.sums[best] = self.sums.get(best, 0.0) + sure
+        mostly = sure >= MOSTLY_SURE and self.sums[best] >= MOSTLY * sum(self.sums.values())
+        late = self.since_s >= MOSTLY_S - 1e-9
+        self.since_s += dt
+        return self.counts_s >= SURE_S - 1e-9 or (late and mostly)
+
+
 class TouchFinder:
     """Hypotheses of one arm; `take` each tick."""
 
@@ -82,7 +107,7 @@ class TouchFinder:
                 surfaces[frame.child] = [_BALL_M * _unit_ball()]
         self.surfaces = {link: np.concatenate(parts) for link, parts in surfaces.items()}
         self._r, self._lag = np.full((2, len(self._names)), np.nan)
-        self._ticks, self._same, self._same_s = 0, -1, 0.0
+        self._ticks, self._likely = 0, MostLikely()
         self._found: TouchPoint | None = None
         self._time_s = np.inf
         self.frames: dict[str, tuple[Matrix, Vector]] = {}
@@ -118,14 +143,16 @@ class TouchFinder:
         self._lag = np.maximum(rate, np.nan_to_num(self._lag) / (1.0 + _GAIN * dt))
         self._r = r
         if not np.any(np.abs(r) > threshold):
-            self._ticks, self._same, self._same_s, self._found = 0, -1, 0.0, None
+            self._ticks, self._likely, self._found = 0, MostLikely(), None
             return None
         if self._ticks % _EVERY == 0:
             usual = share * self._contact
-            parts = (_LEVEL * usual, _RAISED * (threshold - usual), _LAG * self._lag, _LEAST_NM)
-            variance = np.sum([np.square(part) * np.ones(len(q)) for part in parts], axis=0)
+            parts = (_LEVEL * usual, _RAISED * (threshold - usual), _LAG * self._lag)
+            variance = np.sum(np.square(parts), axis=0) + _LEAST_NM**2
             variance[~np.isfinite(r)] = np.inf
-            self._found = self._find(np.nan_to_num(q), np.nan_to_num(r), variance, _EVERY * dt)
+            self._found = self._find(
+                np.nan_to_num(q), np.nan_to_num(r), variance, min(_EVERY * dt, _LATE_S)
+            )
         self._ticks += 1
         return self._found
 
@@ -162,14 +189,10 @@ class TouchFinder:
         link = links[int(np.flatnonzero(own)[share.argmax()])]
         rotation, origin = self.frames[link]
         sure = float(of_joint[best])
-        counts_s = dt * (sure - LIKELY) / (1.0 - LIKELY)
-        stays = best == self._same and counts_s >= 0.0
-        self._same_s = self._same_s + counts_s if stays else 0.0
-        self._same = best
         return TouchPoint(
             joints=tuple(self._names[i] for i in np.argsort(-of_joint) if of_joint[i] > CANDIDATE),
             sure=sure,
-            decided=self._same_s >= SURE_S - 1e-9,
+            decided=self._likely.decides(best, sure, dt),
             link=link,
             point=rotation.T @ (point - origin),
             doubt_m=float(np.hypot(away[order[min(within, len(order) - 1)]], _SHAPE_M)),

@@ -29,6 +29,7 @@ EVENTS_KEPT: Final = 300
 RETRY_S: Final = 0.25
 STATUS_EVERY_S: Final = 2.0  # while a browser watches; sooner where `_asks_anew` is true
 STATUS_SPACING_S: Final = 0.2  # between two, whatever changes
+SOUGHT: Final = 3  # States of a frame in which the point is sought, however late it is
 # A daemon that is frozen keeps its socket open.
 SILENT_S: Final = 1.0
 
@@ -156,7 +157,7 @@ class Arm:
             self._changed.set()
         self._before = states[-1]
         seen = self._finder if self.audience else None
-        touches = [seen.see(state) for state in states] if seen else [None]
+        touches = [seen.see(state) for state in states[-SOUGHT:]] if seen else [None]
         now = words.words(self.number, states[-1], touches[-1])
         if now != self.words:
             self.words = now

@@ -95,7 +95,7 @@ def sound(row: Vector) -> Matrix:
     sigma = np.sqrt(np.linalg.eigvalsh(C))
     assert sigma.min() > 0.0
     np.testing.assert_allclose(unseen @ unseen.T, np.eye(len(unseen)), atol=1e-9)
-    size = np.linalg.norm(row[:3])
+    size = float(np.linalg.norm(row[:3]))
     np.testing.assert_allclose(unseen @ row[:3], 0.0, atol=1e-9 * (1.0 + size))
     for way in unseen:  # never a zero that is believed
         assert np.sqrt(way @ C @ way) > SEEN_N

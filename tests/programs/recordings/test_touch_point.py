@@ -14,7 +14,7 @@ from daemon.config.load import load_robot
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
 from programs.contactctl.point import point_now
-from programs.recordings.touch_point import TouchFinder, TouchPoint, touch_words
+from programs.recordings.touch_point import MostLikely, TouchFinder, TouchPoint, touch_words
 from tests.fake_daemon import snapshot_at, state_at
 
 ROBOT = load_robot(ROMEO)
@@ -72,6 +72,25 @@ def test_a_link_is_decided_once_its_residuals_have_settled() -> None:
     again = after(one, r, 1)
     assert again is not None
     assert not again.decided
+
+
+@pytest.mark.parametrize(
+    ("sure", "decided_after"),
+    [
+        (9 * [(6, 0.95)], 4),  # 0.06 s of it, after the first
+        (9 * [(6, 0.45)], None),  # another is as likely
+        (9 * [(6, 0.7), (6, 0.4)], 9),  # never long, but nearly always, for 0.2 s
+        (9 * [(6, 0.55), (6, 0.4)], None),
+        (9 * [(6, 0.7), (3, 0.7)], None),
+        ([(3, 0.7), (6, 0.7), (6, 0.4)] * 6, None),
+    ],
+)
+def test_a_link_is_decided_by_how_long_or_how_often_it_is_the_most_likely(
+    sure: list[tuple[int, float]], decided_after: int | None
+) -> None:
+    likely = MostLikely()
+    said = [likely.decides(best, share, 0.03) for best, share in sure]
+    assert (said.index(True) + 1 if True in said else None) == decided_after
 
 
 def test_a_force_that_outer_joints_do_not_show_may_be_on_more_than_one_link() -> None:
