@@ -438,7 +438,8 @@ def test_semicolons_are_told_by_what_is_there(tmp_path: Path) -> None:
     ("change", "told"),
     [(lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
      (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
-     (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples")],
+     (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples"),
+     (lambda c: c.update({k: 500.0 * v for k, v in c.items() if k[0] == "l"}), "in degrees")],
 )  # fmt: skip
 def test_what_a_log_has_wrong_is_said_with_its_name(
     tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], told: str
