@@ -69,6 +69,22 @@ def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> Non
     assert (folder / "identified.yaml").read_bytes() == before
 
 
+def test_several_logs_are_one_run_of_work(tmp_path: Path) -> None:
+    """Neither alone has crossings enough; the second has half the rate."""
+    columns, folder = pressed(0.02), tmp_path / "configs" / "single_joint"
+    shutil.copytree(SINGLE_JOINT.parent, folder.parent)
+    parts = slice(0, 800), slice(800, 1600, 2)
+    paths = [save(tmp_path / f"{k}.csv", {name: x[rows] for name, x in columns.items()})
+             for k, rows in enumerate(parts)]  # fmt: skip
+    given = ["identify", "gap", "joint", "--config", str(folder), "--log", str(paths[0])]
+    alone = CliRunner().invoke(main, given)
+    assert "too few crossings" in alone.output
+    both = CliRunner().invoke(main, [*given, "--log", str(paths[1])])
+    assert both.exit_code == 0, both.output
+    assert "alpha 20." in both.output
+    assert "logs at several rates: all taken every 20 ms" in both.output
+
+
 def test_what_would_not_be_read_again_is_not_written() -> None:
     robot = load_robot(SINGLE_JOINT)
     assert robot.identified is not None
