@@ -147,7 +147,7 @@ def _spanning(log: MotionLog, joint: int) -> MotionLog:
 
 
 def _one_zero(log: MotionLog, q: Vector, theta: Vector) -> bool:
-    """Whether zeros stay the same over all sittings: phi spans in all what it does in the widest,
+    """True where zeros stay the same over all sittings: phi spans in all what it does in the widest,
     while motors move; one that stands, as for a hand, may be led elsewhere in between."""
     sittings, phi = log.stretches(PAUSE_S), q - theta
     if len(sittings) == 1 or log.motor_position is None:

@@ -115,7 +115,7 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
 
 
 def there_are(header: Sequence[str]) -> str:
-    """What columns there are, in words."""
+    """Names of columns, in words."""
     there = printable(", ".join(header)[:200])
     return f"there are {there}, by commas" if there else "it is empty"
 
