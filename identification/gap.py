@@ -147,8 +147,8 @@ def _spanning(log: MotionLog, joint: int) -> MotionLog:
 
 
 def _one_zero(log: MotionLog, q: Vector, theta: Vector) -> bool:
-    """True where zeros stay the same over all sittings: phi spans in all what it does in the widest,
-    while motors move; one that stands, as for a hand, may be led elsewhere in between."""
+    """True where zeros stay as they are over all sittings: phi spans in all what it does in one,
+    and motors move; one that stands, as for a hand, may be led elsewhere in between."""
     sittings, phi = log.stretches(PAUSE_S), q - theta
     if len(sittings) == 1 or log.motor_position is None:
         return len(sittings) == 1
