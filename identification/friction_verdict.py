@@ -79,6 +79,8 @@ def saturated(cut: float) -> str:
 
 def _poor(r2: float, gravity: float) -> str:
     """Reason and advice for a friction that explains too little of the remaining torque."""
+    if not np.isfinite(r2):
+        return "too little motion is left to test it on: a longer one (`--seconds`), or more logs"
     about = f"R2 {r2:.3f} on held-out motion, at least {LOWEST_R2}: "
     if abs(gravity - 1.0) > _GRAVITY_OFF:
         return (f"{about}gravity fits at {gravity:.2f}: check masses or `torque_constant`, or run "

@@ -138,7 +138,7 @@ def _spanning(log: MotionLog, joint: int) -> MotionLog:
     border alone, they have no middle."""
     q, theta = positions(log, joint)
     phi, sittings = q - theta, log.stretches(PAUSE_S)
-    if _one_zero(log, phi, sittings):
+    if _one_zero(log, q, theta):
         return log
     spans, there = [spread(phi[rows]) for rows in sittings], np.zeros(len(phi), dtype=np.bool_)
     for rows, span in zip(sittings, spans, strict=True):
@@ -146,11 +146,14 @@ def _spanning(log: MotionLog, joint: int) -> MotionLog:
     return log.select(there)
 
 
-def _one_zero(log: MotionLog, phi: Vector, sittings: list[slice]) -> bool:
-    """Whether zeros stay the same over all sittings, which then span what the widest does."""
-    measured = log.motor_position is not None
-    each = max(spread(phi[rows]) for rows in sittings)
-    return len(sittings) == 1 or (measured and spread(phi) < _ALIKE * each)
+def _one_zero(log: MotionLog, q: Vector, theta: Vector) -> bool:
+    """True where zeros stay as they are over all sittings: phi spans in all what it does in one,
+    and motors move; one that stands, as for a hand, may be led elsewhere in between."""
+    sittings, phi = log.stretches(PAUSE_S), q - theta
+    if len(sittings) == 1 or log.motor_position is None:
+        return len(sittings) == 1
+    moves, each = (max(spread(x[rows]) for rows in sittings) for x in (theta, phi))
+    return moves > _SHAKEN and spread(phi) < _ALIKE * each
 
 
 def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
@@ -161,7 +164,7 @@ def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
     sittings = log.stretches(PAUSE_S)
     for rows in sittings:
         theta[rows] = _theta(log, rows, joint)
-    if _one_zero(log, q - theta, sittings):
+    if _one_zero(log, q, theta):
         return q, theta
     for rows in sittings:
         low, high = np.percentile(q[rows] - theta[rows], [2.0, 98.0])

@@ -109,14 +109,21 @@ def _apart(name: str, q: Vector, theta: Vector) -> list[str]:
     if not 0.5 < ratio < 2.0:
         return [f"link_position of {name} moves {ratio:.3g} times as far as its motor: "
                 f"units wrong by {_decades(ratio)}, or swapped joints?"]  # fmt: skip
-    if moved > _FURTHEST:
-        return [f"{name} moves by {moved:.3g} rad: are positions and velocities in degrees, or the "
-                "motor's? Give units in a YAML of names beside the log"]  # fmt: skip
+    if about := too_far(name, moved):
+        return [about]
     together = float(np.corrcoef(q, theta)[0, 1])
     if together < 0.8:
         return [f"link and motor of {name} do not move together (correlation {together:.2f}): "
                 "swapped joints, or a wrong sign?"]  # fmt: skip
     return []
+
+
+def too_far(name: str, moved: float) -> str:
+    """Reason why a way [rad] is in another unit, or ""."""
+    if moved <= _FURTHEST:
+        return ""
+    return (f"{name} moves by {moved:.3g} rad, an arm by at most {_FURTHEST:.3g}: are positions in "
+            "degrees, or the motor's? Give units in a YAML of names beside the log")  # fmt: skip
 
 
 def _decades(ratio: float) -> str:

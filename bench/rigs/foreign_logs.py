@@ -60,8 +60,7 @@ class Style:
     """amplitude of the link encoders' error, once a turn, and half of it 3 and 5 times [rad]"""
     vibration: tuple[float, float] = (0.0, 1.0)
     """of the torque, in shares of each joint's friction, at a frequency [Hz]"""
-    one_encoder: bool = False
-    """velocities are the change of the link's position"""
+    one_encoder: bool = False  # whose change the velocities are
     longest_s: float = np.inf
     seed: int = 0
 
@@ -106,9 +105,8 @@ def write_csv(of: Stranger, style: Style, path: Path) -> Path:
     share, hertz = style.vibration
     shakes = np.sin(_TURN * hertz * t)[:, None] * share * of.friction / of.truth.torque_constant
     q = at(fine.link_position)
-    velocity = fine.motor_velocity
-    if style.one_encoder:
-        velocity = np.gradient(fine.link_position, fine.time_s, axis=0)
+    change = np.gradient(fine.link_position, fine.time_s, axis=0)
+    velocity = change if style.one_encoder else fine.motor_velocity
     wobble = np.cos(q + 1.0) + 0.5 * np.cos(3.0 * q) + 0.5 * np.sin(5.0 * q)
     angle, unit = (np.degrees, "deg") if style.degrees else (np.asarray, "rad")
     assert fine.motor_position is not None

@@ -11,6 +11,7 @@ from common.arrays import Matrix, Vector
 from common.errors import LogError, ShortLogError
 from common.regular_file import open_text
 from daemon.protocol.text import printable
+from identification.log_checks import too_far
 from identification.motion_log import SHORTEST, MotionLog
 from programs.identify.log_names import Conversion, NamedLog, Rows, beside, read_names
 from programs.identify.log_times import once, rastered, spread_evenly, unheld
@@ -76,6 +77,9 @@ def read_csv(
         log = MotionLog(tuple(joints), time_s, **columns)
     except LogError as error:
         raise type(error)(f"{path}: {error}") from error
+    for name, way in zip(joints, np.ptp(log.link_position, axis=0).tolist(), strict=True):
+        if about := too_far(name, way):
+            raise LogError(f"{path}: {about}")
     return rastered(log, twice + held + notes + _assumed(path, joints))
 
 
@@ -111,7 +115,7 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
 
 
 def there_are(header: Sequence[str]) -> str:
-    """Names of the columns, in words."""
+    """Names of columns, in words."""
     there = printable(", ".join(header)[:200])
     return f"there are {there}, by commas" if there else "it is empty"
 

@@ -19,3 +19,11 @@ def test_a_poor_fit_asks_for_masses_whatever_gravity_says(gravity: float) -> Non
     verdict, reason = verdict_on(MOVING, 0.0, gravity, solved)
     assert verdict in (Verdict.BAD_FIT, Verdict.WRONG_GRAVITY)
     assert "`contactd identify masses`" in reason
+
+
+def test_a_fit_that_nothing_is_left_to_test_asks_for_more_motion() -> None:
+    solved = cast(Solution, SimpleNamespace(condition=5.0, r2=-np.inf))
+    verdict, reason = verdict_on(MOVING, 0.0, 1.0, solved)
+    assert verdict is Verdict.BAD_FIT
+    assert "inf" not in reason
+    assert "longer" in reason

@@ -35,7 +35,7 @@ def test_a_link_that_moved_between_sittings_is_no_wrong_sign(offsets: tuple[floa
     ("positions", "velocities", "said"),
     [(1.0, 0.0, "motor_velocity of j is the same throughout, while its link moves by 0.4 rad"),
      (0.0, 1.0, "link_position of j is the same throughout, while its motor moves by 0.4 rad"),
-     (57.3, 57.3, "j moves by 22.* rad: .* in degrees, or the motor's"),
+     (57.3, 57.3, "j moves by 22.* rad, .* in degrees, or the motor's"),
      (57.3, 1.0, "j moves 57.* times as far as its motor: units wrong")],
 )  # fmt: skip
 def test_the_unit_or_column_that_is_wrong_is_named(

@@ -69,6 +69,22 @@ def test_degrees_are_no_radians_and_void_no_configuration(tmp_path: Path) -> Non
     assert (folder / "identified.yaml").read_bytes() == before
 
 
+def test_several_logs_are_one_run_of_work(tmp_path: Path) -> None:
+    """Neither alone has crossings enough; the second has half the rate."""
+    columns, folder = pressed(0.02), tmp_path / "configs" / "single_joint"
+    shutil.copytree(SINGLE_JOINT.parent, folder.parent)
+    parts = slice(0, 800), slice(800, 1600, 2)
+    paths = [save(tmp_path / f"{k}.csv", {name: x[rows] for name, x in columns.items()})
+             for k, rows in enumerate(parts)]  # fmt: skip
+    given = ["identify", "gap", "joint", "--config", str(folder), "--log", str(paths[0])]
+    alone = CliRunner().invoke(main, given)
+    assert "too few crossings" in alone.output
+    both = CliRunner().invoke(main, [*given, "--log", str(paths[1])])
+    assert both.exit_code == 0, both.output
+    assert "alpha 20." in both.output
+    assert "logs at several rates: all taken every 20 ms" in both.output
+
+
 def test_what_would_not_be_read_again_is_not_written() -> None:
     robot = load_robot(SINGLE_JOINT)
     assert robot.identified is not None
@@ -438,7 +454,8 @@ def test_semicolons_are_recognised_by_what_is_there(tmp_path: Path) -> None:
     ("change", "reported"),
     [(lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
      (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
-     (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples")],
+     (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples"),
+     (lambda c: c.update({k: 500.0 * v for k, v in c.items() if k[0] == "l"}), "in degrees")],
 )  # fmt: skip
 def test_what_a_log_has_wrong_is_said_with_its_name(
     tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], reported: str

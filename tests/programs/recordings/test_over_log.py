@@ -138,6 +138,8 @@ def test_it_is_plotted_and_asked_like_a_recording(tmp_path, states):
     (curve, *_) = json.loads(result.output)["curves"]
     assert [point["found"] for point in curve["points"]] == [1, 1, 0]
     assert curves.exists()
+    wrong = CliRunner().invoke(main, ["whatif", str(path), *by, "--threshold", "elbow=1"]).output
+    assert f"{path} has no joint 'elbow'" in wrong
 
 
 @pytest.mark.parametrize("command", ["plot", "whatif"])
