@@ -56,7 +56,7 @@ def test_problems(profile, wiring, play: float, at: str, says: str) -> None:
             "of one make",
             "tpdo",
         ),
-    ],  # fmt: skip
+    ],
 )
 def test_a_wrong_word_names_those_of_its_make(
     tmp_path: Path, old: str, new: str, at: str, allowed: str, others: str
