@@ -9,6 +9,7 @@ import numpy as np
 from common.arrays import Vector
 from identification.encoder_errors import Harmonic
 
+ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 SMALLEST = 0.001
 """A half-gap below this [rad] is none: encoders and the gear's own bending are of that size."""
 CROSSINGS = 15

@@ -13,6 +13,7 @@ from identification.bending import SOFTEST, STIFFEST, USUAL, USUALLY, Bending, b
 from identification.gap_result import (
     CLEAR,
     CROSSINGS,
+    ENCODERS,
     SMALLEST,
     GapResult,
     GapVerdict,
@@ -105,7 +106,8 @@ def from_plateaus(
     scatter = np.sqrt(2.0) * 1.4826 * float(np.median(np.abs(left)))
     confidence = 0.9 * scatter / np.sqrt(crossings) * float(student.ppf(0.975, crossings - 2))
     # Rests that do not scatter read the same step of an encoder each time.
-    confidence = float(np.hypot(confidence, _STEP * max(resolution(q), resolution(theta))))
+    step = _STEP * max(resolution(q), resolution(theta))
+    confidence = ENCODERS + float(np.hypot(confidence, step))
     about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
     found_gap = GapResult(joint=name, verdict=GapVerdict.CLEAR, reason=about, half_gap=alpha,
                     confidence=confidence, crossings=crossings)  # fmt: skip

@@ -17,10 +17,10 @@ import numpy as np
 from common.arrays import Matrix, Vector
 from identification.bending import STIFFEST, USUAL, USUALLY
 from identification.encoder_errors import SHOWN, Harmonic, turns
+from identification.gap_result import ENCODERS
 from identification.stroke_samples import Samples, free_torque
 
 _BLOCK_S = 0.2  # samples of a plateau that count as one
-_ENCODERS = 3e-5  # [rad]: what no scatter shows of them
 _STEP = 0.3  # of an encoder, by which the mean over a way may be off
 _LATE_S = 0.002  # by which the current may be later than the positions, unseen
 _PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
@@ -57,7 +57,7 @@ class StrokeFit:
         """Half the 95 % interval of alpha [rad]."""
         repeats = sum(harmonic.amplitude for harmonic in self.harmonics)
         seen = float(np.hypot(2.0 * self.error, self.hidden))
-        return seen + _UNSURE * (self.bent + repeats) + self.unsure + _ENCODERS
+        return seen + _UNSURE * (self.bent + repeats) + self.unsure + ENCODERS
 
 
 def fitted(

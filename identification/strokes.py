@@ -130,7 +130,8 @@ def _judged(name: str, fit: StrokeFit, strokes: int, floats: list[Limit]) -> Gap
         verdict=GapVerdict.CLEAR,
         reason=reason,
         half_gap=fit.alpha,
-        confidence=confidence,
+        # A link that bounces rests inside its gap, never beyond: half its scatter is no noise.
+        confidence=confidence + 0.5 * fit.scatter,
         compliance=fit.compliance,
         crossings=strokes,
         # One that the scatter may make is no encoder's error.

@@ -16,8 +16,9 @@ from identification.gap import identify_gap
 from identification.gap_result import GapResult, GapVerdict
 from identification.gap_search import FURTHEST, WIDEST, Search, Strokes, search
 from identification.motion_log import MotionLog
+from identification.stroke_fit import StrokeFit
 from identification.stroke_samples import stroking
-from identification.strokes import STROKES, from_strokes
+from identification.strokes import STROKES, _judged, from_strokes
 from simulator.description import SimulationSettings
 from tests.identification.gap_plants import GUESS, Joint, answers, pendulum, random_joint, searched
 
@@ -376,3 +377,17 @@ def test_what_spoils_a_log_makes_the_interval_wider_or_is_refused(alpha, spoil):
         assert alpha == 0.0, found
     if wrong["turned"] <= 0.0:
         assert not found.usable, found
+
+
+def test_a_link_that_bounces_rests_inside_its_gap_and_the_interval_says_so():
+    """Owners' joints with scatter beyond 0.2 mrad came out too small, by up to that scatter."""
+    still = StrokeFit(
+        alpha=0.007, compliance=0.0, bent=0.0, error=5e-5, scatter=0.0, rarer=0.5, harmonics=(),
+        coulomb=0.1, unsure=0.0, hidden=6e-5, noise=0.0,
+    )  # fmt: skip
+    calm, bounces = (
+        _judged("forearm", replace(still, scatter=scatter), 5, []) for scatter in (0.0, 2.4e-4)
+    )
+    assert calm.usable
+    assert bounces.usable
+    assert bounces.confidence == pytest.approx(calm.confidence + 1.2e-4)
