@@ -94,3 +94,16 @@ def test_friction_that_falls_with_speed_is_within_the_interval(arm, course, rise
     off = np.abs([fit.values["K_theta_v"] for fit in fits] - viscous)
     assert (off / viscous).max() > 0.1
     assert (off < [fit.half_interval("K_theta_v") for fit in fits]).all()
+
+
+def test_friction_that_ripples_is_averaged_within_the_interval(arm, course) -> None:
+    """Friction by 20 % twice a turn of motor and joint, and motors that cog with 1 %."""
+    gears = GearSettings(friction_ripple=20.0, cogging=1.0)
+    within = []
+    for seed in (3, 4, 5):
+        settings = SimulationSettings(seed=seed, mismatch=OFF, gears=gears)
+        fits, true = identified(arm, course, settings)
+        for name, of in (("K_theta_s", true.coulomb), ("K_theta_v", true.viscous)):
+            off = np.abs([fit.values[name] for fit in fits] - of.reshape(2, -1).sum(axis=0))
+            within += (off < [fit.half_interval(name) for fit in fits]).tolist()
+    assert np.mean(within) >= 0.95
