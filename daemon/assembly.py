@@ -213,7 +213,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         virtual_mass_s=virtual_mass_of(c), velocity=np.full(len(c.joints), c.admittance.velocity)
     )
     path = robot.trajectory or sinusoids_of(c)
-    return Motion(
+    motion = Motion(
         manner=manner,
         limits=limits_of(c),
         law=law,
@@ -221,7 +221,10 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         follower=Follower(Place(path), c.trajectory.ramp_s),
         blind=not links_trusted,
         walls=build_walls(robot),
+        model=robot.model,
     )
+    motion.lead_by(c.admittance.guide)
+    return motion
 
 
 def build_walls(robot: Robot) -> Walls | None:

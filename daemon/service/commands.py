@@ -96,6 +96,9 @@ class Commands:
                 reply = self._target(request, peer)
             case requests.SetGain():
                 reply = self._gain(request, who)
+            case requests.SetGuide():
+                reasons = self.loop.tick.controller.set_guide(request.axes, who)
+                reply = self._reply(request, reasons, str(request.axes))
             case requests.SetPayload():
                 reply = self._payload(request, who)
             case requests.Arm():

@@ -8,6 +8,7 @@ plain data. The motion in each mode is in `motion`, its bounds in `limits` and `
 import numpy as np
 
 from common.arrays import Vector
+from common.errors import ModelError
 from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding, strongest
 from daemon.modes.contact_reactions import AfterQuiet
@@ -21,6 +22,7 @@ from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.motion.target_stream import CAUSES, ENDED_S, Phase, TargetStream
 from daemon.protocol.bounds import LEAST_GAIN, MAX_GAIN
+from daemon.protocol.guide import GuideAxes
 from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
@@ -139,6 +141,18 @@ class Controller:
         self.machine.changes.append(Change(text, f"by {who}"))
         return []
 
+    def set_guide(self, axes: GuideAxes, who: str) -> list[str]:
+        """Lead the arm by another guide, in any mode; returns reasons of a refusal."""
+        if reasons := axes.objections(len(self._tuning.joints)):
+            return reasons
+        before = self.motion.guide_axes
+        try:
+            self.motion.lead_by(axes)
+        except ModelError as error:
+            return [str(error)]
+        self.machine.changes.append(Change(f"guide {before} -> {axes}", f"by {who}"))
+        return []
+
     def refusals(self, event: Event, path: JointPath | None = None) -> list[str]:
         """Reasons why `request` would refuse; empty if it would not."""
         mode, observed, place = self.machine.mode, self._observed, self.next_place(path)
@@ -198,6 +212,7 @@ class Controller:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
         witness, independent = self._witness, observed.independent
         self.motion.excess = None
+        self.motion.sure = observed.sure
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
         push = witness.step(independent, observed.motor_velocity, dt)

@@ -1,0 +1,123 @@
+"""Simulated arms on a guide: how far a hand pushes the tool across it, and what a lead along costs.
+
+A line along an axis of the tool. 20 N press across it, along each held axis that the drives can
+stand; then a hand leads the tool to and fro, with the guide and without."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+
+from bench.rigs.arm_in_the_loop import ArmInTheLoop
+from bench.study import wrench
+from bench.study.hands import Hands
+from bench.study.leading import DAMPING_S, STRONGEST_N, Hand, arm_at_work, robot_of, yields
+from common.arrays import Vector
+from daemon.config.vectors import row
+from daemon.modes.table import Event, Mode
+from daemon.protocol.guide import AXES, GuideAxes
+
+ARMS: Final = ("romeo", "openarm", "beam")
+ACROSS_N, RISES_N_S, STAYS_S, SETTLED_S = 20.0, 10.0, 1.5, 0.5
+STRENGTH: Final = 0.8  # of the motors, gravity included
+HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.1, 0.1, 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Guided:
+    """One arm and line; distances from it [m], of a push along each held axis, NaN where the
+    drives cannot stand it, and of a lead; play of the gaps likewise; forces of a lead [N]."""
+
+    arm: str
+    seed: int
+    line: str
+    off: list[float]  # settled
+    furthest: list[float]  # while the force rises, too
+    play: list[float]
+    led_off: float
+    leads: float
+    leads_free: float
+
+
+def guided(arm: str, seed: int, work_s: float) -> Guided:
+    """One of ARMS, with Romeo's drives, after so long a work."""
+    with TemporaryDirectory() as folder:
+        on = arm_at_work(robot_of(wrench.robot_of(arm, Path(folder))), seed, work_s)
+    on.request(Event.PAUSE)
+    line = "xyz"[seed % 3]
+    held = tuple(axis for axis in AXES[:3] if axis != line)
+    _guide(on, GuideAxes(stiff=held))
+    pushed = [_across(on, "xyz".index(axis), 1.0 - 2.0 * (seed // 3 % 2)) for axis in held]
+    k = "xyz".index(line)
+    led = [_along(on, k, way) for way in (1.0, -1.0)]
+    _guide(on, GuideAxes())
+    free = [_along(on, k, way) for way in (1.0, -1.0)]
+    return Guided(
+        arm=arm,
+        seed=seed,
+        line=line,
+        off=[off for off, _, _ in pushed],
+        furthest=[furthest for _, furthest, _ in pushed],
+        play=[play for _, _, play in pushed],
+        led_off=max(off for _, off in led),
+        leads=float(np.median([force for force, _ in led])),
+        leads_free=float(np.median([force for force, _ in free])),
+    )
+
+
+def _guide(on: ArmInTheLoop, axes: GuideAxes) -> None:
+    if reasons := on.tick.controller.set_guide(axes, "the bench"):
+        raise RuntimeError("; ".join(reasons))
+
+
+def _rest(on: ArmInTheLoop) -> Hands:
+    """Have the arm hold, and armed."""
+    on.drives.hold, since_s = None, on.time_s
+    while on.mode is not Mode.HOLDING:
+        on.step()
+        if on.time_s > since_s + RESTS_S:
+            raise RuntimeError(f"{on.mode}: {on.tick.controller.machine.cause}")
+    if reasons := on.permit():
+        raise RuntimeError("; ".join(reasons))
+    return Hands(on.robot.model, on.robot.urdf)
+
+
+def _across(on: ArmInTheLoop, axis: int, way: float) -> tuple[float, float, float]:
+    """How far a push along an axis of the tool takes it along that axis from where it held, in the
+    end and at most, and the play of the gaps there [m]."""
+    at_tool, plant, c = _rest(on).at_tool, on.harness.plant, on.robot.configuration
+    x, J = at_tool(plant.q)
+    along: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+    play = 2.0 * float(np.abs(along @ J) @ row(c, lambda j: j.half_gap))
+    strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
+    torque = np.abs(J.T @ along * ACROSS_N) + np.abs(on.robot.model.gravity(plant.q))
+    if (torque > STRENGTH * strongest).any():
+        return np.nan, np.nan, play
+    force, offs = 0.0, []
+    on.drives.hold = lambda q, _: at_tool(q)[1].T @ (force * along)
+    for _ in range(round((ACROSS_N / RISES_N_S + STAYS_S) / on.period_s)):
+        force = min(force + RISES_N_S * on.period_s, ACROSS_N)
+        on.step()
+        offs.append(abs(float(along @ (at_tool(plant.q)[0] - x))))
+    settled = float(np.median(offs[-round(SETTLED_S / on.period_s) :]))
+    return settled, max(offs), play
+
+
+def _along(on: ArmInTheLoop, axis: int, way: float) -> tuple[float, float]:
+    """Force [N] of a hand that leads the tool along its axis, the median of the second half of the
+    way, and how far off that line the tool gets [m]."""
+    at_tool, plant = _rest(on).at_tool, on.harness.plant
+    x, _ = at_tool(plant.q)
+    along: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+    none = np.zeros(3)
+    hand = Hand(at_tool, HAND_N_M, STRONGEST_N, x, SPEED_M_S * along, none, DAMPING_S * HAND_N_M)
+    on.drives.hold, forces, off = hand, [], 0.0
+    for _ in range(round(WAY_M / SPEED_M_S / on.period_s)):
+        on.step()
+        if yields(on):
+            gone = at_tool(plant.q)[0] - x
+            off = max(off, float(np.linalg.norm(gone - along * (along @ gone))))
+        forces.append(float(along @ hand.force))
+    return float(np.median(forces[len(forces) // 2 :])), off
