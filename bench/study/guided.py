@@ -13,8 +13,8 @@ import numpy as np
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import wrench
 from bench.study.hands import Hands
-from bench.study.leading import DAMPING_S, STRONGEST_N, Hand, arm_at_work, robot_of, yields
-from common.arrays import Vector
+from bench.study.leading import DAMPING_S, Hand, arm_at_work, robot_of, yields
+from common.arrays import Matrix, Vector
 from daemon.config.vectors import row
 from daemon.modes.table import Event, Mode
 from daemon.protocol.guide import AXES, GuideAxes
@@ -22,7 +22,7 @@ from daemon.protocol.guide import AXES, GuideAxes
 ARMS: Final = ("romeo", "openarm", "beam")
 ACROSS_N, RISES_N_S, STAYS_S, SETTLED_S = 20.0, 10.0, 1.5, 0.5
 STRENGTH: Final = 0.8  # of the motors, gravity included
-HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.1, 0.1, 60.0
+HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.05, 0.1, 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,7 @@ class Guided:
     furthest: list[float]  # while the force rises, too
     play: list[float]
     led_off: float
+    free_off: float  # without the guide
     leads: float
     leads_free: float
 
@@ -48,12 +49,9 @@ def guided(arm: str, seed: int, work_s: float) -> Guided:
     on.request(Event.PAUSE)
     line = "xyz"[seed % 3]
     held = tuple(axis for axis in AXES[:3] if axis != line)
-    _guide(on, GuideAxes(stiff=held))
-    pushed = [_across(on, "xyz".index(axis), 1.0 - 2.0 * (seed // 3 % 2)) for axis in held]
-    k = "xyz".index(line)
-    led = [_along(on, k, way) for way in (1.0, -1.0)]
-    _guide(on, GuideAxes())
-    free = [_along(on, k, way) for way in (1.0, -1.0)]
+    guide, k = GuideAxes(stiff=(*held, *AXES[3:])), "xyz".index(line)
+    pushed = [_across(on, guide, AXES.index(axis), 1.0 - 2.0 * (seed // 3 % 2)) for axis in held]
+    led, free = ([_along(on, a, k, way) for way in (1.0, -1.0)] for a in (guide, GuideAxes()))
     return Guided(
         arm=arm,
         seed=seed,
@@ -62,32 +60,28 @@ def guided(arm: str, seed: int, work_s: float) -> Guided:
         furthest=[furthest for _, furthest, _ in pushed],
         play=[play for _, _, play in pushed],
         led_off=max(off for _, off in led),
+        free_off=max(off for _, off in free),
         leads=float(np.median([force for force, _ in led])),
         leads_free=float(np.median([force for force, _ in free])),
     )
 
 
-def _guide(on: ArmInTheLoop, axes: GuideAxes) -> None:
-    if reasons := on.tick.controller.set_guide(axes, "the bench"):
-        raise RuntimeError("; ".join(reasons))
-
-
-def _rest(on: ArmInTheLoop) -> Hands:
-    """Have the arm hold, and armed."""
+def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
+    """Have the arm hold, armed, with a guide that begins."""
     on.drives.hold, since_s = None, on.time_s
     while on.mode is not Mode.HOLDING:
         on.step()
         if on.time_s > since_s + RESTS_S:
             raise RuntimeError(f"{on.mode}: {on.tick.controller.machine.cause}")
-    if reasons := on.permit():
+    if reasons := on.permit() or on.tick.controller.set_guide(axes, "the bench"):
         raise RuntimeError("; ".join(reasons))
     return Hands(on.robot.model, on.robot.urdf)
 
 
-def _across(on: ArmInTheLoop, axis: int, way: float) -> tuple[float, float, float]:
+def _across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
     """How far a push along an axis of the tool takes it along that axis from where it held, in the
     end and at most, and the play of the gaps there [m]."""
-    at_tool, plant, c = _rest(on).at_tool, on.harness.plant, on.robot.configuration
+    at_tool, plant, c = _rest(on, axes).at_tool, on.harness.plant, on.robot.configuration
     x, J = at_tool(plant.q)
     along: Vector = way * on.robot.model.axes(plant.q)[:, axis]
     play = 2.0 * float(np.abs(along @ J) @ row(c, lambda j: j.half_gap))
@@ -105,19 +99,24 @@ def _across(on: ArmInTheLoop, axis: int, way: float) -> tuple[float, float, floa
     return settled, max(offs), play
 
 
-def _along(on: ArmInTheLoop, axis: int, way: float) -> tuple[float, float]:
-    """Force [N] of a hand that leads the tool along its axis, the median of the second half of the
-    way, and how far off that line the tool gets [m]."""
-    at_tool, plant = _rest(on).at_tool, on.harness.plant
+def _along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
+    """Force [N] of a hand that leads the tool along its axis and lets it go where it likes across,
+    the median of the second half of the way, and how far off that line the tool gets [m]."""
+    at_tool, plant = _rest(on, axes).at_tool, on.harness.plant
     x, _ = at_tool(plant.q)
     along: Vector = way * on.robot.model.axes(plant.q)[:, axis]
-    none = np.zeros(3)
-    hand = Hand(at_tool, HAND_N_M, STRONGEST_N, x, SPEED_M_S * along, none, DAMPING_S * HAND_N_M)
+
+    def place(q: Vector) -> tuple[Vector, Matrix]:
+        point, J = at_tool(q)
+        return np.array([along @ point]), (along @ J)[np.newaxis]
+
+    speed, none = np.array([SPEED_M_S]), np.zeros(1)
+    hand = Hand(place, HAND_N_M, ACROSS_N, place(plant.q)[0], speed, none, DAMPING_S * HAND_N_M)
     on.drives.hold, forces, off = hand, [], 0.0
     for _ in range(round(WAY_M / SPEED_M_S / on.period_s)):
         on.step()
         if yields(on):
             gone = at_tool(plant.q)[0] - x
             off = max(off, float(np.linalg.norm(gone - along * (along @ gone))))
-        forces.append(float(along @ hand.force))
+        forces.append(float(hand.force[0]))
     return float(np.median(forces[len(forces) // 2 :])), off

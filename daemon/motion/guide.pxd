@@ -26,6 +26,7 @@ cdef class Guide:
     cdef double[:, ::1] _N, _G, _M, _along, _A, _S
 
     cpdef void forget(self) noexcept
+    cpdef void begin(self, const double[:] q) noexcept
     @cython.locals(known=double, rows=Py_ssize_t, more=Py_ssize_t, pivot=double, slowed=double, eased=double,
                    most=double)
     cpdef void step(
@@ -38,9 +39,9 @@ cdef class Guide:
     cdef void _measure(self, bint springs) noexcept
     @cython.locals(rows=Py_ssize_t, first=Py_ssize_t, last=Py_ssize_t, held=bint, damps=bint)
     cdef Py_ssize_t _choose(self, Py_ssize_t which) noexcept
-    @cython.locals(v=double, lag=double, way=double, moves=double)
+    @cython.locals(v=double, way=double, moves=double)
     cdef Py_ssize_t _limit(
-        self, Py_ssize_t rows, const double[:, :] room, bint led, double[::1] out
+        self, Py_ssize_t rows, const double[:, :] room, double[::1] out
     ) noexcept
     @cython.locals(mean=double, least=double)
     cdef double _factor(self, Py_ssize_t rows, const double[:] gain) noexcept

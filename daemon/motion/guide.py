@@ -74,8 +74,15 @@ class Guide:
         self.begun = False
 
     def forget(self) -> None:
-        """Begin anew where the frame is at the next step."""
+        """Begin anew at the next `begin`, or where the frame is at the next step."""
         self.begun = False
+
+    def begin(self, q: Vector) -> None:
+        """Begin at q (n,) [rad], unless it has begun."""
+        if not self.begun:
+            for i in range(self._n):
+                self._q[i] = q[i]
+            self._see()
 
     def step(
         self, q: Vector, moved: Vector, sent: Vector, wanted: Vector, gain: Vector, room: Matrix,
@@ -116,7 +123,7 @@ class Guide:
             self._push(rows, gain, self._ahead, out)
             for i in range(self._n):
                 out[i] = self._v[i] - out[i]
-            more = self._limit(rows, room, springs, out)
+            more = self._limit(rows, room, out)
             if more == rows:
                 break
             rows = more
@@ -198,19 +205,16 @@ class Guide:
                 rows += 1
         return rows
 
-    def _limit(self, rows: int, room: Matrix, led: bool, out: Vector) -> int:
+    def _limit(self, rows: int, room: Matrix, out: Vector) -> int:
         """Add a row for each joint that would leave its room, or whose drive gives way: others then
         count on what it does, and it presses on a little. Returns the number of rows."""
         for i in range(self._n):
             if self._bound[i]:
                 continue
             v = min(max(out[i], -room[0, i]), room[1, i])
-            lag = self._sent[i] - self._moved[i]
-            way = 1.0 if lag > 0.0 else -1.0
-            moves = way * self._moved[i]
-            if not led:
-                moves = max(moves, 0.0)  # it coasts
-            if way * lag > _LAGS_RAD_S and way * v > moves:
+            way = 1.0 if self._sent[i] > 0.0 else -1.0
+            moves = max(way * self._moved[i], 0.0)
+            if way * self._sent[i] > moves + _LAGS_RAD_S and way * v > moves:
                 self._presses[i] = way * min(way * v - moves, _LAGS_RAD_S)
                 v = way * moves
             if abs(out[i] - v) > _NEAR:

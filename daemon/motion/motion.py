@@ -141,6 +141,8 @@ class Motion:
         """
         self.probing = self._probed = np.zeros_like(self.velocity)
         self._assist.stop()
+        if self._guide is not None:
+            self._guide.begin(self.reference)  # not where the push has taken it since
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )
