@@ -113,8 +113,13 @@ def targets(results: Sequence[Result]) -> list[Target]:
             Target("waits on after it left", 100.0 * float(stays) / len(there), 5.0, "%"),
         ]  # fmt: skip
     if lines := [line for result in results for line in result.guided]:
-        beyond = np.array([line.off for line in lines]) - np.array([line.play for line in lines])
-        found.append(Target("held, beyond play", 1e3 * float(np.nanmax(beyond)), 2.0, "mm"))
+        beyond = np.array(
+            [o - p for line in lines for o, p in zip(line.off, line.play, strict=True)]
+        )
+        found += [
+            Target("held at 20 N, beyond play", 1e3 * float(np.nanmax(beyond)), 2.0, "mm"),
+            Target("faulted on a guide", sum(bool(line.fault) for line in lines), 0),
+        ]
     return found
 
 

@@ -3,7 +3,7 @@
 A line along an axis of the tool. 20 N press across it, along each held axis that the drives can
 stand; then a hand leads the tool to and fro, with the guide and without."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -33,32 +33,36 @@ class Guided:
     arm: str
     seed: int
     line: str
-    off: list[float]  # settled
-    furthest: list[float]  # while the force rises, too
-    play: list[float]
-    led_off: float
-    free_off: float  # without the guide
-    leads: float
-    leads_free: float
+    fault: str = ""  # by which it ended: with NaN from there on
+    off: tuple[float, ...] = (np.nan,)  # settled
+    furthest: tuple[float, ...] = (np.nan,)  # while the force rises, too
+    play: tuple[float, ...] = (np.nan,)
+    led_off: float = np.nan
+    free_off: float = np.nan  # without the guide
+    leads: float = np.nan
+    leads_free: float = np.nan
 
 
 def guided(arm: str, seed: int, work_s: float) -> Guided:
     """One of ARMS, with Romeo's drives, after so long a work."""
     with TemporaryDirectory() as folder:
-        on = arm_at_work(robot_of(wrench.robot_of(arm, Path(folder))), seed, work_s)
-    on.request(Event.PAUSE)
-    line = "xyz"[seed % 3]
-    held = tuple(axis for axis in AXES[:3] if axis != line)
-    guide, k = GuideAxes(stiff=(*held, *AXES[3:])), "xyz".index(line)
-    pushed = [_across(on, guide, AXES.index(axis), 1.0 - 2.0 * (seed // 3 % 2)) for axis in held]
-    led, free = ([_along(on, a, k, way) for way in (1.0, -1.0)] for a in (guide, GuideAxes()))
-    return Guided(
-        arm=arm,
-        seed=seed,
-        line=line,
-        off=[off for off, _, _ in pushed],
-        furthest=[furthest for _, furthest, _ in pushed],
-        play=[play for _, _, play in pushed],
+        robot = robot_of(wrench.robot_of(arm, Path(folder)))
+        line, way = "xyz"[seed % 3], 1.0 - 2.0 * (seed // 3 % 2)
+        held = tuple(axis for axis in AXES[:3] if axis != line)
+        guide, k = GuideAxes(stiff=(*held, *AXES[3:])), "xyz".index(line)
+        found = Guided(arm, seed, line)
+        try:
+            on = arm_at_work(robot, seed, work_s)
+            on.request(Event.PAUSE)
+            pushed = [across(on, guide, AXES.index(axis), way) for axis in held]
+            off, furthest, play = zip(*pushed, strict=True)
+            found = replace(found, off=off, furthest=furthest, play=play)
+            led = [along(on, guide, k, way) for way in (1.0, -1.0)]
+            free = [along(on, GuideAxes(), k, way) for way in (1.0, -1.0)]
+        except RuntimeError as error:
+            return replace(found, fault=str(error))
+    return replace(
+        found,
         led_off=max(off for _, off in led),
         free_off=max(off for _, off in free),
         leads=float(np.median([force for force, _ in led])),
@@ -78,37 +82,37 @@ def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
     return Hands(on.robot.model, on.robot.urdf)
 
 
-def _across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
+def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
     """How far a push along an axis of the tool takes it along that axis from where it held, in the
     end and at most, and the play of the gaps there [m]."""
     at_tool, plant, c = _rest(on, axes).at_tool, on.harness.plant, on.robot.configuration
     x, J = at_tool(plant.q)
-    along: Vector = way * on.robot.model.axes(plant.q)[:, axis]
-    play = 2.0 * float(np.abs(along @ J) @ row(c, lambda j: j.half_gap))
+    ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+    play = 2.0 * float(np.abs(ahead @ J) @ row(c, lambda j: j.half_gap))
     strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
-    torque = np.abs(J.T @ along * ACROSS_N) + np.abs(on.robot.model.gravity(plant.q))
+    torque = np.abs(J.T @ ahead * ACROSS_N) + np.abs(on.robot.model.gravity(plant.q))
     if (torque > STRENGTH * strongest).any():
         return np.nan, np.nan, play
     force, offs = 0.0, []
-    on.drives.hold = lambda q, _: at_tool(q)[1].T @ (force * along)
+    on.drives.hold = lambda q, _: at_tool(q)[1].T @ (force * ahead)
     for _ in range(round((ACROSS_N / RISES_N_S + STAYS_S) / on.period_s)):
         force = min(force + RISES_N_S * on.period_s, ACROSS_N)
         on.step()
-        offs.append(abs(float(along @ (at_tool(plant.q)[0] - x))))
+        offs.append(abs(float(ahead @ (at_tool(plant.q)[0] - x))))
     settled = float(np.median(offs[-round(SETTLED_S / on.period_s) :]))
     return settled, max(offs), play
 
 
-def _along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
+def along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
     """Force [N] of a hand that leads the tool along its axis and lets it go where it likes across,
     the median of the second half of the way, and how far off that line the tool gets [m]."""
     at_tool, plant = _rest(on, axes).at_tool, on.harness.plant
     x, _ = at_tool(plant.q)
-    along: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+    ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
 
     def place(q: Vector) -> tuple[Vector, Matrix]:
         point, J = at_tool(q)
-        return np.array([along @ point]), (along @ J)[np.newaxis]
+        return np.array([ahead @ point]), (ahead @ J)[np.newaxis]
 
     speed, none = np.array([SPEED_M_S]), np.zeros(1)
     hand = Hand(place, HAND_N_M, ACROSS_N, place(plant.q)[0], speed, none, DAMPING_S * HAND_N_M)
@@ -117,6 +121,6 @@ def _along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[fl
         on.step()
         if yields(on):
             gone = at_tool(plant.q)[0] - x
-            off = max(off, float(np.linalg.norm(gone - along * (along @ gone))))
+            off = max(off, float(np.linalg.norm(gone - ahead * (ahead @ gone))))
         forces.append(float(hand.force[0]))
     return float(np.median(forces[len(forces) // 2 :])), off
