@@ -13,7 +13,7 @@ from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from daemon.config.shapes import clearance_of
-from daemon.config.vectors import limits_of, row, sinusoids_of, virtual_mass_of
+from daemon.config.vectors import guide_of, limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
@@ -223,7 +223,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         walls=build_walls(robot),
         model=robot.model,
     )
-    motion.lead_by(c.admittance.guide)
+    motion.lead_by(guide_of(c))
     return motion
 
 

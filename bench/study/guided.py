@@ -77,7 +77,7 @@ def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
         on.step()
         if on.time_s > since_s + RESTS_S:
             raise RuntimeError(f"{on.mode}: {on.tick.controller.machine.cause}")
-    if reasons := on.permit() or on.tick.controller.set_guide(axes, "the bench"):
+    if reasons := on.permit() or on.tick.controller.leading.set_guide(axes, "the bench"):
         raise RuntimeError("; ".join(reasons))
     return Hands(on.robot.model, on.robot.urdf)
 

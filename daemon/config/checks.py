@@ -15,6 +15,7 @@ from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.trajectory_checks import trajectory
+from daemon.config.vectors import guide_of
 from daemon.config.worst_loads import Carrying
 from daemon.motion.motion import guide_place
 from drivers.canopen.boot.data_sheet import load_data_sheet
@@ -166,7 +167,7 @@ def least_levels(c: Configuration, found: Identified | None = None) -> Iterator[
 
 
 def _guide(c: Configuration, model: Model | ModelError) -> Iterator[Problem]:
-    axes = c.admittance.guide
+    axes = guide_of(c)
     for reason in axes.objections(len(c.joints)):
         yield Problem(["admittance"], "admittance", reason)
     if not isinstance(model, ModelError):

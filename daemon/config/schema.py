@@ -8,7 +8,7 @@ from msgspec import Meta
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.target_stream import AfterContact
 from daemon.protocol.bounds import MAX_GAIN
-from daemon.protocol.guide import KINDS, TOOL, Axes, Frame, GuideAxes, Redundant
+from daemon.protocol.guide import TOOL, Axes, Frame, Redundant
 from drivers.can.load import FrameLoad
 from drivers.can.settings import BusSettings
 from drivers.drive import Drive
@@ -148,15 +148,6 @@ class Admittance(Settings, frozen=True):
     held: Axes = ()
     stiff: Axes = ()  # held, and taken back to where the guide began
     redundant: Redundant = "free"  # joints that can move where the frame stands
-
-    @property
-    def guide(self) -> GuideAxes:
-        """Its guide."""
-        return GuideAxes(
-            frame=self.frame,
-            redundant=self.redundant,
-            **{kind: getattr(self, kind) for kind in KINDS},
-        )
 
 
 class ReactionSettings(Settings, frozen=True):

@@ -163,7 +163,7 @@ class Guide:
                     self._along[3 + a, i] += _ARM_M * M[a, b] * f.J[3 + b, i]
 
     def _measure(self, springs: bool) -> None:
-        """How far off the frame is along the guide's axes [m], turns times _ARM_M, and the speed
+        """Distance of the frame from the guide, along its axes [m], turns times _ARM_M, and speed
         back. What no spring holds, or not from so far, moves the place where the guide began."""
         M, N, d = self._M, self._N, self._d
         for a in range(6):
@@ -248,7 +248,7 @@ class Guide:
         return float(least)
 
     def _ask(self, rows: int) -> None:
-        """What the velocity `_v` has beyond the goal of each row."""
+        """Velocity of each row beyond its goal, as `_v` has it."""
         for r in range(rows):
             self._ahead[r] = -self._goal[r]
             for i in range(self._n):

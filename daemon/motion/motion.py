@@ -85,9 +85,9 @@ class Motion:
     def lead_by(self, axes: GuideAxes) -> None:
         """Lead the arm by such a guide from now on, which begins where it is led next. Raises
         ModelError for a frame that the arm does not have."""
-        self._guide, model = None, self._model
+        model, guide = self._model, None
         if axes.guides and model is not None and not self.blind:
-            self._guide = Guide(
+            guide = Guide(
                 model,
                 guide_place(model, axes),
                 self._law.velocity,
@@ -96,7 +96,7 @@ class Motion:
                 turned=axes.frame != BASE,
                 redundant=axes.redundant == "free",
             )
-        self.guide_axes = axes
+        self.guide_axes, self._guide = axes, guide
 
     # --- begin a mode, from the measured pose q within the limits ------------------------------
 

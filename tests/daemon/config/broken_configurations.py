@@ -5,14 +5,14 @@
 BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     "unknown axis of a guide": (
         "admittance:\n", "admittance:\n  stiff: [y, w]\n", "  stiff: [",
-        "admittance.stiff", ("'w'",),
+        "admittance.stiff[1]", ("rx, ry, rz, x, y, z, not 'w'",),
     ),
     "axis both free and stiff": (
-        "admittance:\n", "admittance:\n  stiff: [x, y]\n  free: [x]\n", "admittance:",
+        "admittance:\n", "admittance:\n  stiff: [x, y]\n  free: [x]\n", "  stiff: [x, y]",
         "admittance", ("x named twice: an axis is free or damped or held",),
     ),
     "guide that holds nothing": (
-        "admittance:\n", "admittance:\n  free: [x]\n", "admittance:",
+        "admittance:\n", "admittance:\n  free: [x]\n", "  free: [x]",
         "admittance", ("free alone holds nothing: name what is stiff, held or damped",),
     ),
     "guide along the axes of no link": (

@@ -1,7 +1,5 @@
 """A guide in the whole tick, with a simulated hand: across it the tool is held, along it is led."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -42,19 +40,20 @@ def test_nothing_moves_without_a_hand_whatever_the_guide(on: ArmInTheLoop) -> No
     on.drives.hold = None
     while on.mode is not Mode.HOLDING:
         on.step()
+    on.run(2.0)
     q = on.harness.plant.theta.copy()
     controller = on.tick.controller
     for axes in (GuideAxes(stiff=("x", "y", "z")), GuideAxes(frame="base", stiff=("z",)), LINE):
-        assert not controller.set_guide(axes, "a person")
+        assert not controller.leading.set_guide(axes, "a person")
         on.run(1.0)
     assert np.abs(on.harness.plant.theta - q).max() < 0.003
 
 
 def test_a_guide_that_is_refused_leaves_the_one_before(on: ArmInTheLoop) -> None:
     controller = on.tick.controller
-    assert not controller.set_guide(LINE, "a person")
-    assert controller.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
-    assert controller.set_guide(GuideAxes(free=("x",)), "a person")
+    assert not controller.leading.set_guide(LINE, "a person")
+    assert controller.leading.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
+    assert controller.leading.set_guide(GuideAxes(free=("x",)), "a person")
     assert controller.motion.guide_axes == LINE
 
 
@@ -62,7 +61,7 @@ def test_doubt_begins_the_guide_anew(on: ArmInTheLoop) -> None:
     """Its spring does not pull to a place that was doubted."""
     motion, plant = on.tick.controller.motion, on.harness.plant
     motion.lead_by(LINE)
-    guide, push = motion._guide, np.full(plant.n, 1e-9)  # noqa: SLF001
+    guide, push = motion._guide, np.full(plant.n, 1e-9)
     assert guide is not None
     for sure, off in ((True, True), (False, False)):
         guide.forget()
