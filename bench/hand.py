@@ -117,7 +117,7 @@ def targets(results: Sequence[Result]) -> list[Target]:
             [o - p for line in lines for o, p in zip(line.off, line.play, strict=True)]
         )
         found += [
-            Target("held at 20 N, beyond play", 1e3 * float(np.nanmax(beyond)), 2.0, "mm"),
+            Target("held at 20 N, beyond play", float(np.nanmax(beyond)), 2.0, "mm"),
             Target("faulted on a guide", sum(bool(line.fault) for line in lines), 0),
         ]
     return found

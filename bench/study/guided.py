@@ -22,12 +22,13 @@ from daemon.protocol.guide import AXES, GuideAxes
 ARMS: Final = ("romeo", "openarm", "beam")
 ACROSS_N, RISES_N_S, STAYS_S, SETTLED_S = 20.0, 10.0, 1.5, 0.5
 STRENGTH: Final = 0.8  # of the motors, gravity included
+MM: Final = 1e3
 HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.05, 0.1, 60.0
 
 
 @dataclass(frozen=True, slots=True)
 class Guided:
-    """One arm and line; distances from it [m], of a push along each held axis, NaN where the
+    """One arm and line; distances from it [mm], of a push along each held axis, NaN where the
     drives cannot stand it, and of a lead; play of the gaps likewise; forces of a lead [N]."""
 
     arm: str
@@ -84,7 +85,7 @@ def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
 
 def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
     """How far a push along an axis of the tool takes it along that axis from where it held, in the
-    end and at most, and the play of the gaps there [m]."""
+    end and at most, and the play of the gaps there [mm]."""
     at_tool, plant, c = _rest(on, axes).at_tool, on.harness.plant, on.robot.configuration
     x, J = at_tool(plant.q)
     ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
@@ -92,7 +93,7 @@ def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[fl
     strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
     torque = np.abs(J.T @ ahead * ACROSS_N) + np.abs(on.robot.model.gravity(plant.q))
     if (torque > STRENGTH * strongest).any():
-        return np.nan, np.nan, play
+        return np.nan, np.nan, MM * play
     force, offs = 0.0, []
     on.drives.hold = lambda q, _: at_tool(q)[1].T @ (force * ahead)
     for _ in range(round((ACROSS_N / RISES_N_S + STAYS_S) / on.period_s)):
@@ -100,12 +101,12 @@ def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[fl
         on.step()
         offs.append(abs(float(ahead @ (at_tool(plant.q)[0] - x))))
     settled = float(np.median(offs[-round(SETTLED_S / on.period_s) :]))
-    return settled, max(offs), play
+    return MM * settled, MM * max(offs), MM * play
 
 
 def along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
     """Force [N] of a hand that leads the tool along its axis and lets it go where it likes across,
-    the median of the second half of the way, and how far off that line the tool gets [m]."""
+    the median of the second half of the way, and how far off that line the tool gets [mm]."""
     at_tool, plant = _rest(on, axes).at_tool, on.harness.plant
     x, _ = at_tool(plant.q)
     ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
@@ -123,4 +124,4 @@ def along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[flo
             gone = at_tool(plant.q)[0] - x
             off = max(off, float(np.linalg.norm(gone - ahead * (ahead @ gone))))
         forces.append(float(hand.force[0]))
-    return float(np.median(forces[len(forces) // 2 :])), off
+    return float(np.median(forces[len(forces) // 2 :])), MM * off

@@ -167,12 +167,11 @@ def least_levels(c: Configuration, found: Identified | None = None) -> Iterator[
 
 
 def _guide(c: Configuration, model: Model | ModelError) -> Iterator[Problem]:
-    axes = guide_of(c)
-    for reason in axes.objections(len(c.joints)):
+    for reason in guide_of(c).objections(len(c.joints)):
         yield Problem(["admittance"], "admittance", reason)
     if not isinstance(model, ModelError):
         try:
-            guide_place(model, axes)
+            guide_place(model, guide_of(c))
         except ModelError as error:
             yield Problem(["admittance", "frame"], "admittance.frame", str(error))
 

@@ -275,6 +275,9 @@ class Guide:
         """Factor by which a hand along the free directions moves the tool as fast as without the
         guide, on which its way is the harder one: the share of energy, of the part of the velocity
         that is in these directions."""
+        for a in range(6):
+            if self._kind[a] == _DAMPED:
+                return 1.0  # it is to be harder
         rows = self._choose(_ALONG)
         self._factor(rows, gain)
         self._ask(rows)

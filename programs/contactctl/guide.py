@@ -34,7 +34,7 @@ def _axes(name: str, text: str) -> Callable[[FC], FC]:
 
 @click.command(cls=Command)
 @click.argument("shape", required=False, type=click.Choice([*SHAPES, "off"]))
-@click.argument("along", required=False)
+@click.argument("along", required=False, metavar="[AXES]")
 @_axes("--stiff", "Held, and taken back to where the guide began.")
 @_axes("--held", "Held, without a spring.")
 @_axes("--damped", "Five times as slow.")
@@ -56,8 +56,8 @@ def guide(
     guide --damped z          slowly along z, else as before
     guide off                 as without one
 
-    It begins where the arm is led next, and begins anew there once the arm moved by itself. Also
-    while it is led. The configuration is not changed.
+    Also while the arm is led. It begins where it is led next, and anew there once the arm moved by
+    itself. The configuration is not changed.
     """
     stiff = (*stiff, *shape_axes(shape, along), *(("rx", "ry", "rz") if no_turn else ()))
     with options.connect() as client:
