@@ -13,12 +13,15 @@ rests   One of 300, 1500 or 4000 N/m at the tool takes the arm from its trajecto
         0.2 to 0.9 of the level in force on the joint that it loads most, holds still for 30 s, and
         lets go; or lets go at once. A miss is a trajectory that goes on while the hand is there.
 pulled  A steady torque of 1.2 times what sets a joint out, as of a load or a cable, for 3 s.
+guide   Romeo's arm, OpenArm's and the beam arm, with Romeo's drives, on a line along an axis of the
+        tool: 20 N press across, along each held axis that the drives can stand; then a hand of 1500
+        N/m leads the tool along by 0.1 m at 0.05 m/s, with the guide and without. Not by default.
 
 --circle draws instead the circle of a hand at the tool of the first arm, and its force, as a PNG.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -27,12 +30,14 @@ import numpy as np
 
 from bench.options import JOBS, command
 from bench.report import Target, plain, print_report
+from bench.study.guided import ARMS, Guided, guided
 from bench.study.leading import Led, Rested, arm_at_work, lead, pull, rest, robot_of
 from bench.study.monte_carlo import spread
 from daemon.modes.table import Event, Mode
 
-Part = Literal["leads", "rests", "pulled"]
+Part = Literal["leads", "rests", "pulled", "guide"]
 PARTS: Final[tuple[Part, ...]] = get_args(Part)
+USUAL: Final = PARTS[:3]
 WORK_S: Final = 60.0
 HANDS_N_M: Final = (300.0, 1500.0, 4000.0)
 LEADING_N_M: Final = (1000.0, 1500.0, 4000.0)  # softer ones lag by more than they lead
@@ -60,10 +65,13 @@ class Result:
     rested: list[Rested]
     carried: dict[str, float]
     """of each joint that a steady torque set out [rad]"""
+    guided: list[Guided] = field(default_factory=list)
 
 
 def run(job: Job) -> Result:
     """One arm."""
+    if job.part == "guide":
+        return Result(job, [], [], {}, [guided(arm, job.seed, WORK_S / 6.0) for arm in ARMS])
     rng = np.random.default_rng((job.seed, 81))
     on = arm_at_work(robot_of(probes=job.probes, assists=job.assists), job.seed, WORK_S)
     if job.part == "rests":
@@ -104,6 +112,14 @@ def targets(results: Sequence[Result]) -> list[Target]:
                    "higher"),
             Target("waits on after it left", 100.0 * float(stays) / len(there), 5.0, "%"),
         ]  # fmt: skip
+    if lines := [line for result in results for line in result.guided]:
+        beyond = np.array(
+            [o - p for line in lines for o, p in zip(line.off, line.play, strict=True)]
+        )
+        found += [
+            Target("held at 20 N, beyond play", float(np.nanmax(beyond)), 2.0, "mm"),
+            Target("faulted on a guide", sum(bool(line.fault) for line in lines), 0),
+        ]
     return found
 
 
@@ -144,7 +160,7 @@ def main(
 
         print_report("hand", first, [], circles(first, WORK_S, circle), as_json=as_json)
         return
-    parts, seeds = PARTS if part is None else (part,), range(first, first + arms)
+    parts, seeds = USUAL if part is None else (part,), range(first, first + arms)
     jobs = [Job(seed, each, not no_probe, assist) for each in parts for seed in seeds]
     done = spread(run, jobs, processes, "arms")
     results = sorted(done, key=lambda result: jobs.index(result.job))
@@ -156,6 +172,7 @@ def main(
             for result in results
             for joint, way in result.carried.items()
         },
+        "guided": [asdict(line) for result in results for line in result.guided],
         "trials": len(rested),
         "missed": [row for row in rested if row["share"] and np.isfinite(row["went_on_s"])],
     }

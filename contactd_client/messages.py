@@ -8,6 +8,7 @@ NotRequired may be missing. Vectors are in the order of `Snapshot.joints`, SI at
 from typing import Any, Final, Literal, NotRequired, TypedDict
 
 from contactd_client.requests import Command as Command
+from contactd_client.requests import GuideAxes as GuideAxes
 from contactd_client.requests import Header as Header
 from contactd_client.requests import Request as Request
 
@@ -202,6 +203,7 @@ class Status(TypedDict):
     gears: NotRequired[list[str]]
     # description of an unannounced payload, with advice; empty without one
     recognised: NotRequired[str]
+    guide: NotRequired[GuideAxes]  # of an arm that is led by hand
     wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode that senses nothing
     wrench_at: NotRequired[str]  # its point, in words
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is

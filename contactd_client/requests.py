@@ -7,7 +7,7 @@ from typing import Literal, NotRequired, TypedDict
 
 Command = Literal[
     "enable", "load", "start", "go", "follow", "target", "pause", "arm", "renew", "disarm", "stop",
-    "disable", "reset", "gain", "payload", "reload", "status", "subscribe",
+    "disable", "reset", "gain", "guide", "payload", "reload", "status", "subscribe",
 ]  # fmt: skip
 
 
@@ -18,6 +18,19 @@ class Header(TypedDict):
     joints: list[str]  # all others hold
     from_here: NotRequired[bool]  # may begin from any pose, run as displacements
     motors_only: NotRequired[bool]  # by the motors' velocity alone, whatever the links do
+
+
+class GuideAxes(TypedDict):
+    """Directions of a guide; those that are not named are free, and with none there is no guide."""
+
+    # the tool with its axes or, `base`, with those of the URDF's root; or a link, by its origin
+    frame: NotRequired[str]
+    free: NotRequired[list[Literal["rx", "ry", "rz", "x", "y", "z"]]]
+    damped: NotRequired[list[Literal["rx", "ry", "rz", "x", "y", "z"]]]  # at a fifth of the speed
+    held: NotRequired[list[Literal["rx", "ry", "rz", "x", "y", "z"]]]
+    # held, and taken back to where the guide began
+    stiff: NotRequired[list[Literal["rx", "ry", "rz", "x", "y", "z"]]]
+    redundant: NotRequired[Literal["free", "held"]]  # joints that can move where the frame stands
 
 
 class Request(TypedDict):
@@ -50,6 +63,7 @@ class Request(TypedDict):
     detached: NotRequired[bool]
     joint: NotRequired[str]  # `gain`
     gain: NotRequired[float]  # `gain`: K_a from now on, 0 or at least LEAST_GAIN [rad/s per Nm]
+    axes: NotRequired[GuideAxes]  # `guide`
     name: NotRequired[str | None]  # `payload`: by its name in the configuration, or
     # `payload`: by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
     mass: NotRequired[float | None]

@@ -13,7 +13,7 @@ from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from daemon.config.shapes import clearance_of
-from daemon.config.vectors import limits_of, row, sinusoids_of, virtual_mass_of
+from daemon.config.vectors import guide_of, limits_of, row, sinusoids_of, virtual_mass_of
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
@@ -213,7 +213,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         virtual_mass_s=virtual_mass_of(c), velocity=np.full(len(c.joints), c.admittance.velocity)
     )
     path = robot.trajectory or sinusoids_of(c)
-    return Motion(
+    motion = Motion(
         manner=manner,
         limits=limits_of(c),
         law=law,
@@ -221,7 +221,10 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         follower=Follower(Place(path), c.trajectory.ramp_s),
         blind=not links_trusted,
         walls=build_walls(robot),
+        model=robot.model,
     )
+    motion.lead_by(guide_of(c))
+    return motion
 
 
 def build_walls(robot: Robot) -> Walls | None:

@@ -39,6 +39,7 @@ NotRequired may be missing. Vectors are in the order of `Snapshot.joints`, SI at
 from typing import Any, Final, Literal, NotRequired, TypedDict
 
 from contactd_client.requests import Command as Command
+from contactd_client.requests import GuideAxes as GuideAxes
 from contactd_client.requests import Header as Header
 from contactd_client.requests import Request as Request
 '''
@@ -182,7 +183,7 @@ def _annotation(kind: types.Type) -> str:  # noqa: PLR0911, PLR0912 - a line for
             return "Command" if set(kind.values) == set(COMMANDS) else _literal(kind.values)
         case types.UnionType():
             return " | ".join(_annotation(part) for part in kind.types)
-        case types.ListType():
+        case types.ListType() | types.VarTupleType():
             return f"list[{_annotation(kind.item_type)}]"
         case types.Metadata():  # bounds for the schema
             return _annotation(kind.type)

@@ -2,7 +2,7 @@
 
 cimport cython
 
-from estimator.dynamics cimport Dynamics
+from estimator.frame cimport Frame
 
 cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
@@ -13,11 +13,10 @@ cdef double _LAG, _LEAST_NM, _HIDDEN, _STUCK, _OF_LEVEL
 cdef double _OFF, _USUAL_N, _ANY_N, _LEAST, _MOST, _OF_PEAK, _GROWS, _FADES_S, _QUIET_S, _PEAK_S
 
 cdef class Wrench:
-    cdef Dynamics _dynamics
-    cdef Py_ssize_t _body
+    cdef Frame _frame
     cdef double _gain, _level
-    cdef double[::1] _place, _r, _x, _swap, _g, _h, _u
-    cdef double[:, ::1] _axes, _J, _R, _swaps, _Y, _N, _S, _V
+    cdef double[::1] _r, _g, _h, _u
+    cdef double[:, ::1] _Y, _N, _S, _V
     cdef readonly double[::1] before, lag, shown, weight
     cdef public double peak, peak_seen, quiet_s
 
@@ -32,9 +31,7 @@ cdef class Wrench:
     @cython.locals(square=double)
     cpdef void nothing(self) noexcept
     cdef void _learn(self, double strength, bint touched, double dt) noexcept
-    @cython.locals(d=Dynamics, i=Py_ssize_t, row=Py_ssize_t)
-    cdef void _jacobian(self) noexcept
-    @cython.locals(rr=double, w=double, wJ=double)
+    @cython.locals(J="double[:, ::1]", rr=double, w=double, wJ=double)
     cdef double _inform(self) noexcept
     @cython.locals(beforehand=double, explained=double, through=double)
     cdef double _solve(self, double square, double any_N) noexcept

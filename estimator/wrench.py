@@ -23,6 +23,7 @@ from math import sqrt
 import numpy as np
 
 from estimator.dynamics import Dynamics, Place
+from estimator.frame import Frame
 
 FORCE, COVARIANCE, STRENGTH, MISFIT, UNSEEN, WIDTH = 0, 3, 9, 10, 11, 20
 """Columns of `shown`: force (3) [N], its covariance (xx xy xz yy yz zz) [N2], how often it exceeds
@@ -57,15 +58,13 @@ class Wrench:
     def __init__(self, dynamics: Dynamics, tool: Place, gain: float, learns: bool) -> None:
         """gain: K of the residuals [1/s]; learns: friction is learned."""
         n = dynamics.n
-        self._dynamics, self._body, self._gain = dynamics, tool.body, gain
+        self._frame, self._gain = Frame(dynamics, tool), gain
         self._level = _LEVEL if learns else _UNTAUGHT
-        self._place, self._axes = tool.point.copy(), tool.axes.copy()
         # Residual at the tick before, and the largest r' / K of late [Nm].
         self.before, self.lag = np.zeros((2, n))
-        self._J = np.zeros((6, n))  # of point and frame, along its axes
         self._r, self.weight = np.zeros((2, n))
-        self._x, self._swap, self._h, self._u = np.zeros((4, 3))
-        self._R, self._swaps, self._N, self._S, self._V = np.zeros((5, 3, 3))
+        self._h, self._u = np.zeros((2, 3))
+        self._N, self._S, self._V = np.zeros((3, 3, 3))
         self._Y, self._g = np.zeros((6, 6)), np.zeros(6)
         self.shown = np.zeros(WIDTH)
         # Largest strength in quiet motion; that which counts if it stays quiet; since when.
@@ -93,7 +92,7 @@ class Wrench:
         """Estimate from all joints, whose dynamics are those of now; learn the level in dt [s]
         where that teaches. pressed: a residual is beyond its contact level."""
         shown, S, V, h = self.shown, self._S, self._V, self._h
-        self._jacobian()
+        self._frame.at()
         rr = self._inform()
         self._solve(0.0, _USUAL_N)
         square = self._size()
@@ -143,36 +142,9 @@ class Wrench:
             self.peak = max(self.peak, min(self.peak_seen, _GROWS * self.peak))
             self.quiet_s = self.peak_seen = 0.0
 
-    def _jacobian(self) -> None:
-        """J: torque of each joint for a unit force along each axis, and for a unit moment."""
-        d, i, x, R, J = self._dynamics, self._body, self._x, self._R, self._J
-        for a in range(3):
-            x[a] = self._place[a]
-            for b in range(3):
-                R[a, b] = self._axes[a, b]
-        while i >= 0:
-            row = d._row[i]
-            T0, T1, T2 = d._turning[i, 0], d._turning[i, 1], d._turning[i, 2]
-            v0 = T1 * x[2] - T2 * x[1] + d._sliding[i, 0]
-            v1 = T2 * x[0] - T0 * x[2] + d._sliding[i, 1]
-            v2 = T0 * x[1] - T1 * x[0] + d._sliding[i, 2]
-            for k in range(3):
-                J[k, row] = R[0, k] * v0 + R[1, k] * v1 + R[2, k] * v2
-                J[3 + k, row] = R[0, k] * T0 + R[1, k] * T1 + R[2, k] * T2
-            for a in range(3):
-                R0, R1, R2 = d._R[i, a, 0], d._R[i, a, 1], d._R[i, a, 2]
-                self._swap[a] = R0 * x[0] + R1 * x[1] + R2 * x[2] + d._t[i, a]
-                for k in range(3):
-                    self._swaps[a, k] = R0 * R[0, k] + R1 * R[1, k] + R2 * R[2, k]
-            for a in range(3):
-                x[a] = self._swap[a]
-                for k in range(3):
-                    R[a, k] = self._swaps[a, k]
-            i = d._parent[i]
-
     def _inform(self) -> float:
         """Information of force and moment, and its vector; returns the weighted square of r."""
-        J, Y, g, rr = self._J, self._Y, self._g, 0.0
+        J, Y, g, rr = self._frame.J, self._Y, self._g, 0.0
         for a in range(6):
             g[a] = 0.0
             for b in range(a + 1):

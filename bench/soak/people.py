@@ -14,6 +14,7 @@ from random import Random
 from bench.soak.record import Part
 from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
+from daemon.protocol.guide import AXES, GuideAxes
 from daemon.protocol.lease import PERSON_S, PROGRAM_S
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import (
@@ -27,6 +28,7 @@ from daemon.protocol.requests import (
     Renew,
     Request,
     SetGain,
+    SetGuide,
     Start,
     Target,
     bare,
@@ -133,12 +135,16 @@ def leader(rng: Random, c: Configuration) -> Person:
         view = yield Step(wait_s=rng.uniform(2.0, 20.0))
 
 
-def _requests(wish: str, rng: Random, c: Configuration) -> tuple[Request, ...]:
+def _requests(  # noqa: PLR0911 - one for each wish
+    wish: str, rng: Random, c: Configuration
+) -> tuple[Request, ...]:
     match wish:
         case "":
             return ()
         case "arm":
             return (Arm(lease_s=rng.choice((None, 1.0, 5.0, 20.0)), detached=True),)
+        case "gain" if rng.random() < 0.3:
+            return (SetGuide(axes=GuideAxes(damped=tuple(a for a in AXES if rng.random() < 0.3))),)
         case "gain":
             joint = rng.choice(c.joints)
             gain = rng.choice((-1.0, 1e9, *(rng.uniform(0.2, 1.5) * joint.admittance_gain,) * 8))

@@ -39,9 +39,9 @@ COMES_S, RESTS_S, LEAVES_S, BEFORE_S = 0.8, 30.0, 10.0, 3.0
 GOES_ON: Final = frozenset({Mode.TRACKING, Mode.RETURNING})
 
 
-def robot_of(*, probes: bool = True, assists: bool = False) -> Robot:
-    """The Romeo arm with balanced gains, which swings all joints, and may be led for long."""
-    robot = load_robot(ROMEO)
+def robot_of(robot: Robot | None = None, *, probes: bool = True, assists: bool = False) -> Robot:
+    """An arm, by default Romeo's, with balanced gains: it swings all joints and is led for long."""
+    robot = robot or load_robot(ROMEO)
     c, change = robot.configuration, msgspec.structs.replace
     gains = balance_of(c, robot.urdf).gain.tolist()
     admittance = change(

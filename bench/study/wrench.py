@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from bench.rigs.arm_without_bus import Motion, Scenario, record, recordings
 from bench.rigs.generated_arms import generate, in_yaml
-from bench.rigs.lockstep import OPENARM, ROMEO
+from bench.rigs.lockstep import BEAM, OPENARM, ROMEO
 from bench.study import courses, population, world
 from bench.study.estimates import rows_of
 from bench.study.hands import PRESSES_S, Hands, Press, drawn
@@ -37,7 +37,7 @@ UPPER: Final = np.triu_indices(3)
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One arm in one kind of motion: romeo, openarm, or the seed of a generated one."""
+    """One arm in one kind of motion: romeo, openarm, beam, or the seed of a generated one."""
 
     arm: str
     kind: Kind
@@ -51,7 +51,8 @@ def robot_of(arm: str, folder: Path) -> Robot:
     """The arm with Romeo's drives, which the rig can simulate."""
     if arm == "romeo":
         return load_robot(ROMEO)
-    source = OPENARM if arm == "openarm" else generate(int(arm)).write(folder / "source")
+    source = {"openarm": OPENARM, "beam": BEAM}.get(arm)
+    source = source or generate(int(arm)).write(folder / "source")
     c, of_romeo = (yaml.safe_load((f / "config.yaml").read_text()) for f in (source, ROMEO))
     for name in ("drives", "bus", "estimator"):
         c[name] = of_romeo[name]

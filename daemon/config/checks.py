@@ -15,7 +15,9 @@ from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.trajectory_checks import trajectory
+from daemon.config.vectors import guide_of
 from daemon.config.worst_loads import Carrying
+from daemon.motion.motion import guide_place
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.settings import CanopenProfile
 from estimator.body_inertia import refuse_impossible
@@ -44,6 +46,7 @@ def cross_checks(
         *trajectory(meant),
         *_poses(meant),
         *_urdf(meant, urdf, model),
+        *_guide(c, model),
     ]
     if isinstance(model, ModelError):
         return findings
@@ -161,6 +164,16 @@ def least_levels(c: Configuration, found: Identified | None = None) -> Iterator[
             words, lowest = f"at most {most:g} Nm, contact of {c.identified}", 0.0
         if least is not None and not lowest <= least / most <= 1.0:
             yield Problem(*at(i, joint, "thresholds", "least"), f"{least:g} must be {words}")
+
+
+def _guide(c: Configuration, model: Model | ModelError) -> Iterator[Problem]:
+    for reason in guide_of(c).objections(len(c.joints)):
+        yield Problem(["admittance"], "admittance", reason)
+    if not isinstance(model, ModelError):
+        try:
+            guide_place(model, guide_of(c))
+        except ModelError as error:
+            yield Problem(["admittance", "frame"], "admittance.frame", str(error))
 
 
 def _estimator(c: Configuration) -> Iterator[Problem]:

@@ -8,6 +8,7 @@ from msgspec import Meta
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.motion.target_stream import AfterContact
 from daemon.protocol.bounds import MAX_GAIN
+from daemon.protocol.guide import TOOL, Axes, Frame, Redundant
 from drivers.can.load import FrameLoad
 from drivers.can.settings import BusSettings
 from drivers.drive import Drive
@@ -140,6 +141,13 @@ class Admittance(Settings, frozen=True):
     # a hand that leads pushes less; so does a load or a cable that pulls, which goes further
     assist: bool = False
     return_velocity: Speed = 0.2  # with `after_quiet: return` [rad/s]
+    # of the guide: its axes are those of the `tool`, of the `base`, or of a link of the URDF
+    frame: Frame = TOOL
+    free: Axes = ()  # as is each that is not named; with nothing held or damped there is no guide
+    damped: Axes = ()  # at a fifth of the speed
+    held: Axes = ()
+    stiff: Axes = ()  # held, and taken back to where the guide began
+    redundant: Redundant = "free"  # joints that can move where the frame stands
 
 
 class ReactionSettings(Settings, frozen=True):

@@ -13,6 +13,7 @@ from daemon.motion.path import Sinusoids
 from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.target_stream import StreamSettings
 from daemon.motion.trajectory_file import read_trajectory
+from daemon.protocol.guide import GuideAxes
 
 
 def row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
@@ -72,3 +73,12 @@ def trajectory_of(c: Configuration, folder: Path) -> SampledPath | None:
         return builder.finish()
     except TrajectoryError as error:
         raise file.placed(error) from error
+
+
+def guide_of(c: Configuration) -> GuideAxes:
+    """Guide of an arm that is led by hand."""
+    a = c.admittance
+    return GuideAxes(
+        frame=a.frame, free=a.free, damped=a.damped, held=a.held, stiff=a.stiff,
+        redundant=a.redundant,
+    )  # fmt: skip

@@ -6,14 +6,19 @@ from typing import assert_never
 import numpy as np
 
 from common.arrays import Vector
+from common.errors import ModelError
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.admittance import AdmittanceLaw, Assist, Gains
+from daemon.motion.guide import Guide
 from daemon.motion.limits import Limits
 from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 from daemon.motion.target_stream import TargetStream
+from daemon.protocol.guide import BASE, TOOL, GuideAxes
 from daemon.protocol.state import Meeting
+from estimator.dynamics import Place
+from estimator.model import Model
 from estimator.walls import Walls
 
 # Distance from the line's end at which a joint has arrived [rad].
@@ -31,6 +36,14 @@ class MotionSettings:
     release: ReleaseSettings
 
 
+def guide_place(model: Model, axes: GuideAxes) -> Place:
+    """Frame of a guide. Raises ModelError for one that the arm does not have."""
+    try:
+        return model.place("" if axes.frame in (TOOL, BASE) else axes.frame)
+    except ModelError as error:
+        raise ModelError(f"{error}; or it is {TOOL} or {BASE}") from error
+
+
 class Motion:
     """References and setpoints of one arm; vectors of shape (n,)."""
 
@@ -44,9 +57,11 @@ class Motion:
         *,
         blind: bool = False,
         walls: Walls | None = None,
+        model: Model | None = None,
     ) -> None:
         """blind: the signs of the links are unchecked, so the motors hold the arm, and no loop is
-        closed over the links. walls: not with those, whose positions may be wrong."""
+        closed over the links. walls: not with those, whose positions may be wrong. model: of an arm
+        that may get a guide."""
         self.velocity = np.zeros_like(limits.lower)
         """target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
@@ -61,11 +76,31 @@ class Motion:
         self._probed = self._yielding = self.probing
         self.excess: Vector | None = None
         """residual beyond what witnesses a hand, of `hand_witness`; None in doubt [Nm]"""
+        self.sure = True
+        """False in doubt: a guide begins anew, without its spring"""
+        self.guide_axes, self._model = GuideAxes(), model
+        self._guide: Guide | None = None
         self._assist = Assist(law.velocity)
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
         self._loose = False  # stands with no position loop, as it backs away from nothing
         self._go(self.reference, self.reference, 1.0)
+
+    def lead_by(self, axes: GuideAxes) -> None:
+        """Lead the arm by such a guide from now on, which begins where it is led next. Raises
+        ModelError for a frame that the arm does not have."""
+        model, guide = self._model, None
+        if axes.guides and model is not None and not self.blind:
+            guide = Guide(
+                model,
+                guide_place(model, axes),
+                self._law.velocity,
+                self._manner.position_gain,
+                np.array(axes.kinds()),
+                turned=axes.frame != BASE,
+                redundant=axes.redundant == "free",
+            )
+        self.guide_axes, self._guide = axes, guide
 
     # --- begin a mode, from the measured pose q within the limits ------------------------------
 
@@ -110,6 +145,8 @@ class Motion:
         """
         self.probing = self._probed = np.zeros_like(self.velocity)
         self._assist.stop()
+        if self._guide is not None:
+            self._guide.begin(self.reference)  # not where the push has taken it since
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )
@@ -175,7 +212,9 @@ class Motion:
         and from the velocities `moved` (n,) [rad/s] of the motors (None: the setpoints).
         """
         self.gains.step(dt)
-        desired = self._desired(mode, q, push, dt, play)
+        if self._guide is not None and mode is not Mode.ADMITTANCE and mode is not Mode.HOLDING:
+            self._guide.forget()  # the arm goes where no hand leads it
+        desired = self._desired(mode, q, push, dt, play, moved)
         # A joint whose sample is old has moved on at its setpoint.
         here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
@@ -192,7 +231,13 @@ class Motion:
             self.velocity = desired
 
     def _desired(
-        self, mode: Mode, q: Vector, push: Vector, dt: float, play: Vector | float
+        self,
+        mode: Mode,
+        q: Vector,
+        push: Vector,
+        dt: float,
+        play: Vector | float,
+        moved: Vector | None,
     ) -> Vector:
         gain = self._manner.position_gain
         match mode:
@@ -210,7 +255,8 @@ class Motion:
                     assist.stop()
                 else:
                     assist.step(gains, push, self.excess, dt)
-                self._yielding = self._law.velocity_after(before, gains, push, dt, assist.velocity)
+                led = self._law.velocity_after(before, gains, push, dt, assist.velocity)
+                self._yielding = self._guided(q, led, push, play, moved)
                 return self.limits.soft_stop(q, self._yielding + self.probing, gain, play)
             case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them
@@ -232,6 +278,22 @@ class Motion:
                 assert_never(mode)
         self.reference = wanted.q
         return wanted.velocity + self._towards(wanted.q, q, np.abs(wanted.velocity))
+
+    def _guided(
+        self, q: Vector, led: Vector, push: Vector, play: Vector | float, moved: Vector | None
+    ) -> Vector:
+        """Velocity (n,) [rad/s] of an arm that is led at `led`, by the guide
+        if there is one."""
+        if self._guide is None:
+            return led
+        room = np.array([q - self.limits.lower, self.limits.upper - q]) - self.limits.each(play)
+        room = np.maximum(self._manner.position_gain * room, 0.0)
+        springs, guided = self.sure and bool(push.any()), np.empty_like(led)
+        moved = self.velocity if moved is None else moved
+        if not self.sure:
+            self._guide.forget()
+        self._guide.step(q, moved, self.velocity, led, self.gains.value, room, springs, guided)
+        return guided
 
     def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
         """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they

@@ -5,6 +5,7 @@ from typing import Literal
 import msgspec
 
 from daemon.modes.table import Mode
+from daemon.protocol.guide import GuideAxes
 from daemon.protocol.state import Near, PerJoint, Permit, SideName, Snapshot, StreamState, Wrench
 from estimator.payload import Payload
 
@@ -158,6 +159,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
     gears: list[str] = []  # findings of their trends, a line for each joint (`contactctl health`)
     recognised: str = ""  # description of an unannounced payload, with advice; empty without one
+    guide: GuideAxes = GuideAxes()  # of an arm that is led by hand
     wrench: Wrench | None = None  # force at the tool; None in a mode that senses nothing
     wrench_at: str = ""  # its point, in words
     wrench_axes: str = ""  # link of the URDF along whose axes it is

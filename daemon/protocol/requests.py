@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal, get_args
 import msgspec
 
 from daemon.protocol.bounds import FASTEST, MAX_GAIN, PLAUSIBLE, SLOWEST
+from daemon.protocol.guide import GuideAxes
 from daemon.protocol.lease import LONGEST_S, SHORTEST_S
 from daemon.protocol.text import MOST_ON_BEHALF, ONE_LINE, PLAIN
 from estimator.payload import FURTHEST_M, HEAVIEST_KG, THINNEST_M
@@ -148,6 +149,12 @@ class SetGain(_Bare, frozen=True, tag="gain"):
     gain: Annotated[float, _within(0.0, MAX_GAIN)]
 
 
+class SetGuide(_Bare, frozen=True, tag="guide"):
+    """Lead the arm by a guide that begins where it is led next; by none without axes."""
+
+    axes: GuideAxes = GuideAxes()
+
+
 class SetPayload(_Bare, frozen=True, tag="payload"):
     """Announce the payload of the hand."""
 
@@ -174,13 +181,13 @@ class Subscribe(_Bare, frozen=True, tag="subscribe"):
 
 Request = (
     Enable | Load | Start | Go | Follow | Target | Pause | Arm | Renew | Disarm | Stop | Disable
-    | Reset | SetGain | SetPayload | Reload | GetStatus | Subscribe
+    | Reset | SetGain | SetGuide | SetPayload | Reload | GetStatus | Subscribe
 )  # fmt: skip
 ModeRequest = Enable | Pause | Disarm | Stop | Disable | Reset
 """Requests for an event of the table of modes, without arguments."""
 Command = Literal[
     "enable", "load", "start", "go", "follow", "target", "pause", "arm", "renew", "disarm", "stop",
-    "disable", "reset", "gain", "payload", "reload", "status", "subscribe",
+    "disable", "reset", "gain", "guide", "payload", "reload", "status", "subscribe",
 ]  # fmt: skip
 COMMANDS: Final[tuple[Command, ...]] = get_args(Command)
 KINDS: Final[dict[Command, type[Any]]] = dict(zip(COMMANDS, get_args(Request), strict=True))

@@ -94,8 +94,8 @@ class Commands:
                 reply = self._follow(request, peer, who)
             case requests.Target():
                 reply = self._target(request, peer)
-            case requests.SetGain():
-                reply = self._gain(request, who)
+            case requests.SetGain() | requests.SetGuide():
+                reply = self._leading(request, who)
             case requests.SetPayload():
                 reply = self._payload(request, who)
             case requests.Arm():
@@ -295,6 +295,6 @@ class Commands:
         reasons = payloads.too_heavy(payload) or self.loop.tick.carry(payload, who, walls)
         return self._reply(request, reasons, str(payload) if payload else "none")
 
-    def _gain(self, request: requests.SetGain, who: str) -> Reply:
-        reasons = self.loop.tick.controller.set_gain(request.joint, request.gain, who)
-        return self._reply(request, reasons, f"{request.joint} {request.gain:g} rad/s per Nm")
+    def _leading(self, request: requests.SetGain | requests.SetGuide, who: str) -> Reply:
+        change = self.loop.tick.controller.leading.change
+        return self._reply(request, *change(request, who))

@@ -20,10 +20,10 @@ from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion
 from daemon.motion.path import JointPath, Place
 from daemon.motion.target_stream import CAUSES, ENDED_S, Phase, TargetStream
-from daemon.protocol.bounds import LEAST_GAIN, MAX_GAIN
 from daemon.protocol.state import StreamState
 from daemon.tick.contact_events import ContactEvents
 from daemon.tick.decision import ControlInput, ControllerSettings, Decision
+from daemon.tick.leading import Leading
 from daemon.tick.own_events import OwnEvents
 from daemon.tick.refusals import lacking, leads_through, not_energisable, not_startable, touched
 from daemon.tick.telemetry import stream_state
@@ -42,6 +42,7 @@ class Controller:
         """witness: detects a hand that leads the arm; None: every push counts as one."""
         self.machine = ModeMachine()
         self.motion = motion
+        self.leading = Leading(self.machine, motion, tuning.joints)
         self.quiet = QuietTimer(tuning.quiet_s)
         self._tuning, self._witness = tuning, witness
         self._configured = motion.follower.place
@@ -125,19 +126,6 @@ class Controller:
         """Apply `stop`, `disarm` or a fault after a request that raised an error."""
         self._apply(event, cause, time_s)
 
-    def set_gain(self, joint: str, gain: float, who: str) -> list[str]:
-        """Ramp K_a [rad/s per Nm] of a joint to `gain`, in any mode; returns reasons of a
-        refusal."""
-        if joint not in self._tuning.joints:
-            return [f"no joint {joint!r}; there are: {', '.join(self._tuning.joints)}"]
-        if gain != 0.0 and not LEAST_GAIN <= gain <= MAX_GAIN:  # nor NaN
-            return [f"{gain:g} is not a gain: 0, or {LEAST_GAIN:g} to {MAX_GAIN:g} rad/s per Nm"]
-        i = self._tuning.joints.index(joint)
-        text = f"gain of {joint} {self.motion.gains.goal[i]:g} -> {gain:g} rad/s per Nm"
-        self.motion.gains.change(i, gain)
-        self.machine.changes.append(Change(text, f"by {who}"))
-        return []
-
     def refusals(self, event: Event, path: JointPath | None = None) -> list[str]:
         """Reasons why `request` would refuse; empty if it would not."""
         mode, observed, place = self.machine.mode, self._observed, self.next_place(path)
@@ -198,6 +186,7 @@ class Controller:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
         witness, independent = self._witness, observed.independent
         self.motion.excess = None
+        self.motion.sure = observed.sure
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
         push = witness.step(independent, observed.motor_velocity, dt)

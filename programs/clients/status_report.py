@@ -59,10 +59,7 @@ def status_report(status: Status, socket: Path | None = None, point: str = "") -
         table.add_row("", Text(quality_in_words(status.stream, status.link_position)))
     if status.gears:
         table.add_row("gears", Text("\n".join(status.gears), "yellow"))
-    if status.hand:
-        table.add_row("payload", Text(payload_in_words(status)))
-    if status.recognised:
-        table.add_row("", Text(status.recognised, "yellow"))
+    _hand(table, status)
     if status.wrench is not None:
         table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
     if point:
@@ -91,6 +88,16 @@ def status_report(status: Status, socket: Path | None = None, point: str = "") -
         both = [f"{left}  {right}" for left, right in zip(lines, levels, strict=False)]
         frame.add_row(Text("\n".join([*both, *lines[len(both) :], SHARE])))
     return frame
+
+
+def _hand(table: Table, status: Status) -> None:
+    """Rows of how a hand leads the arm, and of what that carries."""
+    if status.guide.guides:
+        table.add_row("guide", Text(str(status.guide)))
+    if status.hand:
+        table.add_row("payload", Text(payload_in_words(status)))
+    if status.recognised:
+        table.add_row("", Text(status.recognised, "yellow"))
 
 
 def _changed(status: Status) -> str:

@@ -15,6 +15,7 @@ from programs.command_line.options import PATH, Group, Options, Range, json_opti
 from programs.contactctl.follow import follow
 from programs.contactctl.gain import gain
 from programs.contactctl.go import go, home
+from programs.contactctl.guide import guide
 from programs.contactctl.hand import hand
 from programs.contactctl.live_states import record, touches, watch
 from programs.contactctl.payload import payload
@@ -191,7 +192,7 @@ def reset(options: Options) -> None:
     carry_out(options, "reset")
 
 
-for command in (go, home, follow, playback, gain, payload):
+for command in (go, home, follow, playback, gain, guide, payload):
     main.add_command(command)
 
 

@@ -3,6 +3,22 @@
 # The edit (old, new) and a mark in the line that must be named; then the path in the file, and what
 # the message must say of what is wrong and allowed.
 BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
+    "unknown axis of a guide": (
+        "admittance:\n", "admittance:\n  stiff: [y, w]\n", "  stiff: [",
+        "admittance.stiff[1]", ("rx, ry, rz, x, y, z, not 'w'",),
+    ),
+    "axis both free and stiff": (
+        "admittance:\n", "admittance:\n  stiff: [x, y]\n  free: [x]\n", "  stiff: [x, y]",
+        "admittance", ("x named twice: an axis is free or damped or held",),
+    ),
+    "guide that holds nothing": (
+        "admittance:\n", "admittance:\n  free: [x]\n", "  free: [x]",
+        "admittance", ("free alone holds nothing: name what is stiff, held or damped",),
+    ),
+    "guide along the axes of no link": (
+        "admittance:\n", "admittance:\n  stiff: [x]\n  frame: palm\n", "  frame: palm",
+        "admittance.frame", ("no link 'palm'", "or it is tool or base"),
+    ),
     "pose of an unknown joint": (
         "control: {position_gain: 8.0}",
         "poses:\n  home:\n    LElbow: 0.1\ncontrol: {position_gain: 8.0}", "    LElbow: 0.1",

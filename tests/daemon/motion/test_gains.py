@@ -16,7 +16,7 @@ def test_a_gain_changes_while_it_acts_without_a_bump() -> None:
     arm = tracking_arm(reactions=SOFT, bounds=FAR)
     arm.run(0.5, **arm.push(0.2))
     assert arm.decisions[-1].velocity[0] == pytest.approx(0.1, rel=1e-3)
-    assert arm.controller.set_gain("a", 2.0, "me") == []
+    assert arm.controller.leading.set_gain("a", 2.0, "me") == []
     changes = [(change.text, change.cause) for change in arm.controller.machine.changes]
     assert changes[-1] == ("gain of a 0.5 -> 2 rad/s per Nm", "by me")
     begun = len(arm.decisions)
@@ -41,7 +41,7 @@ def test_what_is_no_gain_is_refused_and_changes_nothing(
     joint: str, gain: float, words: str
 ) -> None:
     arm = tracking_arm(reactions=SOFT)
-    assert words in arm.controller.set_gain(joint, gain, "me")[0]
+    assert words in arm.controller.leading.set_gain(joint, gain, "me")[0]
     arm.run(1.0)
     np.testing.assert_array_equal(arm.controller.motion.gains.value, [0.5, 0.5])
 

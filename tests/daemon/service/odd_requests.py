@@ -99,6 +99,7 @@ class OddRequests:
             "arm": [{}, {"lease_s": "2"}, {"detached": "true"}],
             "renew": [{}, {"lease_s": "2"}],
             "gain": [{"joint": joint, "gain": small}],
+            "guide": [{}, {"axes": '{"stiff":["x"]}'}, {"axes": '{"held":["rz"],"frame":"base"}'}],
             "payload": [
                 {"mass": small},
                 {"mass": "0.1", "com": "[0.0,0.01,0.0]"},

@@ -1,49 +1,72 @@
-"""Chosen in the configuration, done by the whole program and the plant: retract and return."""
+"""A guide in the whole tick, with a simulated hand: across it the tool is held, along it is led."""
 
-from itertools import pairwise
-
-import msgspec
 import numpy as np
+import pytest
 
-from bench.rigs.lockstep import lockstep_rig
-from daemon.config.schema import Configuration
-from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
+from bench.rigs.arm_in_the_loop import ArmInTheLoop
+from bench.study import wrench
+from bench.study.guided import across, along
+from bench.study.leading import arm_at_work, robot_of
 from daemon.modes.table import Event, Mode
+from daemon.protocol.guide import GuideAxes
 
-ELBOW = 2
-
-
-def cautious(c: Configuration) -> Configuration:
-    """Reports a touch, backs away from a blow, and goes back to its trajectory."""
-    reactions = msgspec.structs.replace(
-        c.reactions, contact=ContactReaction.REPORT, collision=ContactReaction.RETRACT
-    )
-    admittance = msgspec.structs.replace(c.admittance, quiet_s=0.5, after_quiet=AfterQuiet.RETURN)
-    return msgspec.structs.replace(c, reactions=reactions, admittance=admittance)
+LINE = GuideAxes(stiff=("y", "z", "rx", "ry", "rz"))
 
 
-def test_it_backs_away_from_a_blow_and_goes_back_to_its_trajectory() -> None:
-    with lockstep_rig(configure=cautious) as rig:
-        rig.enable()
-        rig.request(Event.START)
-        rig.run(1.0)
-        assert rig.permit("the test") == []
-        rig.arm.external_torque[ELBOW] = 1.0  # a touch
-        states = rig.states(0.3)
-        assert {state.mode for state in states} == {Mode.TRACKING}
-        rig.arm.external_torque[ELBOW] = -5.0  # a blow
-        states += rig.states(0.15)
-        rig.arm.external_torque[ELBOW] = 0.0
-        states += rig.states(3.0)
-    modes = [b.mode for a, b in pairwise(states) if a.mode != b.mode]
-    assert modes == [Mode.RETRACTING, Mode.RETURNING, Mode.TRACKING]
-    elbow = [s.link_position[ELBOW] for s in states if s.mode == Mode.RETRACTING]
-    assert -0.17 < elbow[-1] - elbow[0] < -0.13  # retract_distance is 0.15
-    when = next(i for i, s in enumerate(states) if s.mode == Mode.RETRACTING)
-    taken, back = states[when - 1], next(s for s in states[when:] if s.mode == Mode.TRACKING)
-    np.testing.assert_allclose(back.link_position, taken.reference, atol=0.011)
-    assert back.cause == "back where the trajectory goes on"
-    way = np.array([s.link_position for s in states if s.mode == Mode.RETURNING])
-    assert (
-        np.abs(np.diff(way, axis=0)).max() < 1.6 * 0.2 * 0.01
-    )  # return_velocity, and gear and drive
+@pytest.fixture(scope="module", params=[("openarm", 3), ("beam", 3)], ids=lambda p: p[0])
+def on(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ArmInTheLoop:
+    """An armed arm at work, in a pose in which its drives stand 20 N across."""
+    arm, seed = request.param
+    robot = robot_of(wrench.robot_of(arm, tmp_path_factory.mktemp(arm)))
+    on = arm_at_work(robot, seed, 5.0)
+    on.request(Event.PAUSE)
+    return on
+
+
+def test_20_newtons_across_give_less_than_2_mm_and_what_is_free_is_led(on: ArmInTheLoop) -> None:
+    settled, furthest, _ = across(on, LINE, 1, -1.0)
+    assert settled < 2.0
+    assert furthest < 20.0
+    free, _, _ = across(on, GuideAxes(), 1, -1.0)
+    assert free > 20.0
+    _, off = along(on, LINE, 0, 1.0)
+    assert off < 12.0
+    assert along(on, GuideAxes(), 0, -1.0)[1] > 2.0 * off
+
+
+def test_nothing_moves_without_a_hand_whatever_the_guide(on: ArmInTheLoop) -> None:
+    """Off its line by a few millimetres, as it is let go of, the arm stays there."""
+    across(on, LINE, 1, -1.0)
+    on.drives.hold = None
+    while on.mode is not Mode.HOLDING:
+        on.step()
+    on.run(2.0)
+    q = on.harness.plant.theta.copy()
+    controller = on.tick.controller
+    for axes in (GuideAxes(stiff=("x", "y", "z")), GuideAxes(frame="base", stiff=("z",)), LINE):
+        assert not controller.leading.set_guide(axes, "a person")
+        on.run(1.0)
+    assert np.abs(on.harness.plant.theta - q).max() < 0.003
+
+
+def test_a_guide_that_is_refused_leaves_the_one_before(on: ArmInTheLoop) -> None:
+    controller = on.tick.controller
+    assert not controller.leading.set_guide(LINE, "a person")
+    assert controller.leading.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
+    assert controller.leading.set_guide(GuideAxes(free=("x",)), "a person")
+    assert controller.motion.guide_axes == LINE
+
+
+def test_doubt_begins_the_guide_anew(on: ArmInTheLoop) -> None:
+    """Its spring does not pull to a place that was doubted."""
+    motion, plant = on.tick.controller.motion, on.harness.plant
+    motion.lead_by(LINE)
+    guide, push = motion._guide, np.full(plant.n, 1e-9)
+    assert guide is not None
+    for sure, off in ((True, True), (False, False)):
+        guide.forget()
+        guide.begin(plant.q + 0.02)
+        motion.sure = sure
+        motion.step(Mode.ADMITTANCE, plant.q, None, push, 0.01)
+        assert (np.abs(guide.off).max() > 1e-3) == off
+        motion.velocity[:] = 0.0

@@ -132,7 +132,7 @@ def test_it_backs_away_towards_a_limit_only_as_far_as_that(tracking: Make) -> No
 
 def test_a_joint_without_gain_does_not_back_away(tracking: Make) -> None:
     arm = tracking(contact=R.RETRACT)
-    arm.controller.set_gain("a", 0.0, "me")
+    arm.controller.leading.set_gain("a", 0.0, "me")
     arm.run(0.6)
     arm.request(Event.PAUSE)
     arm.run_until(M.HOLDING)

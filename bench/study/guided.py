@@ -1,0 +1,127 @@
+"""Simulated arms on a guide: how far a hand pushes the tool across it, and what a lead along costs.
+
+A line along an axis of the tool. 20 N press across it, along each held axis that the drives can
+stand; then a hand leads the tool to and fro, with the guide and without."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+
+from bench.rigs.arm_in_the_loop import ArmInTheLoop
+from bench.study import wrench
+from bench.study.hands import Hands
+from bench.study.leading import DAMPING_S, Hand, arm_at_work, robot_of, yields
+from common.arrays import Matrix, Vector
+from daemon.config.vectors import row
+from daemon.modes.table import Event, Mode
+from daemon.protocol.guide import AXES, GuideAxes
+
+ARMS: Final = ("romeo", "openarm", "beam")
+ACROSS_N, RISES_N_S, STAYS_S, SETTLED_S = 20.0, 10.0, 1.5, 0.5
+STRENGTH: Final = 0.8  # of the motors, gravity included
+MM: Final = 1e3
+HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.05, 0.1, 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Guided:
+    """One arm and line; distances from it [mm], of a push along each held axis, NaN where the
+    drives cannot stand it, and of a lead; play of the gaps likewise; forces of a lead [N]."""
+
+    arm: str
+    seed: int
+    line: str
+    fault: str = ""  # by which it ended: with NaN from there on
+    off: tuple[float, ...] = (np.nan,)  # settled
+    furthest: tuple[float, ...] = (np.nan,)  # while the force rises, too
+    play: tuple[float, ...] = (np.nan,)
+    led_off: float = np.nan
+    free_off: float = np.nan  # without the guide
+    leads: float = np.nan
+    leads_free: float = np.nan
+
+
+def guided(arm: str, seed: int, work_s: float) -> Guided:
+    """One of ARMS, with Romeo's drives, after so long a work."""
+    with TemporaryDirectory() as folder:
+        robot = robot_of(wrench.robot_of(arm, Path(folder)))
+        line, way = "xyz"[seed % 3], 1.0 - 2.0 * (seed // 3 % 2)
+        held = tuple(axis for axis in AXES[:3] if axis != line)
+        guide, k = GuideAxes(stiff=(*held, *AXES[3:])), "xyz".index(line)
+        found = Guided(arm, seed, line)
+        try:
+            on = arm_at_work(robot, seed, work_s)
+            on.request(Event.PAUSE)
+            pushed = [across(on, guide, AXES.index(axis), way) for axis in held]
+            off, furthest, play = zip(*pushed, strict=True)
+            found = replace(found, off=off, furthest=furthest, play=play)
+            led = [along(on, guide, k, way) for way in (1.0, -1.0)]
+            free = [along(on, GuideAxes(), k, way) for way in (1.0, -1.0)]
+        except RuntimeError as error:
+            return replace(found, fault=str(error))
+    return replace(
+        found,
+        led_off=max(off for _, off in led),
+        free_off=max(off for _, off in free),
+        leads=float(np.median([force for force, _ in led])),
+        leads_free=float(np.median([force for force, _ in free])),
+    )
+
+
+def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
+    """Have the arm hold, armed, with a guide that begins."""
+    on.drives.hold, since_s = None, on.time_s
+    while on.mode is not Mode.HOLDING:
+        on.step()
+        if on.time_s > since_s + RESTS_S:
+            raise RuntimeError(f"{on.mode}: {on.tick.controller.machine.cause}")
+    if reasons := on.permit() or on.tick.controller.leading.set_guide(axes, "the bench"):
+        raise RuntimeError("; ".join(reasons))
+    return Hands(on.robot.model, on.robot.urdf)
+
+
+def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
+    """How far a push along an axis of the tool takes it along that axis from where it held, in the
+    end and at most, and the play of the gaps there [mm]."""
+    at_tool, plant, c = _rest(on, axes).at_tool, on.harness.plant, on.robot.configuration
+    x, J = at_tool(plant.q)
+    ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+    play = 2.0 * float(np.abs(ahead @ J) @ row(c, lambda j: j.half_gap))
+    strongest = row(c, lambda j: j.torque_constant * j.wiring.max_current_A)
+    torque = np.abs(J.T @ ahead * ACROSS_N) + np.abs(on.robot.model.gravity(plant.q))
+    if (torque > STRENGTH * strongest).any():
+        return np.nan, np.nan, MM * play
+    force, offs = 0.0, []
+    on.drives.hold = lambda q, _: at_tool(q)[1].T @ (force * ahead)
+    for _ in range(round((ACROSS_N / RISES_N_S + STAYS_S) / on.period_s)):
+        force = min(force + RISES_N_S * on.period_s, ACROSS_N)
+        on.step()
+        offs.append(abs(float(ahead @ (at_tool(plant.q)[0] - x))))
+    settled = float(np.median(offs[-round(SETTLED_S / on.period_s) :]))
+    return MM * settled, MM * max(offs), MM * play
+
+
+def along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
+    """Force [N] of a hand that leads the tool along its axis and lets it go where it likes across,
+    the median of the second half of the way, and how far off that line the tool gets [mm]."""
+    at_tool, plant = _rest(on, axes).at_tool, on.harness.plant
+    x, _ = at_tool(plant.q)
+    ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
+
+    def place(q: Vector) -> tuple[Vector, Matrix]:
+        point, J = at_tool(q)
+        return np.array([ahead @ point]), (ahead @ J)[np.newaxis]
+
+    speed, none = np.array([SPEED_M_S]), np.zeros(1)
+    hand = Hand(place, HAND_N_M, ACROSS_N, place(plant.q)[0], speed, none, DAMPING_S * HAND_N_M)
+    on.drives.hold, forces, off = hand, [], 0.0
+    for _ in range(round(WAY_M / SPEED_M_S / on.period_s)):
+        on.step()
+        if yields(on):
+            gone = at_tool(plant.q)[0] - x
+            off = max(off, float(np.linalg.norm(gone - ahead * (ahead @ gone))))
+        forces.append(float(hand.force[0]))
+    return float(np.median(forces[len(forces) // 2 :])), MM * off

@@ -1,0 +1,55 @@
+# Types of guide.py, for the compiler alone.
+
+cimport cython
+
+from estimator.dynamics cimport Dynamics
+from estimator.frame cimport Frame
+
+cdef extern from "math.h":
+    cpdef double sqrt(double x) noexcept
+
+cdef Py_ssize_t _PASSES, _ACROSS, _ALONG, _EVERY, _FREE, _DAMPED, _STIFF
+cdef double _ARM_M, _RIGID, _DAMPS, _SPRING_M_S, _SPRING_RAD_S, _SLIP_M
+cdef double _EASED, _LAGS_RAD_S, _LEAST, _NEARS_S, _FORESEEN_S, _NEAR, _TINY
+
+cdef class Guide:
+    cdef Py_ssize_t _n
+    cdef Dynamics _dynamics
+    cdef Frame _frame
+    cdef double _rate
+    cdef bint _turned, _redundant
+    cdef readonly bint begun
+    cdef readonly double[::1] off
+    cdef long long[::1] _kind, _bound
+    cdef double[::1] _moved, _sent, _presses, _out
+    cdef double[::1] _most, _q, _rest, _v, _spring, _x, _d, _to, _goal, _ahead, _back, _y, _c
+    cdef double[:, ::1] _N, _G, _M, _along, _A, _S
+
+    cpdef void forget(self) noexcept
+    cpdef void begin(self, const double[:] q) noexcept
+    @cython.locals(known=double, rows=Py_ssize_t, more=Py_ssize_t, pivot=double, slowed=double, eased=double,
+                   most=double)
+    cpdef void step(
+        self, const double[:] q, const double[:] moved, const double[:] sent,
+        const double[:] wanted, const double[:] gain, const double[:, :] room, bint springs, double[::1] out
+    ) noexcept
+    @cython.locals(f=Frame)
+    cdef void _see(self) noexcept
+    @cython.locals(off=double, kept=double, one=double, b=Py_ssize_t, c=Py_ssize_t)
+    cdef void _measure(self, bint springs) noexcept
+    @cython.locals(rows=Py_ssize_t, first=Py_ssize_t, last=Py_ssize_t, held=bint, damps=bint)
+    cdef Py_ssize_t _choose(self, Py_ssize_t which) noexcept
+    @cython.locals(v=double, way=double, moves=double)
+    cdef Py_ssize_t _limit(
+        self, Py_ssize_t rows, const double[:, :] room, double[::1] out
+    ) noexcept
+    @cython.locals(mean=double, least=double)
+    cdef double _factor(self, Py_ssize_t rows, const double[:] gain) noexcept
+    cdef void _ask(self, Py_ssize_t rows) noexcept
+    cdef void _push(
+        self, Py_ssize_t rows, const double[:] gain, double[::1] ahead, double[::1] out
+    ) noexcept
+    @cython.locals(rows=Py_ssize_t, along=double, left=double)
+    cdef double _eased(self, const double[:] gain) noexcept
+    @cython.locals(falls=double, left=double)
+    cdef double _slowed(self, double pivot, const double[:] gain, double[::1] out) noexcept

@@ -1,0 +1,300 @@
+# cython: language_level=3, infer_types=True, annotation_typing=False
+# cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Guide: leads the tool along some directions of a frame, and holds it in the others.
+
+The velocity v of eq. (15) is projected onto what the held rows A of the frame's Jacobian allow,
+
+    v' = v - K A^T (A K A^T + C)^-1 A v        K = diag(K_a)
+
+as if each held direction pushed back through the same admittance as the hand. The projection is
+orthogonal in the metric K^-1, v'^T K^-1 v >= v'^T K^-1 v' >= 0: with v = K r nothing moves against
+the residual r, wherever on the arm the hand is. Then v' is made faster, by _EASED at most, as the
+way on a guide is the harder one. C is a damper's compliance: almost none where a direction is held,
+_DAMPS times its mobility where it is damped. A joint at the end of its room is one more row. A
+spring takes the tool back to where the guide began, slowly and not from further than _SLIP_M; and
+the way slows where the held rows are about to become dependent.
+
+Ordinary Python, which runs as it is; `guide.pxd` names types for the compiler.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from estimator.dynamics import Dynamics, Place
+from estimator.frame import Frame
+from estimator.model import Model
+
+FREE, DAMPED, HELD, STIFF = 0, 1, 2, 3
+"""Kinds of an axis: as eq. (15) moves it, more slowly, not at all, and held by a spring."""
+
+_ARM_M = 0.3  # a turn counts as the way of a point at this distance
+_RIGID, _DAMPS = 1e-5, 0.25  # compliances, over the mean mobility of rows and over its own
+_PASSES = 4  # joints that end their room make others turn further
+# The spring: fastest at the tool [m/s] and at a joint [rad/s], and its longest way [m].
+_SPRING_M_S, _SPRING_RAD_S, _SLIP_M = 0.1, 0.3, 0.03
+# Least mobility of a row beside those before it, over their mean; time in which it is approached,
+# and that over which it is foreseen [s].
+_LEAST, _NEARS_S, _FORESEEN_S = 2e-3, 0.3, 0.05
+_LAGS_RAD_S = 0.15  # by which a drive is behind its setpoint as it speeds up
+_EASED = 3.0  # most that a guide moves the joints faster than the hand does without
+_NEAR, _TINY = 1e-9, 1e-12
+_FREE, _DAMPED, _STIFF = FREE, DAMPED, STIFF  # for the compiler
+_ACROSS, _ALONG, _EVERY = 0, 1, 2
+
+
+class Guide:
+    """Guide of one arm. `kinds` (6,) are those of x, y, z and the turns about them."""
+
+    def __init__(
+        self, model: Model, place: Place, velocity: Vector, rate: float, kinds: Vector,
+        *, turned: bool = True, redundant: bool = True,
+    ) -> None:  # fmt: skip
+        """velocity: most of each joint (n,) [rad/s]; rate: of the spring [1/s]; turned: along the
+        axes of `place` as they are when it begins, not those of the URDF's root; redundant: joints
+        may move on where the frame stands."""
+        n = self._n = model.n
+        self._dynamics = Dynamics(model.bodies(), model.down)
+        self._frame = Frame(self._dynamics, place)
+        self._most, self._rate = velocity.copy(), rate
+        self._turned, self._redundant = turned, redundant
+        self._kind = np.array(kinds, dtype=np.int64)
+        self._q, self._rest, self._v, self._spring, self._moved, self._out = np.zeros((6, n))
+        self._sent, self._presses = np.zeros((2, n))
+        self._bound = np.zeros(n, dtype=np.int64)
+        # Axes, in columns; where it began along them, orientations N and M, then and now.
+        self._x = np.zeros(3)
+        self._d, self._to, self.off = np.zeros((3, 6))
+        self._N, self._G, self._M = np.zeros((3, 3, 3))
+        self._along = np.zeros((6, n))  # of the frame along the guide's axes, turns times _ARM_M
+        self._A = np.zeros((6 + n, n))
+        self._S = np.zeros((6 + n, 6 + n))
+        self._goal, self._ahead, self._back, self._y, self._c = np.zeros((5, 6 + n))
+        self.begun = False
+
+    def forget(self) -> None:
+        """Begin anew at the next `begin`, or where the frame is at the next step."""
+        self.begun = False
+
+    def begin(self, q: Vector) -> None:
+        """Begin at q (n,) [rad], unless it has begun."""
+        if not self.begun:
+            for i in range(self._n):
+                self._q[i] = q[i]
+            self._see()
+
+    def step(
+        self, q: Vector, moved: Vector, sent: Vector, wanted: Vector, gain: Vector, room: Matrix,
+        springs: bool, out: Vector,
+    ) -> None:  # fmt: skip
+        """Velocity (n,) [rad/s] into out, from q (n,) [rad], the velocities of the motors, 0 where
+        not a number, and their last setpoints, the velocity of eq. (15), its gains, and the largest
+        velocities down and up (2, n) that are left; springs: a hand is there, else they rest."""
+        known = 0.0
+        for i in range(self._n):
+            self._q[i] = q[i]
+            self._v[i] = out[i] = wanted[i]
+            self._moved[i] = moved[i] if moved[i] - moved[i] == 0.0 else 0.0
+            self._sent[i] = sent[i]
+            self._bound[i] = 0
+            self._presses[i] = 0.0
+            known += q[i] + wanted[i] + gain[i]
+        if known - known != 0.0:
+            return  # the limits stop a joint whose position is not known
+        self._see()
+        self._measure(springs)
+        if not self._redundant:
+            self._factor(self._choose(_EVERY), gain)
+            self._ask(6)
+            self._push(6, gain, self._ahead, self._v)  # no more than moves the frame
+        rows = self._choose(_ACROSS)
+        pivot = self._factor(rows, gain)
+        self._ask(rows)
+        self._push(rows, gain, self._ahead, self._out)
+        for i in range(self._n):
+            self._out[i] = self._v[i] - self._out[i]
+        eased = self._eased(gain)
+        for i in range(self._n):
+            self._v[i] *= eased
+        self._factor(self._choose(_ACROSS), gain)
+        for _ in range(_PASSES):
+            self._ask(rows)
+            self._push(rows, gain, self._ahead, out)
+            for i in range(self._n):
+                out[i] = self._v[i] - out[i]
+            more = self._limit(rows, room, out)
+            if more == rows:
+                break
+            rows = more
+            self._factor(rows, gain)
+        self._push(rows, gain, self._back, self._spring)
+        slowed, most = self._slowed(pivot, gain, out), _SPRING_RAD_S
+        for i in range(self._n):
+            most = max(most, abs(self._spring[i]))
+            if slowed * abs(out[i]) > self._most[i]:  # all alike, so that the guide is kept
+                slowed = self._most[i] / abs(out[i])
+        for i in range(self._n):
+            out[i] = slowed * out[i] + _SPRING_RAD_S / most * self._spring[i] + self._presses[i]
+
+    def _see(self) -> None:
+        """Rows of the frame at the pose `_q`, along the guide's axes."""
+        f, G, M = self._frame, self._G, self._M
+        self._dynamics.at(self._q, self._rest)
+        f.at()
+        if not self.begun:
+            for a in range(3):
+                for b in range(3):
+                    G[a, b] = f.R[a, b] if self._turned else float(a == b)
+        for a in range(3):
+            for b in range(3):
+                M[a, b] = G[0, a] * f.R[0, b] + G[1, a] * f.R[1, b] + G[2, a] * f.R[2, b]
+        if not self.begun:
+            self.begun = True
+            for a in range(3):
+                self._x[a] = f.x[a]
+                for b in range(3):
+                    self._N[a, b] = M[a, b]
+        for i in range(self._n):
+            for a in range(3):
+                self._along[a, i] = self._along[3 + a, i] = 0.0
+                for b in range(3):
+                    self._along[a, i] += M[a, b] * f.J[b, i]
+                    self._along[3 + a, i] += _ARM_M * M[a, b] * f.J[3 + b, i]
+
+    def _measure(self, springs: bool) -> None:
+        """Distance of the frame from the guide, along its axes [m], turns times _ARM_M, and speed
+        back. What no spring holds, or not from so far, moves the place where the guide began."""
+        M, N, d = self._M, self._N, self._d
+        for a in range(6):
+            off, b, c = 0.0, (a + 1) % 3, (a + 2) % 3
+            for k in range(3):
+                if a < 3:
+                    off += self._G[k, a] * (self._frame.x[k] - self._x[k])
+                else:
+                    off += 0.5 * _ARM_M * (N[b, k] * M[c, k] - N[c, k] * M[b, k])
+            kept = min(max(off, -_SLIP_M), _SLIP_M) if self._kind[a] == _STIFF else 0.0
+            self.off[a], d[a] = kept, (off - kept) / (1.0 if a < 3 else _ARM_M)
+            kept = self._rate * kept if springs else 0.0
+            self._to[a] = min(max(-kept, -_SPRING_M_S), _SPRING_M_S)
+        for k in range(3):
+            for a in range(3):
+                self._x[k] += self._G[k, a] * d[a]
+            n0, n1, n2 = N[0, k], N[1, k], N[2, k]
+            N[0, k] += d[4] * n2 - d[5] * n1
+            N[1, k] += d[5] * n0 - d[3] * n2
+            N[2, k] += d[3] * n1 - d[4] * n0
+            one = 1.0 / sqrt(N[0, k] * N[0, k] + N[1, k] * N[1, k] + N[2, k] * N[2, k])
+            for a in range(3):
+                N[a, k] *= one
+
+    def _choose(self, which: int) -> int:
+        """Rows A of the directions that are not free, of those in which the point is free, or its
+        turns where it is held, or of every one; returns their number."""
+        rows, first, last = 0, 0, 6
+        if which == _ALONG:
+            held = self._kind[0] != _FREE and self._kind[1] != _FREE and self._kind[2] != _FREE
+            first, last = (3, 6) if held else (0, 3)
+        for a in range(first, last):
+            if which == _EVERY or (self._kind[a] == _FREE) == (which == _ALONG):
+                for i in range(self._n):
+                    self._A[rows, i] = self._along[a, i]
+                damps = which == _ACROSS and self._kind[a] == _DAMPED
+                self._c[rows] = _DAMPS if damps else 0.0
+                self._goal[rows], self._back[rows] = 0.0, self._to[a]
+                rows += 1
+        return rows
+
+    def _limit(self, rows: int, room: Matrix, out: Vector) -> int:
+        """Add a row for each joint that would leave its room, or whose drive gives way: others then
+        count on what it does, and it presses on a little. Returns the number of rows."""
+        for i in range(self._n):
+            if self._bound[i]:
+                continue
+            v = min(max(out[i], -room[0, i]), room[1, i])
+            way = 1.0 if self._sent[i] > 0.0 else -1.0
+            moves = max(way * self._moved[i], 0.0)
+            if way * self._sent[i] > moves + _LAGS_RAD_S and way * v > moves:
+                self._presses[i] = way * min(way * v - moves, _LAGS_RAD_S)
+                v = way * moves
+            if abs(out[i] - v) > _NEAR:
+                for k in range(self._n):
+                    self._A[rows, k] = 0.0
+                self._A[rows, i], self._bound[i] = 1.0, 1
+                self._c[rows], self._goal[rows], self._back[rows] = 0.0, v, 0.0
+                rows += 1
+        return rows
+
+    def _factor(self, rows: int, gain: Vector) -> float:
+        """S = A K A^T + C as its Cholesky factor; returns the least mobility of a rigid row beside
+        those before it, over their mean."""
+        A, S, mean, least = self._A, self._S, 0.0, 1.0
+        for r in range(rows):
+            for s in range(r + 1):
+                S[r, s] = 0.0
+                for i in range(self._n):
+                    S[r, s] += gain[i] * A[r, i] * A[s, i]
+            mean += S[r, r] / rows
+        for r in range(rows):
+            S[r, r] += self._c[r] * S[r, r] + _RIGID * mean + _TINY
+            for s in range(r + 1):
+                for k in range(s):
+                    S[r, s] -= S[r, k] * S[s, k]
+                if s < r:
+                    S[r, s] /= S[s, s]
+            if self._c[r] == 0.0:
+                least = min(least, S[r, r] / (mean + _TINY))
+            S[r, r] = sqrt(S[r, r])
+        return float(least)
+
+    def _ask(self, rows: int) -> None:
+        """Velocity of each row beyond its goal, as `_v` has it."""
+        for r in range(rows):
+            self._ahead[r] = -self._goal[r]
+            for i in range(self._n):
+                self._ahead[r] += self._A[r, i] * self._v[i]
+
+    def _push(self, rows: int, gain: Vector, ahead: Vector, out: Vector) -> None:
+        """Velocity K A^T S^-1 ahead into out."""
+        S, y = self._S, self._y
+        for r in range(rows):
+            y[r] = ahead[r]
+            for s in range(r):
+                y[r] -= S[r, s] * y[s]
+            y[r] /= S[r, r]
+        for r in range(rows - 1, -1, -1):
+            for s in range(r + 1, rows):
+                y[r] -= S[s, r] * y[s]
+            y[r] /= S[r, r]
+        for i in range(self._n):
+            out[i] = 0.0
+            for r in range(rows):
+                out[i] += gain[i] * self._A[r, i] * y[r]
+
+    def _eased(self, gain: Vector) -> float:
+        """Factor by which a hand along the free directions moves the tool as fast as without the
+        guide, on which its way is the harder one: the share of energy, of the part of the velocity
+        that is in these directions."""
+        for a in range(6):
+            if self._kind[a] == _DAMPED:
+                return 1.0  # it is to be harder
+        rows = self._choose(_ALONG)
+        self._factor(rows, gain)
+        self._ask(rows)
+        self._push(rows, gain, self._ahead, self._spring)
+        along = left = _TINY
+        for i in range(self._n):
+            if gain[i] > 0.0:
+                along += self._spring[i] * self._spring[i] / gain[i]
+                left += self._out[i] * self._out[i] / gain[i]
+        return min(max(along / left, 1.0), _EASED)
+
+    def _slowed(self, pivot: float, gain: Vector, out: Vector) -> float:
+        """Share of the velocity at which the held rows come no nearer to being dependent than they
+        may. What leads away from there is as fast as ever."""
+        for i in range(self._n):
+            self._q[i] += _FORESEEN_S * out[i]
+        self._see()
+        falls = (pivot - self._factor(self._choose(_ACROSS), gain)) / _FORESEEN_S
+        left = max(pivot - _LEAST, 0.0)
+        return float(left / (_NEARS_S * falls)) if falls * _NEARS_S > left else 1.0

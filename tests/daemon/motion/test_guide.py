@@ -1,0 +1,306 @@
+"""Guide: what is held stands, what is free is as fast as before, nothing moves against a hand."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.rigs.lockstep import BEAM, OPENARM, ROMEO
+from bench.study.hands import Hands
+from common.arrays import Vector
+from daemon.config.load import load_robot
+from daemon.config.vectors import limits_of
+from daemon.motion.guide import DAMPED, FREE, HELD, STIFF, Guide
+from daemon.motion.motion import guide_place
+from daemon.protocol.guide import AXES, GuideAxes
+from estimator.model import Model
+from tests.plain import plain
+
+DT, RATE, MOST = 0.01, 8.0, 0.5
+SHAPES: dict[str, tuple[int, ...]] = {
+    "line": (FREE, STIFF, STIFF, FREE, FREE, FREE),
+    "plane": (FREE, FREE, HELD, FREE, FREE, FREE),
+    "line, not turned": (FREE, STIFF, STIFF, STIFF, STIFF, STIFF),
+    "not turned": (FREE, FREE, FREE, STIFF, HELD, STIFF),
+    "point": (STIFF, STIFF, STIFF, FREE, FREE, FREE),
+}
+HANDS: dict[Model, Hands] = {}
+
+
+@pytest.fixture(scope="module", params=[ROMEO, OPENARM, BEAM], ids=lambda folder: folder.name)
+def arm(request: pytest.FixtureRequest) -> tuple[Model, Vector, Vector, Vector]:
+    """Model, gains, and the middle and half of each joint's range."""
+    robot = load_robot(request.param)
+    limits = limits_of(robot.configuration)
+    gains = np.array([joint.admittance_gain for joint in robot.configuration.joints])
+    HANDS[robot.model] = Hands(robot.model, robot.urdf)
+    return robot.model, gains, (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
+
+
+class Led:
+    """A guide, and joints that do what it commands."""
+
+    def __init__(self, model: Model, gain: Vector, kinds: tuple[int, ...], **how: Any) -> None:
+        self.model, self.gain, self.most = model, gain, np.full(model.n, MOST)
+        of = how.pop("of", Guide)
+        place = how.pop("place", model.place())
+        self.guide = of(model, place, self.most, RATE, np.array(kinds), **how)
+
+    def __call__(
+        self, q: Vector, v: Vector, room: float = 9.0, moved: Vector | None = None,
+        sent: Vector | None = None, *, springs: bool = True,
+    ) -> Vector:  # fmt: skip
+        out, moved = np.full(self.model.n, np.nan), 0.0 * v if moved is None else moved
+        rooms = np.full((2, self.model.n), room)
+        self.guide.step(
+            q, moved, moved if sent is None else sent, v, self.gain, rooms, springs, out
+        )
+        return out
+
+    def frame(self, q: Vector) -> tuple[Vector, Vector]:
+        """Point and axes of the tool along the root's."""
+        return HANDS[self.model].at_tool(q)[0], self.model.axes(q)
+
+
+def turn(before: Vector, after: Vector) -> Vector:
+    """Small turn between two orientations, along the axes of the first."""
+    between = before.T @ after
+    return 0.5 * np.array(
+        [between[2, 1] - between[1, 2], between[0, 2] - between[2, 0],
+         between[1, 0] - between[0, 1]]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_holds_what_is_held_to_first_order_and_moves_with_the_hand(
+    arm: tuple[Model, Vector, Vector, Vector], shape: str
+) -> None:
+    model, gain, middle, half = arm
+    rng, kinds = np.random.default_rng(3), SHAPES[shape]
+    held, moves = np.array(kinds) != FREE, 0
+    for _ in range(60):
+        q = middle + 0.6 * half * rng.uniform(-1.0, 1.0, model.n)
+        push = rng.normal(size=model.n)
+        v = gain * push * 0.02 / np.abs(gain * push).max()
+        led = Led(model, gain, kinds)
+        out = led(q, v)
+        (x, R), (y, S) = led.frame(q), led.frame(q + 1e-4 * out)
+        (x_free, R_free) = led.frame(q + 1e-4 * v)
+        way = np.concatenate((R.T @ (y - x), 0.3 * turn(R, S))) / 1e-4
+        free = np.concatenate((R.T @ (x_free - x), 0.3 * turn(R, R_free))) / 1e-4
+        assert np.abs(way[held]).max() < 0.02 * np.abs(free).max() + 1e-5
+        assert v / gain @ out >= 0.0
+        assert out / gain @ out <= 9.0 * (v / gain @ v) + 1e-12
+        assert np.abs(out).max() <= MOST
+        moves += bool(np.abs(out).max() > 0.001)
+    assert moves > 40
+
+
+@pytest.mark.parametrize("shape", ["line", "line, not turned"])
+def test_a_straight_line_stays_straight_while_it_is_led(
+    arm: tuple[Model, Vector, Vector, Vector], shape: str
+) -> None:
+    """A hand pulls the tool to and fro along the line and across it; near what it cannot pass the
+    arm stands instead of leaving the line, and comes back."""
+    model, gain, middle, half = arm
+    rng, gone = np.random.default_rng(4), 0
+    for _ in range(6):
+        q = middle + 0.5 * half * rng.uniform(-1.0, 1.0, model.n)
+        led = Led(model, gain, SHAPES[shape])
+        x, R = led.frame(q)
+        v, far = np.zeros(model.n), 0.0
+        for k in range(600):
+            force = R @ np.array([25.0 if k % 400 < 200 else -25.0, 10.0, -10.0])
+            asked = v + 0.2 * (gain * (model.tool_jacobian(q).T @ force) - v)
+            v = led(q, asked, moved=v)
+            q = q + DT * v
+            y, S = led.frame(q)
+            off = R.T @ (y - x)
+            far = max(far, abs(off[0]))
+            assert np.abs(off[1:]).max() < 3e-3
+            if shape != "line":
+                assert np.abs(turn(R, S)).max() < 0.02
+        gone += far > 0.02
+    assert gone > 2
+
+
+def test_a_joint_at_its_limit_is_a_soft_wall(arm: tuple[Model, Vector, Vector, Vector]) -> None:
+    """The others go on where they can, and the guide is kept."""
+    model, gain, middle, half = arm
+    rng = np.random.default_rng(5)
+    q = middle + 0.4 * half * rng.uniform(-1.0, 1.0, model.n)
+    v = 0.02 * gain * rng.normal(size=model.n)
+    led = Led(model, gain, SHAPES["line"])
+    free = led(q, v)
+    i = int(np.abs(free).argmax())
+    rooms, out = np.full((2, model.n), 9.0), np.empty(model.n)
+    for room in (0.5, 0.2, 0.01, 0.0):
+        rooms[:, i] = room * np.abs(free[i])
+        led.guide.step(q, 0.0 * v, 0.0 * v, v, gain, rooms, False, out)
+        assert abs(out[i]) <= rooms[0, i] + 1e-5
+        (x, R), (y, _) = led.frame(q), led.frame(q + 1e-4 * out)
+        assert np.abs((R.T @ (y - x))[1:]).max() / 1e-4 < 1e-3
+        assert v / gain @ out >= 0.0
+
+
+def test_others_count_on_a_joint_that_lags_no_more_than_it_moves(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    model, gain, middle, half = arm
+    q = middle + 0.3 * half
+    v = gain * np.random.default_rng(6).normal(size=model.n)
+    led, moved = Led(model, gain, SHAPES["line"]), 0.0 * v
+    for _ in range(50):
+        free = moved = led(q, v, moved=moved)
+    i = int(np.abs(free).argmax())
+    assert abs(free[i]) > 0.2
+    moved = free.copy()
+    moved[i] = 0.0
+    out = led(q, v, moved=moved, sent=free)
+    assert abs(out[i]) == pytest.approx(0.15, abs=1e-4)  # it presses on
+    real = out.copy()
+    real[i] = 0.0
+    (x, R), (y, _) = led.frame(q), led.frame(q + 1e-4 * real)
+    assert np.abs((R.T @ (y - x))[1:]).max() / 1e-4 < 1e-3
+
+
+def test_the_spring_brings_back_slowly_what_a_hand_pushed_off(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    """Not without the hand, and not from further than its reach; the energy of its way is bounded
+    by that. What is held without a spring stays."""
+    model, gain, middle, half = arm
+    q0 = middle + 0.3 * half
+    J, still = model.tool_jacobian(q0), np.zeros(model.n)
+    across = model.axes(q0)[:, 1]
+    for kinds, springs in (
+        (SHAPES["line"], True), (SHAPES["line"], False), ((FREE, HELD, HELD) + (FREE,) * 3, True)
+    ):  # fmt: skip
+        led = Led(model, gain, kinds)
+        led(q0, still)
+        q = q0 + np.linalg.pinv(J) @ (0.01 * across)
+        off = across @ (led.frame(q)[0] - led.frame(q0)[0])
+        v = led(q, still, springs=springs)
+        speed = -across @ (model.tool_jacobian(q) @ v)
+        assert np.abs(v).max() <= 0.3 + 1e-9
+        if springs and kinds == SHAPES["line"]:
+            assert 0.2 * RATE * off < speed <= 0.1 + 1e-9
+            for _ in range(200):
+                q = q + DT * led(q, still)
+            assert abs(across @ (led.frame(q)[0] - led.frame(q0)[0])) < 2e-4
+            far = q0 + np.linalg.pinv(J) @ (0.06 * across)
+            led(far, still)
+            assert abs(led.guide.off[1]) == pytest.approx(0.03)
+        else:
+            np.testing.assert_array_equal(v, still)
+
+
+def test_goes_on_as_fast_as_without_where_it_is_free_and_a_fifth_where_it_is_damped(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    model, gain, middle, half = arm
+    rng, shares, damped = np.random.default_rng(8), [], []
+    for _ in range(50):
+        q = middle + 0.5 * half * rng.uniform(-1.0, 1.0, model.n)
+        J, R = model.tool_jacobian(q), model.axes(q)
+        v = 0.01 * gain * (J.T @ R[:, 0])
+        before = R[:, 0] @ J @ v
+        shares.append(R[:, 0] @ J @ Led(model, gain, SHAPES["line"])(q, v) / before)
+        kinds = (DAMPED, FREE, FREE, FREE, FREE, FREE)
+        damped.append(R[:, 0] @ J @ Led(model, gain, kinds)(q, v) / before)
+    assert np.median(shares) > 0.7
+    assert max(shares) < 1.01
+    assert 0.15 < np.median(damped) < 0.7
+
+
+def test_redundant_joints_stand_where_they_are_held(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    model, gain, middle, half = arm
+    q = middle + 0.3 * half * np.random.default_rng(9).uniform(-1.0, 1.0, model.n)
+    led = Led(model, gain, (FREE,) * 6, redundant=False)
+    x, R = led.frame(q)
+    beside = np.linalg.svd(model.tool_jacobian(q))[2][-1]
+    v = 0.1 * beside  # of the point at least
+    out = led(q, v)
+    assert out / gain @ out <= v / gain @ v + 1e-12
+    assert v / gain @ out >= 0.0
+    rest = v - out  # what was taken moves neither point nor axes
+    y, S = led.frame(q + 1e-4 * rest)
+    assert np.abs(y - x).max() / 1e-4 < 1e-3
+    assert np.abs(turn(R, S)).max() / 1e-4 < 1e-3
+
+
+def test_is_continuous_on_its_way_to_a_stretched_arm(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    """The velocity changes no faster than the pose by a bounded factor, where rows become
+    dependent, too."""
+    model, gain, middle, half = arm
+    a, b = middle - 0.8 * half, np.zeros(model.n)
+    v = 0.05 * gain * np.random.default_rng(10).normal(size=model.n)
+    for kinds in SHAPES.values():
+        jumps = []
+        for steps in (150, 600):
+            ways = np.linspace(0.85, 0.99, steps)
+            outs = [
+                Led(model, gain, kinds)(a + share * (b - a), v, springs=False) for share in ways
+            ]
+            jumps.append(float(np.abs(np.diff(outs, axis=0)).max()))
+        assert jumps[1] < 0.6 * jumps[0] + 5e-3
+
+
+def test_an_unknown_position_leaves_the_velocity_to_the_limits(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    model, gain, middle, _ = arm
+    q, v = middle.copy(), np.full(model.n, 0.1)
+    q[0] = np.nan
+    np.testing.assert_array_equal(Led(model, gain, SHAPES["line"])(q, v), v)
+
+
+def test_axes_of_the_root_and_of_a_link(arm: tuple[Model, Vector, Vector, Vector]) -> None:
+    model, gain, middle, half = arm
+    q = middle + 0.3 * half
+    v = gain * np.random.default_rng(11).normal(size=model.n)
+    base = Led(model, gain, SHAPES["plane"], turned=False)
+    out = base(q, v)
+    assert abs((model.tool_jacobian(q) @ out)[2]) < 1e-3
+    axes = GuideAxes(frame="no_such", stiff=("x",))
+    with pytest.raises(Exception, match=r"moves no link 'no_such'.* or it is tool or base"):
+        guide_place(model, axes)
+
+
+def test_compiled_and_plain_agree_bit_for_bit(arm: tuple[Model, Vector, Vector, Vector]) -> None:
+    model, gain, middle, half = arm
+    rng, source = np.random.default_rng(12), plain("daemon.motion")["guide"].Guide
+    for kinds in SHAPES.values():
+        both = (
+            Led(model, gain, kinds, redundant=False),
+            Led(model, gain, kinds, redundant=False, of=source),
+        )
+        q = middle + 0.5 * half * rng.uniform(-1.0, 1.0, model.n)
+        for _ in range(20):
+            v = 0.1 * gain * rng.normal(size=model.n)
+            a, b = (led(q, v, room=0.2, moved=0.5 * v) for led in both)
+            np.testing.assert_array_equal(a, b)
+            q = q + 0.02 * rng.normal(size=model.n)
+
+
+@pytest.mark.parametrize(
+    ("axes", "joints", "said"),
+    [
+        (GuideAxes(stiff=("x", "y")), 7, ""),
+        (GuideAxes(stiff=("x",), free=("x",)), 7, "x named twice: an axis is free or"),
+        (GuideAxes(stiff=("x", "x")), 7, "x named twice"),
+        (GuideAxes(free=("x",)), 7, "free alone holds nothing"),
+        (GuideAxes(stiff=AXES), 6, "6 directions held leave an arm of 6 joints none"),
+        (GuideAxes(stiff=AXES), 7, ""),
+        (GuideAxes(held=("x",)), 1, "1 directions held leave an arm of 1 joints none"),
+        (GuideAxes(), 1, ""),
+    ],
+)
+def test_what_is_no_guide(axes: GuideAxes, joints: int, said: str) -> None:
+    reasons = axes.objections(joints)
+    assert bool(reasons) == bool(said)
+    assert said in "; ".join(reasons)
