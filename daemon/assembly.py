@@ -223,7 +223,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         walls=build_walls(robot),
         model=robot.model,
     )
-    motion.lead_by(guide_of(c))
+    motion.guidance.change(guide_of(c))
     return motion
 
 

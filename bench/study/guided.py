@@ -84,7 +84,7 @@ def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
 
 
 def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
-    """How far a push along an axis of the tool takes it along that axis from where it held, in the
+    """Way that a push along an axis of the tool takes it along that axis from where it held, in the
     end and at most, and the play of the gaps there [mm]."""
     at_tool, plant, c = _rest(on, axes).at_tool, on.harness.plant, on.robot.configuration
     x, J = at_tool(plant.q)

@@ -17,7 +17,7 @@ from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
 from daemon.config.trajectory_checks import trajectory
 from daemon.config.vectors import guide_of
 from daemon.config.worst_loads import Carrying
-from daemon.motion.motion import guide_place
+from daemon.motion.guidance import guide_place
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.settings import CanopenProfile
 from estimator.body_inertia import refuse_impossible

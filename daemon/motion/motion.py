@@ -6,18 +6,15 @@ from typing import assert_never
 import numpy as np
 
 from common.arrays import Vector
-from common.errors import ModelError
 from daemon.modes.table import SENSING, Mode
 from daemon.motion.admittance import AdmittanceLaw, Assist, Gains
-from daemon.motion.guide import Guide
+from daemon.motion.guidance import Guidance
 from daemon.motion.limits import Limits
 from daemon.motion.line import PLANNED_SHARE, Line
 from daemon.motion.path import Follower
 from daemon.motion.release import Release, ReleaseSettings
 from daemon.motion.target_stream import TargetStream
-from daemon.protocol.guide import BASE, TOOL, GuideAxes
 from daemon.protocol.state import Meeting
-from estimator.dynamics import Place
 from estimator.model import Model
 from estimator.walls import Walls
 
@@ -34,14 +31,6 @@ class MotionSettings:
     retract_velocity: float  # [rad/s]
     retract_distance: float  # of the joint that goes furthest [rad]
     release: ReleaseSettings
-
-
-def guide_place(model: Model, axes: GuideAxes) -> Place:
-    """Frame of a guide. Raises ModelError for one that the arm does not have."""
-    try:
-        return model.place("" if axes.frame in (TOOL, BASE) else axes.frame)
-    except ModelError as error:
-        raise ModelError(f"{error}; or it is {TOOL} or {BASE}") from error
 
 
 class Motion:
@@ -76,31 +65,12 @@ class Motion:
         self._probed = self._yielding = self.probing
         self.excess: Vector | None = None
         """residual beyond what witnesses a hand, of `hand_witness`; None in doubt [Nm]"""
-        self.sure = True
-        """False in doubt: a guide begins anew, without its spring"""
-        self.guide_axes, self._model = GuideAxes(), model
-        self._guide: Guide | None = None
+        self.guidance = Guidance(None if blind else model, law.velocity, manner.position_gain)
         self._assist = Assist(law.velocity)
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
         self._loose = False  # stands with no position loop, as it backs away from nothing
         self._go(self.reference, self.reference, 1.0)
-
-    def lead_by(self, axes: GuideAxes) -> None:
-        """Lead the arm by such a guide from now on, which begins where it is led next. Raises
-        ModelError for a frame that the arm does not have."""
-        model, guide = self._model, None
-        if axes.guides and model is not None and not self.blind:
-            guide = Guide(
-                model,
-                guide_place(model, axes),
-                self._law.velocity,
-                self._manner.position_gain,
-                np.array(axes.kinds()),
-                turned=axes.frame != BASE,
-                redundant=axes.redundant == "free",
-            )
-        self.guide_axes, self._guide = axes, guide
 
     # --- begin a mode, from the measured pose q within the limits ------------------------------
 
@@ -145,8 +115,7 @@ class Motion:
         """
         self.probing = self._probed = np.zeros_like(self.velocity)
         self._assist.stop()
-        if self._guide is not None:
-            self._guide.begin(self.reference)  # not where the push has taken it since
+        self.guidance.begin(self.reference)  # not where the push has taken it since
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )
@@ -212,8 +181,8 @@ class Motion:
         and from the velocities `moved` (n,) [rad/s] of the motors (None: the setpoints).
         """
         self.gains.step(dt)
-        if self._guide is not None and mode is not Mode.ADMITTANCE and mode is not Mode.HOLDING:
-            self._guide.forget()  # the arm goes where no hand leads it
+        if mode is not Mode.ADMITTANCE and mode is not Mode.HOLDING:
+            self.guidance.forget()
         desired = self._desired(mode, q, push, dt, play, moved)
         # A joint whose sample is old has moved on at its setpoint.
         here = q if age_s is None else q + self.velocity * age_s
@@ -282,18 +251,11 @@ class Motion:
     def _guided(
         self, q: Vector, led: Vector, push: Vector, play: Vector | float, moved: Vector | None
     ) -> Vector:
-        """Velocity (n,) [rad/s] of an arm that is led at `led`, by the guide
-        if there is one."""
-        if self._guide is None:
-            return led
-        room = np.array([q - self.limits.lower, self.limits.upper - q]) - self.limits.each(play)
-        room = np.maximum(self._manner.position_gain * room, 0.0)
-        springs, guided = self.sure and bool(push.any()), np.empty_like(led)
-        moved = self.velocity if moved is None else moved
-        if not self.sure:
-            self._guide.forget()
-        self._guide.step(q, moved, self.velocity, led, self.gains.value, room, springs, guided)
-        return guided
+        """Velocity (n,) [rad/s] of an arm that is led at `led`, by its guide."""
+        limits, moved = self.limits, self.velocity if moved is None else moved
+        room = np.array([q - limits.lower, limits.upper - q]) - limits.each(play)
+        pushed, gain = bool(push.any()), self.gains.value
+        return self.guidance.step(q, moved, self.velocity, led, gain, room, pushed=pushed)
 
     def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
         """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they

@@ -114,7 +114,7 @@ def status_of(
         level_share=estimate.level_share.tolist() if estimate else [],
         side=[SIDE_NAMES[s] for s in estimate.side.tolist()] if estimate else [],
         gain=tick.controller.motion.gains.goal.tolist(),
-        guide=tick.controller.motion.guide_axes,
+        guide=tick.controller.motion.guidance.axes,
         age_ticks=[round(age / c.period_s) for age in samples.age_s.tolist()] if samples else [],
         serials=process.serials,
         unproved=list(unproved),

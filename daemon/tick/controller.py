@@ -186,7 +186,7 @@ class Controller:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
         witness, independent = self._witness, observed.independent
         self.motion.excess = None
-        self.motion.sure = observed.sure
+        self.motion.guidance.sure = observed.sure
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
         push = witness.step(independent, observed.motor_velocity, dt)

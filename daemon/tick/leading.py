@@ -41,9 +41,9 @@ class Leading:
         """Lead the arm by another guide."""
         if reasons := axes.objections(len(self.joints)):
             return reasons
-        text = f"guide {self.motion.guide_axes} -> {axes}"
+        text = f"guide {self.motion.guidance.axes} -> {axes}"
         try:
-            self.motion.lead_by(axes)
+            self.motion.guidance.change(axes)
         except ModelError as error:
             return [str(error)]
         self.machine.changes.append(Change(text, f"by {who}"))

@@ -10,8 +10,8 @@ from bench.study.hands import Hands
 from common.arrays import Vector
 from daemon.config.load import load_robot
 from daemon.config.vectors import limits_of
+from daemon.motion.guidance import guide_place
 from daemon.motion.guide import DAMPED, FREE, HELD, STIFF, Guide
-from daemon.motion.motion import guide_place
 from daemon.protocol.guide import AXES, GuideAxes
 from estimator.model import Model
 from tests.plain import plain

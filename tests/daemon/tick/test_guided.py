@@ -54,19 +54,19 @@ def test_a_guide_that_is_refused_leaves_the_one_before(on: ArmInTheLoop) -> None
     assert not controller.leading.set_guide(LINE, "a person")
     assert controller.leading.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
     assert controller.leading.set_guide(GuideAxes(free=("x",)), "a person")
-    assert controller.motion.guide_axes == LINE
+    assert controller.motion.guidance.axes == LINE
 
 
 def test_doubt_begins_the_guide_anew(on: ArmInTheLoop) -> None:
     """Its spring does not pull to a place that was doubted."""
     motion, plant = on.tick.controller.motion, on.harness.plant
-    motion.lead_by(LINE)
-    guide, push = motion._guide, np.full(plant.n, 1e-9)
+    motion.guidance.change(LINE)
+    guide, push = motion.guidance._guide, np.full(plant.n, 1e-9)
     assert guide is not None
     for sure, off in ((True, True), (False, False)):
         guide.forget()
         guide.begin(plant.q + 0.02)
-        motion.sure = sure
+        motion.guidance.sure = sure
         motion.step(Mode.ADMITTANCE, plant.q, None, push, 0.01)
         assert (np.abs(guide.off).max() > 1e-3) == off
         motion.velocity[:] = 0.0

@@ -1,0 +1,71 @@
+"""Guidance of an arm that is led by hand: the guide that its axes ask for, where there are any."""
+
+import numpy as np
+
+from common.arrays import Vector
+from common.errors import ModelError
+from daemon.motion.guide import Guide
+from daemon.protocol.guide import BASE, TOOL, GuideAxes
+from estimator.dynamics import Place
+from estimator.model import Model
+
+
+def guide_place(model: Model, axes: GuideAxes) -> Place:
+    """Frame of a guide. Raises ModelError for one that the arm does not have."""
+    try:
+        return model.place("" if axes.frame in (TOOL, BASE) else axes.frame)
+    except ModelError as error:
+        raise ModelError(f"{error}; or it is {TOOL} or {BASE}") from error
+
+
+class Guidance:
+    """Guide of one arm, changed between two ticks; vectors of shape (n,)."""
+
+    def __init__(self, model: Model | None, velocity: Vector, rate: float) -> None:
+        """model: None for an arm that gets no guide; velocity: most of each joint [rad/s]; rate: of
+        its spring [1/s]."""
+        self.axes = GuideAxes()
+        self.sure = True
+        """False in doubt: it begins anew, without its spring"""
+        self._model, self._velocity, self._rate = model, velocity, rate
+        self._guide: Guide | None = None
+
+    def change(self, axes: GuideAxes) -> None:
+        """Lead the arm by such a guide from now on, which begins where it is led next. Raises
+        ModelError for a frame that the arm does not have."""
+        guide = None
+        if axes.guides and self._model is not None:
+            guide = Guide(
+                self._model,
+                guide_place(self._model, axes),
+                self._velocity,
+                self._rate,
+                np.array(axes.kinds()),
+                turned=axes.frame != BASE,
+                redundant=axes.redundant == "free",
+            )
+        self.axes, self._guide = axes, guide
+
+    def begin(self, q: Vector) -> None:
+        """Begin at q [rad], unless it has begun."""
+        if self._guide is not None:
+            self._guide.begin(q)
+
+    def forget(self) -> None:
+        """Begin anew: the arm goes where no hand leads it."""
+        if self._guide is not None:
+            self._guide.forget()
+
+    def step(
+        self, q: Vector, moved: Vector, sent: Vector, led: Vector, gain: Vector, room: Vector,
+        *, pushed: bool,
+    ) -> Vector:  # fmt: skip
+        """Velocity [rad/s] of an arm at q [rad] that is led at `led` with gains K_a; `moved` are
+        velocities of its motors, `sent` their setpoints, room (2, n) is left down and up [rad]."""
+        if self._guide is None:
+            return led
+        if not self.sure:
+            self._guide.forget()
+        most, out = np.maximum(self._rate * room, 0.0), np.empty_like(led)
+        self._guide.step(q, moved, sent, led, gain, most, self.sure and pushed, out)
+        return out
