@@ -79,7 +79,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     long = long_files(root)
     return [
         Measure("lines of the product", lines(PRODUCT, root), 68_450, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 15_000, 12_500),
+        Measure("lines of daemon/", lines(["daemon"], root), 15_030, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_510, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 68_150, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
