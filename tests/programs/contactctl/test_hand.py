@@ -75,4 +75,5 @@ def test_a_misspelt_option_of_payload_is_no_name() -> None:
     for words in (["--cmo"], ["0.3", "--cmo", "1", "2", "3"]):
         result = CliRunner().invoke(contactctl.main, ["payload", *words])
         assert result.exit_code == 2
-        assert "No such option '--cmo'. Did you mean '--com'?" in result.output
+        assert "No such option '--cmo'." in result.output
+        assert "'--com'?" in result.output
