@@ -81,7 +81,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
         Measure("lines of the product", lines(PRODUCT, root), 67_840, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 14_790, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_490, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 66_830, 45_000),
+        Measure("lines of tests/", lines(["tests"], root), 66_850, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 55_960, 50_000),
         Measure("decision records", decisions, 28, 28),
