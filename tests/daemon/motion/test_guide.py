@@ -304,3 +304,17 @@ def test_what_is_no_guide(axes: GuideAxes, joints: int, said: str) -> None:
     reasons = axes.objections(joints)
     assert bool(reasons) == bool(said)
     assert said in "; ".join(reasons)
+
+
+def test_rows_about_to_become_dependent_are_a_soft_wall_that_may_be_left() -> None:
+    """Next to a stretched arm, one of two opposite hands moves it: that which bends it."""
+    robot = load_robot(OPENARM)
+    model, limits = robot.model, limits_of(robot.configuration)
+    gain = np.array([joint.admittance_gain for joint in robot.configuration.joints])
+    middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
+    q = 0.02 * (middle - 0.8 * half)
+    v = 0.05 * gain * np.random.default_rng(10).normal(size=model.n)
+    ways = [Led(model, gain, SHAPES["line, not turned"])(q, s * v, springs=False) for s in (1, -1)]
+    slow, fast = sorted(float(np.abs(way).max()) for way in ways)
+    assert slow < 0.05 * fast
+    assert fast > 1e-3

@@ -24,6 +24,7 @@ TAKEN = {
     "disable": {Door.CONTROL},
     "reset": {Door.CONTROL},
     "gain": {Door.CONTROL},
+    "guide": {Door.CONTROL},
     "payload": {Door.CONTROL},
     "reload": {Door.CONTROL},
     "status": {Door.CONTROL, Door.VIEW},

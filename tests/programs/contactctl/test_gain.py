@@ -55,7 +55,7 @@ def test_the_table_says_how_even_it_is_before_and_after(romeo: ServedDaemon) -> 
 def test_a_gain_that_is_refused_while_applying_is_an_error(
     romeo: ServedDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("daemon.tick.controller.MAX_GAIN", 0.0)
+    monkeypatch.setattr("daemon.tick.leading.MAX_GAIN", 0.0)
     result = romeo.contactctl("gain", "--balance", "--apply")
     assert result.exit_code == 1
     assert "is not a gain" in result.stderr
