@@ -14,7 +14,8 @@ Errors count from 0.1 s of a press on, along each direction that is called seen,
 shown. A direction can be shown if 20 N along it would pass a contact level, and cannot if 60 N do
 not reach a fifth of one. Beside it what others do: pinv(J^T) r. Links that could be decided: the
 largest share of which 95 % are right, by one who knows the noise, the shapes, and how hands are
-drawn. The default arms and seeds chose nothing.
+drawn. The default arms and seeds chose nothing, but
+Romeo's what a joint that sticks hides, and all of them how strictly a link is decided mostly.
 """
 
 from collections.abc import Sequence
