@@ -106,6 +106,7 @@ def test_what_was_learned_of_levels_is_in_force_again(make_estimator) -> None:
         (lambda m: m["residual"]["values"].__setitem__(0, ["1"] * 7), "residual.values"),
         (lambda m: m["learning"]["settled"].__setitem__(0, "1"), "memory of learning.settled"),
         (lambda m: m["alignment"]["count"].__setitem__(0, 2.5), "memory of alignment.count"),
+        (lambda m: m["doubt"]["way"].__setitem__(0, 1e308), "memory of doubt.way"),
         (lambda m: m["kernel"].__setitem__("going", [True] * 7), "memory of kernel.going"),
         (lambda m: m.__setitem__("residual", None), "memory of residual: NoneType"),
         (lambda m: m.__setitem__("kernel", 3.0), "memory of kernel: float"),

@@ -94,7 +94,7 @@ def test_a_hand_at_the_link_that_it_is_to_move_gets_no_message(arm: Commissioned
     [("wiring", "hands off, and check the wiring of joint again"),
      ("thresholds", "hands off; it is discarded")],
 )  # fmt: skip
-def test_a_hand_at_an_arm_that_moves_by_itself_is_reported_what_becomes_of_it(
+def test_a_hand_at_an_arm_that_moves_by_itself_learns_what_becomes_of_it(
     arm: CommissionedArm, step: str, says: str
 ) -> None:
     assert f"if that was you, {says}" in pushed(arm, step)
