@@ -145,11 +145,12 @@ def _array_like(old: np.ndarray, values: Any, what: str) -> np.ndarray:
     """Values as an array like `old`. Raises ModelError where they are not."""
     try:
         given = np.array(values)
-    except (TypeError, ValueError, OverflowError) as error:
+        with np.errstate(invalid="raise"):  # beyond the integers
+            new = given.astype(old.dtype)
+    except (TypeError, ValueError, ArithmeticError) as error:
         raise ModelError(f"memory of {what}: {error}") from error
     if given.size and given.dtype.kind not in ("if" if old.dtype.kind == "f" else "i"):
         raise ModelError(f"memory of {what}: {given.dtype}, not {old.dtype}")
-    new = given.astype(old.dtype)
     if new.shape != old.shape:
         raise ModelError(f"memory of {what}: shape {new.shape}, not {old.shape}")
     lowest, highest = _RANGES.get(what, (-_LARGEST, _LARGEST))
