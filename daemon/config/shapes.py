@@ -41,6 +41,7 @@ HEAD: Final = (
 Number = Annotated[float, Meta(ge=-100, le=100)]
 Place = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
+Angle = Annotated[float, Meta(ge=-7, le=7)]  # a full turn; more is in degrees
 
 
 class _Part(Settings, frozen=True):
@@ -96,7 +97,7 @@ class BoxEntry(Settings, frozen=True):
 
     centre: Place
     size: tuple[Radius, Radius, Radius]
-    rpy: Place = (0.0, 0.0, 0.0)
+    rpy: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
 
 
 class Surroundings(Settings, frozen=True):
@@ -177,7 +178,8 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         if isinstance(one, CapsuleEntry) and one.edged and one.name not in cornered:
             raise ConfigurationError(f"{where}: edged, but there are no corners of {one.name!r}")
         if joint_of.setdefault(one.name, one.joint) != one.joint:
-            raise ConfigurationError(f"{where}: the name {one.name!r} is given twice")
+            also = f": {SURROUNDINGS} has it, too" if one.name in around else ""
+            raise ConfigurationError(f"{where}: the name {one.name!r} is given twice{also}")
     walls = Walls(shapes=shapes, surroundings=surroundings or Surroundings(version=1))
     if shapes.surroundings != digest_of_surroundings(walls.surroundings):
         for k, left in enumerate(shapes.left_out):

@@ -246,6 +246,8 @@ class Controller:
 
     def _set_up(self, before: Mode, event: Event, observed: ControlInput, time_s: float) -> None:
         motion, allowance, mode = self.motion, self._allowance, self.machine.mode
+        if mode in YIELDING or mode is Mode.OFF:
+            motion.meeting = None  # of a path from where the arm no longer stands
         if mode in YIELDING:
             if self._witness is not None:
                 self._witness.begin()

@@ -22,6 +22,7 @@ INSIDE = 0.02
 # Places of a path that are looked at for shapes in its way, a few ms in all; and of one without an
 # end, the time that is [s].
 PLACES, ENDLESS_S = 80, 60.0
+SHAPES_FILES = "surroundings.yaml or shapes.yaml"
 
 
 # Advice for moving a joint without power back inside its limits, by its `end`.
@@ -128,10 +129,11 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeti
             yield None
             continue
         names = [one.name for one in clearance.pairs[pair]]
-        text = (
-            f"{path.name} leads {' through '.join(names)}, {-1000.0 * gap:.0f} mm deep, at "
-            f"{at_s:.1f} s: go there another way"
-        )
+        depth = f", {-1000.0 * gap:.0f} mm deep," if gap < -5e-4 else ""
+        way = "go there another way"
+        if least[pair] < -ROUNDING:
+            way = f"it stands inside already: correct {SHAPES_FILES}, or move it out without power"
+        text = f"{path.name} leads {' through '.join(names)}{depth} at {at_s:.1f} s: {way}"
         yield Meeting(pair=names, position=there.tolist(), text=text)
 
 

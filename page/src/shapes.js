@@ -23,7 +23,7 @@ export class Shapes {
     }
     for (const [name, { point, normal }] of Object.entries(walls?.surroundings.planes ?? {})) {
       const way = new Vector3(...normal).normalize();
-      const plane = named(name, new Mesh(new PlaneGeometry(size, size), this.#plain));
+      const plane = named(name, new Mesh(new PlaneGeometry(2 * size, 2 * size), this.#plain));
       plane.position.copy(way).multiplyScalar(way.dot(new Vector3(...point))); // nearest to the root
       plane.quaternion.setFromUnitVectors(FACING, way);
       this.#around.add(plane);

@@ -88,5 +88,6 @@ def shape_axes(shape: str | None, along: str | None) -> tuple["Axis", ...]:
     count = {"line": 1, "plane": 2}.get(shape or "", 0)
     if len(set(given)) != count or len(given) != count or not set(given) <= set(_XYZ):
         wanted = ["takes no axes", "runs along one of x, y, z", "has two of x, y, z"][count]
-        raise click.UsageError(f"a {shape} {wanted}, not {along or 'none'}")
+        named = "off" if shape == "off" else f"a {shape}"
+        raise click.UsageError(f"{named} {wanted}, not {along or 'none'}")
     return tuple(axis for axis in _XYZ if axis not in given) if shape in SHAPES else ()

@@ -47,11 +47,12 @@ def playback(options: Options, file: Path, speed: float | None, yes: bool) -> No
         recorded = read_trajectory(file, client.ask_status().joints)
         times, positions = led_way(recorded.times, recorded.positions)
         if not times:
-            raise TrajectoryError(f"{file}: no joint moves in it")
+            hint = "without the file, a lead is recorded"
+            raise TrajectoryError(f"{file}: no joint moves in it; {hint}")
         speed = _fastest(client, recorded, times, positions) if speed is None else speed
     if not options.json:
         kept = f"{len(times)} of {len(recorded.times)} samples"
-        say(f"{file.name}: {kept}, {times[-1] / speed:.1f} s, at {speed:.2g} of its speed")
+        say(f"{file.name}: {kept}, {times[-1] / speed:.1f} s, at {speed:.0%} of its speed")
     begin = zip(recorded.joints, positions[0], strict=True)
     move(options, [f"{joint}={at:.6f}" for joint, at in begin], 0.2, yes=yes)
     with options.connect() as client:

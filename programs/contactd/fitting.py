@@ -12,11 +12,14 @@ from msgspec import structs
 
 from common.arrays import Matrix
 from common.errors import ConfigurationError, ModelError
+from common.yaml_source import read_yaml
+from daemon.config.convert import convert
 from daemon.config.load import Robot, load_robot
 from daemon.config.shapes import (
     BASE,
     MOST_CORNERS,
     SHAPES,
+    SURROUNDINGS,
     CapsuleEntry,
     CornersEntry,
     LeftOut,
@@ -56,9 +59,12 @@ def write_shapes(config: Path, source: Source | None, *, force: bool, single: bo
     robot = load_robot(config, walls=False)  # whatever is wrong with those that are replaced
     path = robot.folder / SHAPES
     if path.exists() and not force:
-        raise ConfigurationError(f"{path}: is there; --force replaces it, with what was added")
+        raise ConfigurationError(
+            f"{path}: is there; --force fits it anew, with its margin and capsules of other names"
+        )
     around = read_surroundings(robot.folder) or Surroundings(version=1)
-    shapes, report = fitted(robot, source, around, single=single)
+    before = _before(path) if path.exists() else None
+    shapes, report = fitted(robot, source, around, single=single, before=before)
     path.write_text(shapes_text(shapes))
     say(f"{len(shapes.capsules)} capsules from the URDF's {shapes.source} geometry")
     for line in report:
@@ -67,9 +73,11 @@ def write_shapes(config: Path, source: Source | None, *, force: bool, single: bo
 
 
 def fitted(
-    robot: Robot, source: Source | None, around: Surroundings, *, single: bool = False
-) -> tuple[Shapes, list[str]]:
-    """Shapes of a robot, and all pairs in words. Raises ConfigurationError, ModelError."""
+    robot: Robot, source: Source | None, around: Surroundings, *, single: bool = False,
+    before: Shapes | None = None,
+) -> tuple[Shapes, list[str]]:  # fmt: skip
+    """Shapes of a robot, with what a person added to those `before`, and all pairs in words. Raises
+    ConfigurationError, ModelError."""
     chosen, links = points_of(robot, source, single=single)
     corners = _corners_of(robot, points_of(robot, source, single=True)[1])
     capsules = _capsules(robot, links, {one.name for one in corners})
@@ -77,8 +85,38 @@ def fitted(
         version=1, urdf=digest_of(robot.urdf), source=chosen, capsules=capsules, corners=corners,
         surroundings=digest_of_surroundings(around),
     )  # fmt: skip
+    shapes, kept = _with_added(shapes, before, robot.configuration.joint_names)
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
-    return structs.replace(shapes, left_out=left_out), report
+    return structs.replace(shapes, left_out=left_out), [*kept, *report]
+
+
+def _before(path: Path) -> Shapes | None:
+    """Shapes that are replaced; None if they are no shapes."""
+    try:
+        return convert(read_yaml(path), Shapes)
+    except ConfigurationError as error:
+        say(f"nothing of {path.name} is kept: {error}")
+        return None
+
+
+def _with_added(
+    shapes: Shapes, before: Shapes | None, joints: list[str]
+) -> tuple[Shapes, list[str]]:
+    """Shapes with the margin and the capsules that were added to those before, and these in words.
+    What was fitted to another URDF, or to other geometry of it, may be named otherwise: it is
+    listed, and not kept."""
+    if before is None:
+        return shapes, []
+    names, alike = {one.name for one in shapes.capsules}, before.urdf == shapes.urdf
+    added = [one for one in before.capsules if one.name not in names]
+    alike = alike and before.source == shapes.source
+    kept = [one for one in added if alike and not one.edged and one.joint in [BASE, *joints]]
+    words = [
+        f"{'kept' if one in kept else 'gone':9} {one.name}, a capsule of {one.joint or 'the root'}"
+        for one in added
+    ]
+    capsules = [*shapes.capsules, *kept]
+    return structs.replace(shapes, capsules=capsules, margin=before.margin), words
 
 
 def points_of(
@@ -210,9 +248,26 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
                       f"{_in_words(found)}")  # fmt: skip
         if why:
             left_out.append(LeftOut(pair=(first.name, second.name), why=why))
+    _some_guarded(robot.folder, walls, {one.pair for one in left_out}, list(gaps))
     if len(left_out) == len(gaps):
         report.append("no pair is left to guard, so nothing will be slowed")
     return left_out, report
+
+
+def _some_guarded(
+    folder: Path, walls: Walls, left_out: set[tuple[str, str]], pairs: list[tuple[str, str]]
+) -> None:
+    """Raises ConfigurationError for a plane or box in which the whole arm is in all poses: all its
+    pairs are left out, and nothing would keep off it."""
+    around = walls.surroundings
+    for key, name in [("planes", k) for k in around.planes] + [("boxes", k) for k in around.boxes]:
+        if {pair for pair in pairs if pair[1] == name} <= left_out:
+            source = read_yaml(folder / SURROUNDINGS)
+            free = ": its normal must point to the free side" if key == "planes" else ""
+            raise ConfigurationError(
+                f"{source.path}:{source.line([key, name])}: {key}.{name}: the whole arm is inside "
+                f"it in all poses, nothing would keep off it{free}"
+            )
 
 
 def _carriers(bodies: list[Body], body: int) -> list[int]:

@@ -1,5 +1,6 @@
 """Files of shapes and surroundings: what is read, what is refused, and what is bounded by them."""
 
+import re
 from pathlib import Path
 from shutil import copytree
 
@@ -72,6 +73,7 @@ def edited(folder: Path, name: str, old: str, new: str) -> None:
         (SHAPES, "corners:\n- name: column\n  joint: c", "corners:\n- name: column\n  joint: el"),
         (SHAPES, "name: swing", "name: table"), (SHAPES, "radius: ", "radius: -"),
         (SHAPES, "urdf: ", "urdf: f"), (SURROUNDINGS, "[0, 0, 2]", "[0, 0, 0]"),
+        (SURROUNDINGS, "0, 0, 1.57079632679", "0, 0, 90"),
         (SURROUNDINGS, "press", "table"), (SURROUNDINGS, "planes", "walls"),
     ],
 )  # fmt: skip
@@ -163,12 +165,12 @@ def test_collision_geometry_comes_before_inertia(folder: Path) -> None:
 
 def test_edited_surroundings_ask_for_pairs_that_are_left_out(folder: Path) -> None:
     """A table through the foot, which always touches it, is moved away in its file."""
-    inside = "version: 1\nplanes:\n  table: {point: [0, 0, 9], normal: [0, 0, 1]}\n"
+    inside = "version: 1\nboxes:\n  table: {centre: [0, 0, 0], size: [0.1, 0.1, 0.1]}\n"
     (folder / SURROUNDINGS).write_text(inside)
     assert CliRunner().invoke(main, ["shapes", str(folder), "--force"]).exit_code == 0
     walls = load_robot(folder).walls
     assert walls is not None
-    assert {("column", "table"), ("swing", "table")} <= {one.pair for one in walls.shapes.left_out}
+    assert ("column", "table") in {one.pair for one in walls.shapes.left_out}
     (folder / SURROUNDINGS).write_text(f"# a remark\n{inside}")
     load_robot(folder)
     (folder / SURROUNDINGS).write_text(TABLE)
@@ -190,3 +192,35 @@ def test_parts_of_a_link_share_a_name_and_a_joint(folder: Path) -> None:
     (folder / SHAPES).write_text(text[:first] + moved + text[first:])
     with pytest.raises(ConfigurationError, match="is given twice"):
         load_robot(folder)
+
+
+@pytest.mark.parametrize(("wall", "hint"), [
+    ("planes:\n  table: {point: [0, 0, -1], normal: [0, 0, -1]}\n", "must point to the free side"),
+    ("boxes:\n  table: {centre: [0, 0, 0], size: [2, 2, 2]}\n", "nothing would keep off it"),
+])  # fmt: skip
+def test_a_wall_around_the_whole_arm_is_refused(folder: Path, wall: str, hint: str) -> None:
+    """All its pairs would be left out: a table whose normal points down was guarded by nothing."""
+    before = (folder / SHAPES).read_text()
+    (folder / SURROUNDINGS).write_text(f"version: 1\n{wall}")
+    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    assert run.exit_code == 78
+    assert re.search(r"surroundings.yaml:3: \w+\.table: the whole arm is inside", run.output)
+    assert hint in run.output
+    assert (folder / SHAPES).read_text() == before
+
+
+def test_a_new_fit_keeps_the_margin_and_what_was_added(folder: Path) -> None:
+    tool = "{name: tool, joint: swing, start: [0, 0, 0], end: [0, 0, 0.5], radius: 0.02}"
+    edited(folder, SHAPES, "capsules:\n", f"capsules:\n- {tool}\n")
+    edited(folder, SHAPES, "margin: 0.005", "margin: 0.02")
+    (folder / SURROUNDINGS).write_text(TABLE)
+    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    assert run.exit_code == 0
+    assert "kept      tool, a capsule of swing" in run.output
+    walls = load_robot(folder).walls
+    assert walls is not None
+    assert [one.name for one in walls.shapes.capsules].count("tool") == 1
+    assert walls.shapes.margin == 0.02
+    edited(folder, SHAPES, "urdf: ", "urdf: f")  # fitted to another: it may be a link of that
+    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    assert "gone      tool, a capsule of swing" in run.output

@@ -205,7 +205,28 @@ def test_a_path_that_leads_through_is_refused_with_where() -> None:
     assert not way(here, here)
     inside = np.array([-0.4, 0.0, 0.0])
     assert not way(inside, here)
-    assert way(inside, inside - 0.2)
+    deeper = way(inside, inside - 0.2)
+    assert deeper is not None
+    assert "stands inside already" in deeper.text
+    assert "another way" in met.text
+
+
+def test_what_just_touches_is_refused_without_a_depth() -> None:
+    one, here, beyond = walls(TABLE, BOX), np.array([0.9, 0.0, 0.0]), np.array([-0.4, 0.9, 0.0])
+
+    def way(share: float) -> Meeting | None:
+        goal = here + share * (beyond - here)
+        return leads_through(one, here, Place(PosePath("pose", here, goal, np.full(3, 0.5))))
+
+    free, through = 0.0, 1.0
+    while through - free > 1e-6:
+        middle = 0.5 * (free + through)
+        free, through = (free, middle) if way(middle) else (middle, through)
+    met, deep = way(through), way(1.0)
+    assert met is not None
+    assert deep is not None
+    assert "leads link 1 through box at " in met.text
+    assert " mm deep, at " in deep.text
 
 
 def test_what_overlaps_already_hides_no_other_pair() -> None:

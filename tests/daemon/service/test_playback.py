@@ -67,20 +67,22 @@ def test_a_lead_is_repeated_by_one_command(
     assert done[0].exit_code == 0, done[0].output
     assert abs(left - begin) > 0.15
     assert _stands(served) == pytest.approx(begin, abs=0.03)
-    kept = re.search(r"(\d+) of (\d+) samples, [\d.]+ s, at ([\d.]+) of its speed", done[0].stdout)
+    kept = re.search(r"(\d+) of (\d+) samples, [\d.]+ s, at (\d+)% of its speed", done[0].stdout)
     assert kept is not None, done[0].stdout
     assert 3 <= int(kept[1]) < int(kept[2]) / 3
-    assert 0.0 < float(kept[3]) <= 1.0
+    assert 0 < int(kept[3]) <= 100
     _to_the_end(served)
     assert rig.tick.controller.machine.cause == "move.csv came to its end"
     assert _stands(served) == pytest.approx(left, abs=0.11)
 
     again = served.contactctl("playback", str(path), "--yes", "--speed", "0.5")
     assert again.exit_code == 0, again.output
-    assert "at 0.5 of its speed" in again.stdout
+    assert "at 50% of its speed" in again.stdout
     _to_the_end(served)
     path.write_text("time_s,joint\n0,0.1\n1,0.1\n2,0.1\n")
-    assert served.contactctl("playback", str(path), "--yes").exit_code == 65
+    still = served.contactctl("playback", str(path), "--yes")
+    assert still.exit_code == 65
+    assert "without the file, a lead is recorded" in still.stderr
 
 
 def _led(served: ServedDaemon, path: Path, torque: float) -> Recorded:

@@ -99,6 +99,17 @@ def test_the_nearest_pair_is_named_and_a_path_into_it_refused(rig: Rig) -> None:
     assert rig.state().meeting is UNSET
 
 
+def test_a_path_that_was_refused_is_shown_no_longer_once_the_arm_is_off(rig: Rig) -> None:
+    rig.tick.controller.request(Event.START, "a test", rig.time_s, into(rig))
+    rig.step()
+    assert isinstance(rig.state().meeting, Meeting)
+    rig.tick.controller.request(Event.DISABLE, "a test", rig.time_s)
+    while rig.state().mode is not Mode.OFF:
+        rig.step()
+    rig.step()
+    assert rig.state().meeting is UNSET
+
+
 def test_a_payload_whose_shape_is_not_known_is_said(rig: Rig) -> None:
     assert rig.tick.carry(Payload(mass=0.1, com=[0.0, 0.0, 0.0]), "a test") == []
     assert "shape" in rig.tick.controller.machine.changes[-1].text

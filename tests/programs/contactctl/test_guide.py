@@ -54,6 +54,7 @@ def test_a_guide_is_changed_and_read_back(
         ("line xy", 2, "a line runs along one of x, y, z, not xy"),
         ("plane xx", 2, "a plane has two of x, y, z, not xx"),
         ("point x", 2, "a point takes no axes, not x"),
+        ("off x", 2, "Error: off takes no axes, not x"),
         ("--stiff q", 2, "'q' is not of x, y, z, rx, ry, rz"),
         ("--frame base", 2, "--frame belongs to a guide"),
         ("off --no-turn", 2, "off takes no options"),
