@@ -164,7 +164,6 @@ def _report(folder: Path, written: str, remarks: Sequence[str], *, guarded: bool
     simulates the arm of simulation.yaml, to rehearse"""
     )
     if guarded:
-        click.echo(
-            f"""  contactd guard {folder}
-    holds the arm, beside `contactd run`: these motors let go when nothing is sent to them"""
-        )
+        click.echo(f"  contactd guard {folder}")
+        say("    holds the arm, beside `contactd run`: these motors let go when nothing is sent to "
+            "them")  # fmt: skip

@@ -184,13 +184,18 @@ def _rows(path: Path, topic: str) -> tuple[list[str], Iterable[tuple[int, Sequen
             elif blank:
                 raise LogError(f"{path}:{blank}: a blank line amid the rows")
             elif len(row) != len(header):
+                why = ("is a decimal written with a comma?" if len(row) > len(header)
+                       else "is the file cut off?")  # fmt: skip
                 raise LogError(f"{path}:{line}: {len(row)} fields, the header has "
-                               f"{len(header)}: is the file cut off?")  # fmt: skip
+                               f"{len(header)}: {why}")  # fmt: skip
             else:
                 yield line, row
 
     rest = lines()
     header = [name.strip() for name in next(rest, (1, []))[1]]
+    if len(header) == 1 and (other := next((c for c in ";\t|" if c in header[0]), "")):
+        raise LogError(f"{path}:1: fields stand apart by {other!r}, allowed are commas; decimals "
+                       "have a point")  # fmt: skip
     return header, whole()
 
 
@@ -229,7 +234,8 @@ def _numbers(
             numbers.append(_time_of_day(str(field)) if of_day else _number(field))
         except ValueError as error:
             about = f"{printable(columns[k])[:60]} is {printable(repr(field))[:60]}"
-            raise LogError(f"{path}:{line}: {about}: not a number") from error
+            neither = "neither a number nor a time by ISO 8601" if k == stamp else "not a number"
+            raise LogError(f"{path}:{line}: {about}: {neither}") from error
     return numbers
 
 

@@ -97,11 +97,13 @@ def rotor_doubts(fits: list[FrictionFit], costs: Sequence[float]) -> tuple[str, 
     for fit, cost in zip(fits, costs, strict=True):
         if fit.rotor_doubt and fit.verdict is Verdict.GOOD:
             why.setdefault(fit.rotor_doubt, {})[fit.joint] = cost
-    return tuple(
-        f"B of {', '.join(of)} is not taken: {doubt}. Where rotors are twice those in force, "
-        f"levels bear {', '.join(f'{cost:.2g}' for cost in of.values())} Nm more"
-        for doubt, of in why.items()
-    )
+    sentences: list[str] = []
+    for doubt, of in why.items():
+        costs_of = ", ".join(f"{cost:.2g}" for cost in of.values())
+        then = (f". Where rotors are twice those in force, levels bear {costs_of} Nm more"
+                if any(of.values()) else "")  # fmt: skip
+        sentences.append(f"B of {', '.join(of)} is not taken: {doubt}{then}")
+    return tuple(sentences)
 
 
 def _good(fits: list[FrictionFit]) -> list[FrictionFit]:

@@ -14,7 +14,7 @@ from typing import Self
 import click
 from rich.console import Console
 
-from common.errors import ConfigurationError, ControlError
+from common.errors import ConfigurationError, ControlError, LogError
 from daemon.config.evidence import outdated, unidentified
 from daemon.config.identified import write_identified
 from daemon.config.load import Robot, load_robot, refuse_unreadable
@@ -54,8 +54,11 @@ class Identification:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """List what was written, also if a step was stopped, and let go of the arm."""
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: object
+    ) -> None:
+        """List what was written, also if a step was stopped, and let go of the arm. A LogError that
+        names no log gets their names."""
         if kind is click.Abort:
             self.show("")  # Ctrl-C at a question leaves its line open
         path = self.robot.folder / self.robot.configuration.identified
@@ -68,6 +71,9 @@ class Identification:
         well = kind is None or issubclass(kind, SystemExit)
         if self.arm is not None:
             self.arm.close(well=well, written=bool(self._written))
+        named = any(f"{path.with_suffix('')}." in str(error) for path in self._logs)
+        if isinstance(error, LogError) and self._logs and not named:
+            raise type(error)(f"{', '.join(map(str, self._logs))}: {error}") from error
 
     def joints(self, named: tuple[str, ...]) -> list[str]:
         """Named joints, or all. Raises ConfigurationError for a joint that does not exist."""

@@ -10,6 +10,7 @@ import click
 
 from common.errors import LogError
 from programs.command_line.options import PATH, Range
+from programs.command_line.sentences import say
 
 if TYPE_CHECKING:
     from common.arrays import Vector
@@ -40,7 +41,7 @@ def wrench(recordings: tuple[Path, ...], mass: float | None, scale: float | None
         raise click.UsageError("one of --mass and --scale")
     up = -mass * _G if mass is not None else float(scale or 0.0)
     for line in report(recordings, up):
-        click.echo(line)
+        say(line)
 
 
 def report(recordings: Sequence[Path], up: float) -> list[str]:
@@ -52,9 +53,9 @@ def report(recordings: Sequence[Path], up: float) -> list[str]:
     lines, poses = [f"{'pose':20}  newtons off, by axis of the force's frame"], list["HeldPose"]()
     joints, at = list[str](), list["Vector"]()
     for path in recordings:
-        snapshot, pose, off, unseen, q = _held(path, up)
+        snapshot, pose, off, unseen, seen, q = _held(path, up)
         parts = " ".join(f"{axis} {x:+.1f}" for axis, x in zip("xyz", off, strict=True))
-        blind = f"; {unseen} not seen" if unseen else ""
+        blind = f", of which {seen:.1f} are seen; {unseen} not seen" if unseen else ""
         lines.append(f"{path.name:20}  {parts} N, of {abs(up):.1f}{blind}")
         poses.append(pose)
         joints = snapshot.joints
@@ -85,9 +86,9 @@ def report(recordings: Sequence[Path], up: float) -> list[str]:
     return [*lines, f"{recordings[-1].name}, the witness, {verdict}: {error}"]
 
 
-def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str, Vector]":
+def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str, float, Vector]":
     """A pose of a recording, the error of the force that was said there (3,) [N], what was not
-    seen of it, and q (n,). Raises LogError."""
+    seen of it, how much of it [N] was, and q (n,). Raises LogError."""
     import numpy as np
 
     from daemon.protocol.state import Snapshot
@@ -128,4 +129,5 @@ def _held(path: Path, up: float) -> "tuple[Snapshot, HeldPose, Vector, str, Vect
     for way in np.array(unseen).reshape(-1, 3):
         truth = truth - way * (way @ truth)
     off = np.median([w.force for w in said], axis=0) - truth
-    return snapshot, pose, off, " and ".join(f"along {along(way)}" for way in unseen), q
+    blind = " and ".join(f"along {along(way)}" for way in unseen)
+    return snapshot, pose, off, blind, float(np.linalg.norm(truth)), q

@@ -1,5 +1,6 @@
 """A known force at the tool against the newtons said, and torque constants off on purpose."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -121,6 +122,14 @@ def test_the_command_on_recordings_of_a_mass(tmp_path: Path) -> None:
     assert "change nothing" in wrong.output
     assert " times 1." not in wrong.output
     assert CliRunner().invoke(main, [*words[:2], str(files[0])]).exit_code == 2
+
+
+def test_of_a_weight_that_hardly_shows_it_is_said_how_much_does(tmp_path: Path) -> None:
+    hanging = (1.57, -0.21, 0.16, -0.29, -2.0, -0.04, -0.27)  # along its last link
+    recorded(tmp_path / "down.mcap", hanging, 1.0)
+    words = ["identify", "wrench", "--mass", "1", str(tmp_path / "down.mcap")]
+    said = CliRunner().invoke(main, words).output
+    assert re.search(r"N, of 9\.8, of which [0-3]\.\d are seen; along x not seen", said), said
 
 
 def test_an_arm_that_gives_way_is_refused(tmp_path: Path) -> None:

@@ -95,7 +95,8 @@ def model_of(given: str) -> DraftedMotor:
     found = make.lower(), model.upper()
     if found not in MODELS:
         own = [its for its in MODELS if its[0] == found[0]]
-        why = f"{own[0][0]} has no model {model}" if own else "must be [NAME=]MAKE:MODEL"
+        why = f"no make {make}" if make and model else "must be [NAME=]MAKE:MODEL"
+        why = f"{own[0][0]} has no model {model}" if own and model else why
         known = ", ".join(map(":".join, own or MODELS))
         raise ConfigurationError(f"--drive {given}: {why}; there are {known}")
     return DraftedMotor(*found)

@@ -126,6 +126,8 @@ def test_a_motor_too_weak_for_its_joint_is_named(tmp_path: Path) -> None:
         ([*drives("damiao:DM4340"), "--object", "current=0x6078"], "--object"),
         (drives("damiao:DM4341"), "there are damiao:DM4310, damiao:DM4340"),
         (drives("robstride:RS09"), "robstride has no model RS09; there are robstride:RS00, "),
+        (drives("damio:DM4340"), "--drive damio:DM4340: no make damio; there are damiao:DM4310, "),
+        (drives("damiao:"), "--drive damiao:: must be [NAME=]MAKE:MODEL; there are damiao:DM4310"),
         (drives("DM4340"), "must be [NAME=]MAKE:MODEL; there are damiao:DM4310"),
         (drives("a=damiao:DM4340", "a=damiao:DM4310"), "a is another model already"),
         (drives(*8 * ["damiao:DM4340"]), "has only 7 joints"),

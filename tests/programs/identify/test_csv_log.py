@@ -443,10 +443,11 @@ def test_a_byte_order_mark_is_no_part_of_a_name(tmp_path: Path) -> None:
     assert log.time_s[0] == 0.0
 
 
-def test_semicolons_are_recognised_by_what_is_there(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("other", "shown"), [(";", "';'"), ("\t", r"'\\t'")])
+def test_fields_that_no_comma_parts_are_refused(tmp_path: Path, other: str, shown: str) -> None:
     path = save(tmp_path / "log.csv", pressed(0.02))
-    path.write_text(path.read_text().replace(",", ";"))
-    with pytest.raises(LogError, match=r"log.csv: no column time; there are time;link_position"):
+    path.write_text(path.read_text().replace(",", other))
+    with pytest.raises(LogError, match=f"log.csv:1: fields stand apart by {shown}, allowed are"):
         read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
 
 

@@ -85,6 +85,8 @@ def test_what_a_rotor_that_is_not_taken_costs_is_said() -> None:
     assert steps.startswith("B of a, c is not taken: steps. ")
     assert "levels bear 0.12, 0.05 Nm more" in steps
     assert "B of d" in log
+    (of_none,) = rotor_doubts(fits[:1], [0.0])  # no rotor in force: twice none is no cost
+    assert of_none == "B of a is not taken: steps"
 
 
 @pytest.mark.parametrize("seconds", [LONGEST_S, LONGEST_S + 1])

@@ -131,10 +131,12 @@ def test_bad_logs_write_nothing(folder, change, says):
     [("{header}\n" + "1" * 200_000 + ",2,3,4\n", "bad.csv:2: is not CSV: field larger than"),
      ("x" * 200_000, "bad.csv:1: is not CSV: field larger than"),
      ("{header}\n" + "x" * 100_000 + ",2,3,4\n", "bad.csv:2: time is 'xxx"),
-     ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4"),
+     ("{header}\n1,2,3\n", "bad.csv:2: 3 fields, the header has 4: is the file cut off?"),
+     ("{header}\n1,2,3,4,5\n", "bad.csv:2: 5 fields, the header has 4: is a decimal written with"),
      ("{header},time\n1,2,3,4,5\n", "bad.csv: two columns time"),
      ("{header}\n1,2,3,4\n\n2,2,3,4\n", "bad.csv:3: a blank line amid the rows"),
      ("{header}\n1,2,3,4\n2,1_0,3,4\n", "is '1_0': not a number"),
+     ("{header}\n2026-31-05T10:00,2,3,4\n", "neither a number nor a time by ISO 8601"),
      ("{header}\n1,2,3,4\n1,2\x00,3,4\n", "bad.csv:3: ")],
 )  # fmt: skip
 def test_what_is_no_log_is_one_clear_word(folder, text, says):
@@ -146,6 +148,13 @@ def test_what_is_no_log_is_one_clear_word(folder, text, says):
     assert says in result.output
     assert len(result.output) < 1000
     assert "Traceback" not in result.output
+
+
+def test_a_log_that_a_step_refuses_is_named(folder):
+    log = write(folder / "late.csv", by_hand())
+    result = identify(folder, log, "friction")
+    assert result.exit_code == 65
+    assert f"contactd: {log}: motor_velocity of joint is the same throughout" in result.output
 
 
 def test_a_csv_cut_in_the_middle_is_named(folder):
