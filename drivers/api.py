@@ -124,6 +124,13 @@ class Samples:
     drives: tuple[DriveStatus, ...]
     events: tuple[Event, ...] = ()
 
+    @property
+    def came(self) -> NDArray[np.bool_]:
+        """Joints (n,) whose samples came in this tick, of whatever moment: enough to see what a
+        drive reports, and that it stands."""
+        came: NDArray[np.bool_] = self.age_s == 0.0
+        return came
+
 
 @dataclass(frozen=True, slots=True)
 class Objection:

@@ -19,6 +19,7 @@ _BY_URDF, _IDENTIFIED = 0.03, 0.01
 _CONSTANT_OFF = 0.03
 """Share by which a torque constant is believed to be off before gravity shows it: data sheets state
 those of motors to 5 or 10 %, and efficiencies of gears no better (95 %)."""
+_ALIKE = 2  # joints
 _LOAD_OFF = 0.06
 """Least share by which friction per transmitted torque is believed to be off: gears differ for
 driving and being driven, and what the link alone rubs is not known apart."""
@@ -51,6 +52,7 @@ def with_what_is_believed(
     moved = np.zeros_like(inertial)
     if by_urdf is not None:  # what weighing changed is as little sure: gravity shows no inertia
         moved = inertial - low_pass(by_urdf.inertial - by_urdf.gravity, by_urdf, GAIN)
+    alike = max(constant_off(shared(shown)), _CONSTANT_OFF)
     new = []
     for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
         columns = np.concatenate([found.columns[:, i, :3], found.nuisance[:, i]], axis=1)
@@ -59,6 +61,8 @@ def with_what_is_believed(
         bias, change = np.linalg.lstsq(weighted, torques, rcond=None)[0].T
         errors, weighs = dict(fit.errors), float(np.sqrt(max(off**2 - _IDENTIFIED**2, 0.0)))
         constant = constant_off(float("nan") if weighed else fit.gravity_scale)
+        if not (weighed or np.isfinite(fit.gravity_scale)):
+            constant = alike
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
                 parts = (
@@ -79,6 +83,14 @@ def with_what_is_believed(
         }
         new.append(replace(fit, errors=errors, of_masses=of_masses))
     return new
+
+
+def shared(scales: Vector) -> float:
+    """Gravity's scale that all joints that show one (k,) share, else NaN: currents of one log are
+    in one unit, so that an axis that gravity does not turn is as far off."""
+    off = scales - 1.0
+    agree = len(off) >= _ALIKE and abs(np.sign(off).sum()) == len(off)
+    return float(1.0 + off[np.argmin(np.abs(off))]) if agree else float("nan")
 
 
 def constant_off(gravity_scale: float) -> float:

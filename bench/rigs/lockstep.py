@@ -9,7 +9,7 @@ from typing import Any
 
 from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.lines import Line, LockstepBus, OpenLine, virtual_line
-from bench.rigs.sync_clock import Lockstep, at_request, at_sync
+from bench.rigs.sync_clock import AnsweredWire, Lockstep, at_request, at_sync
 from common.errors import DriveError
 from daemon.assembly import build_tick
 from daemon.config.load import Robot, load_robot
@@ -253,7 +253,7 @@ def lockstep_rig(
         def motors(robot: Robot) -> MotorArm:
             c = robot.configuration
             arm_of = ARMS[type(c.joint_drives[0].profile)]
-            wire, bitrate = between(bus.wire), c.bus.bitrate
+            wire, bitrate = between(AnsweredWire(bus.wire, lockstep)), c.bus.bitrate
             drives = arm_of(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
             with lockstep.serving():
                 drives.boot_up(lambda line: None)

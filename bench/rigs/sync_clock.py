@@ -9,7 +9,7 @@ from typing import Final, Protocol
 import can
 
 from daemon.config.load import Robot
-from drivers.can.wire import frame_of
+from drivers.can.wire import Frame, Wire, frame_of
 from drivers.makes import LANGUAGES
 from simulator.arm import SYNC, SimulatedArm
 
@@ -62,7 +62,7 @@ class Lockstep:
         self.syncs = 0
         """Periods begun so far."""
         self._phase = 0.0
-        self._serving = False
+        self._serving, self._emptied = False, 0  # how often no frame was left
         self._alone = threading.Lock()
 
     def pump(self, timeout: float = 0.0) -> int:
@@ -73,7 +73,16 @@ class Lockstep:
             count += 1
             self._take(message)
             message = self._bus.recv(0.0)
+        self._emptied += 1
         return count
+
+    def catch_up(self) -> None:
+        """While serving: wait until all that was sent before is handled, however late the thread
+        gets its turn."""
+        # The first time may be of a look from before that was sent.
+        emptied = self._emptied + 2
+        while self._serving and self._emptied < emptied:
+            time.sleep(2e-4)
 
     def _take(self, message: can.Message) -> None:
         with self._alone:
@@ -108,7 +117,24 @@ class Lockstep:
 
     def _serve(self) -> None:
         while self._serving:
-            self.pump(0.02)
+            self.pump(0.002)
             # A drive that takes its time for an SDO gets that, and no more.
             while (t := self.arm.answers_at()) is not None:
                 self.let_pass(max(t - self.arm.now, 0.0) + 2e-3)
+
+
+class AnsweredWire:
+    """The daemon's wire to an arm in lockstep, whose patience is the arm's, not a clock's: while it
+    serves, what it has to answer is here before a wait is over."""
+
+    def __init__(self, wire: Wire, lockstep: Lockstep) -> None:
+        self.send = wire.send
+        self._wire, self._lockstep = wire, lockstep
+
+    def receive(self, timeout: float) -> Frame | None:
+        """The next frame, as `Wire.receive`."""
+        frame = self._wire.receive(timeout)
+        if frame is None and timeout > 0.0:
+            self._lockstep.catch_up()
+            frame = self._wire.receive(0.0)
+        return frame

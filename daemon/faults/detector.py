@@ -139,7 +139,7 @@ class FaultDetector:
             np.maximum(self._missing - 1, 0, out=self._missing)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)
-        self._supply.step(samples.drives, samples.fresh)
+        self._supply.step(samples.drives, samples.came)
         if samples.drives is not self._drives:
             self._drives = samples.drives
             self._operating = all(map(_operates, samples.drives))

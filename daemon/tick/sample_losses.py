@@ -1,4 +1,5 @@
-"""Share of missing samples of each joint, and notices when it is high.
+"""Share of missing samples of each joint, and of ticks whose answers come late; notices when one is
+high.
 
 Single missing samples are bridged and have no effect, but point to a bad cable or a loaded bus.
 Pure.
@@ -31,20 +32,29 @@ class SampleLosses:
         self._weight = period_s / WITHIN_S
         self._any = False
         self._reported: set[int] = set()
+        self._late, self._late_reported = 0.0, False
 
-    def step(self, fresh: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
-        """Process one tick: which joints have a sample (n,), and whether all have. Returns
-        notices."""
+    def step(self, came: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
+        """Process one tick: which joints have a sample (n,), and whether all have one of a known
+        moment. Returns notices."""
         if complete and not self._any:
             return ()
-        self.share += (~fresh - self.share) * self._weight
-        self._any = bool(self.share.max() > _NONE)
+        self.share += (~came - self.share) * self._weight
+        self._late += ((not complete and bool(came.all())) - self._late) * self._weight
+        self._any = max(self.share.max(), self._late) > _NONE
         many = set(np.flatnonzero(self.share > MANY).tolist()) - self._reported
         self._reported = {i for i in self._reported if self.share[i] > FEW} | many
-        if not many:
-            return ()
-        text = f"samples go missing: {self.in_words(sorted(many))}: cable, terminator, bus load?"
-        return (Notice(kind="mode", text=text),)
+        texts = []
+        if many:
+            missing = self.in_words(sorted(many))
+            texts.append(f"samples go missing: {missing}: cable, terminator, bus load?")
+        if self._late > MANY and not self._late_reported:
+            texts.append(
+                f"answers come later than usual in {self._late:.0%} of ticks, and count as missing,"
+                " which raises levels: a loaded computer, another adapter?"
+            )
+        self._late_reported = self._late > (FEW if self._late_reported else MANY)
+        return tuple(Notice(kind="mode", text=text) for text in texts)
 
     def in_words(self, joints: Sequence[int]) -> str:
         """Shares of these joints."""

@@ -112,7 +112,7 @@ class Tick:
         # While a brake may carry the arm nothing is sensed.
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
-        losses = self.losses.step(samples.age_s == 0.0, complete=complete)
+        losses = self.losses.step(samples.came, complete=complete)
         news = self.learning_news.step() if mode in SENSING else ()
         others = (*losses, *loads, *news)
         self.last = TickRecord(

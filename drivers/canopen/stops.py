@@ -164,8 +164,9 @@ class Stops:
         """Newest fresh reading of a drive; a sample holds more than a reading by SDO."""
         asked = self._expedited[joint].take()
         condition = samples.drives[joint].condition
-        self._heard[joint] = bool(samples.fresh[joint]) and not self._all.repeat[joint]
-        if not samples.fresh[joint]:
+        came = bool(samples.came[joint])
+        self._heard[joint] = came and not self._all.repeat[joint]
+        if not came:
             return asked
         if self._all.repeat[joint]:
             # Of its samples at most the statusword is still information.

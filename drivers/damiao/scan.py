@@ -1,16 +1,16 @@
 """Scan of a bus for Damiao motors: registers of the ids that they may have, and no command."""
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES
-from drivers.can.wire import Frame, Wire
+from drivers.can.wire import Wire
 from drivers.damiao.frames import Register, read, register_of, value_of
 from drivers.damiao.settings import MODELS
+from drivers.motors.asking import heard
 
 #: Time for the answer of one motor [s].
 ANSWER_S: Final = 0.03
@@ -46,7 +46,7 @@ def scan_motors(wire: Wire) -> list[FoundMotor]:
 
 
 def _found(wire: Wire) -> Iterator[FoundMotor]:
-    for can_id, _ in _heard(wire, LISTEN_S):
+    for can_id, _ in heard(wire, LISTEN_S):
         if can_id in IDS:
             raise BusError(f"a master commands motors on this bus: 0x{can_id:03X} is being sent")
     for motor in IDS:
@@ -64,15 +64,7 @@ def _asked(wire: Wire, motor: int, register: Register) -> tuple[float, int]:
     """Value of a register, at whatever master id it is answered, and the number of answers."""
     value, count = math.nan, 0
     wire.send([read(motor, register)])
-    for _, data in _heard(wire, ANSWER_S):
+    for _, data in heard(wire, ANSWER_S):
         if register_of(motor, data) == register:
             value, count = value_of(register, data), count + 1
     return value, count
-
-
-def _heard(wire: Wire, seconds: float) -> Iterator[Frame]:
-    """Frames of the next seconds."""
-    deadline = time.monotonic() + seconds
-    while (left := deadline - time.monotonic()) > 0.0:
-        if (frame := wire.receive(left)) is not None:
-            yield frame

@@ -5,7 +5,7 @@ Answers carry neither a number nor a time, so that the queue is emptied before e
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
@@ -43,15 +43,30 @@ class Asking:
                     if self.wire.receive(0.0) is None:
                         break
                 self.wire.send([question])
-                deadline = self.clock() + timeout_s
-                while (left := deadline - self.clock()) > 0.0:
-                    self.meanwhile()
-                    frame = self.wire.receive(min(left, SLICE_S))
-                    if frame is not None and (found := answer(*frame)) is not None:
+                for frame in heard(self.wire, timeout_s, self.meanwhile, self.clock):
+                    if (found := answer(*frame)) is not None:
                         return found
             except BUS_FAILURES as error:
                 raise BusError(f"the bus fails: {error}") from error
         return None
+
+
+def heard(
+    wire: Wire,
+    seconds: float,
+    meanwhile: Callable[[], None] = lambda: None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Frame]:
+    """Frames of the next seconds, and then those that are here already: a busy machine may hold up
+    who asks, not the motor."""
+    deadline, late = clock() + seconds, _QUEUED
+    while (left := deadline - clock()) > 0.0 or late:
+        meanwhile()
+        frame = wire.receive(min(max(left, 0.0), SLICE_S))
+        if frame is not None:
+            yield frame
+        if left <= 0.0:
+            late = late - 1 if frame is not None else 0
 
 
 def same(held: float, wanted: float) -> bool:

@@ -1,14 +1,14 @@
 """Scan of a bus for RobStride motors: their numbers and parameters, and no command."""
 
 import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES
-from drivers.can.wire import IDENTIFIER, Frame, Wire
+from drivers.can.wire import IDENTIFIER, Wire
+from drivers.motors.asking import heard
 from drivers.robstride.frames import (
     Kind,
     Parameter,
@@ -49,15 +49,15 @@ def scan_motors(wire: Wire) -> list[FoundMotor]:
 
 
 def _found(wire: Wire) -> Iterator[FoundMotor]:
-    for can_id, _ in _heard(wire, LISTEN_S):
+    for can_id, _ in heard(wire, LISTEN_S):
         if kind_of(can_id) in COMMANDS:
-            heard = f"0x{can_id & IDENTIFIER:08X}"
-            raise BusError(f"a master commands motors on this bus: {heard} is being sent")
+            seen = f"0x{can_id & IDENTIFIER:08X}"
+            raise BusError(f"a master commands motors on this bus: {seen} is being sent")
     for motor in IDS:
         wire.send([get_id(motor)])
         uids = tuple(
             uid_of(data)
-            for can_id, data in _heard(wire, ANSWER_S)
+            for can_id, data in heard(wire, ANSWER_S)
             if kind_of(can_id) == Kind.GET_ID and sender_of(can_id) == motor and len(data) == 8
         )
         if uids:
@@ -68,16 +68,8 @@ def _value(wire: Wire, motor: int, parameter: Parameter) -> float:
     """Value of a parameter; NaN where no motor answers."""
     value = math.nan
     wire.send([read(motor, parameter)])
-    for can_id, data in _heard(wire, ANSWER_S):
+    for can_id, data in heard(wire, ANSWER_S):
         if kind_of(can_id) == Kind.READ and sender_of(can_id) == motor:
             found = read_value(parameter, can_id, data)
             value = value if found is None else found
     return value
-
-
-def _heard(wire: Wire, seconds: float) -> Iterator[Frame]:
-    """Frames of the next seconds."""
-    deadline = time.monotonic() + seconds
-    while (left := deadline - time.monotonic()) > 0.0:
-        if (frame := wire.receive(left)) is not None:
-            yield frame

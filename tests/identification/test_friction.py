@@ -12,7 +12,7 @@ from common.errors import LogError
 from estimator.model import Model
 from estimator.transmission import STICTION_ERROR
 from identification.friction import identify_friction
-from identification.friction_errors import constant_off
+from identification.friction_errors import constant_off, shared
 from identification.friction_fit import adopt
 from identification.friction_verdict import GIVE, LOWEST_R2, WIDEST_PLAY, Verdict
 from identification.motion_log import MotionLog
@@ -195,6 +195,15 @@ def test_what_weighing_changed_is_as_little_sure(moved, arm):
 )
 def test_a_torque_constant_is_as_sure_as_data_sheets_and_gravity_make_it(gravity, least, most):
     assert least <= constant_off(gravity) <= most
+
+
+@pytest.mark.parametrize(
+    ("scales", "found"),
+    [([], math.nan), ([0.7], math.nan), ([0.7, 1.01, 0.8], math.nan), ([0.7, 0.8, 0.6], 0.8),
+     ([1.4, 1.5], 1.4)],
+)  # fmt: skip
+def test_joints_that_gravity_turns_say_how_far_off_the_others_are(scales, found):
+    assert shared(np.array(scales)) == pytest.approx(found, nan_ok=True)
 
 
 def test_standard_errors_are_no_decoration(fitted, moved):

@@ -79,3 +79,17 @@ def test_answers_that_are_late_are_not_missing(folder: Path) -> None:
         assert rig.mode is Mode.TRACKING
         assert rig.tick.losses.share.max() < 0.01
     assert found == {Condition.SAMPLE_MISSING}
+
+
+@pytest.mark.parametrize("folder", [ROMEO, OPENARM], ids=lambda folder: folder.name)
+def test_a_stop_is_seen_in_late_answers(folder: Path) -> None:
+    found = set()
+    with held(folder) as arm:
+        rig = arm.rig
+        rig.request(Event.DISABLE)
+        for _ in range(30):
+            arm.step(0.005)
+            found |= {finding.condition for finding in rig.last.findings}
+        assert rig.mode is Mode.OFF
+        assert not rig.last.unproved
+    assert found <= {Condition.SAMPLE_MISSING, Condition.DEAF}

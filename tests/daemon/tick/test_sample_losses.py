@@ -36,3 +36,17 @@ def test_a_few_are_no_news_and_none_cost_nothing() -> None:
         assert reported(losses, 1, 10) + reported(losses, 0, 40) == []
     assert losses.share[1] == pytest.approx(0.01, abs=0.015)
     assert losses.share[1] > 0.0
+
+
+def test_answers_that_are_late_again_and_again_are_reported_once() -> None:
+    losses = SampleLosses(["shoulder", "elbow"], 0.01)
+
+    def late(every: int, ticks: int) -> list[str]:
+        news = [losses.step(BOTH, complete=bool(k % every)) for k in range(ticks)]
+        return [notice.text for some in news for notice in some]
+
+    (text,) = late(2, 5000)
+    assert text.startswith("answers come later than usual in 10% of ticks")
+    assert losses.share.tolist() == [0.0, 0.0]
+    assert late(100, 10_000) == []
+    assert len(late(2, 5000)) == 1

@@ -5,7 +5,7 @@ import pytest
 
 from bench.rigs.lines import virtual_line
 from bench.rigs.lockstep import OPENARM
-from bench.rigs.sync_clock import Lockstep, at_request
+from bench.rigs.sync_clock import AnsweredWire, Lockstep, at_request
 from common.errors import BusError
 from daemon.config.load import load_robot
 from drivers.damiao.scan import scan_motors
@@ -26,7 +26,7 @@ def test_motors_are_listed_as_a_profile_names_their_registers() -> None:
         arm.motors[3].silent = True
         arm.motors[5].registers.values[7] = 0.0
         with lockstep.serving():
-            found = scan_motors(bus.near.wire)
+            found = scan_motors(AnsweredWire(bus.near.wire, lockstep))
     assert [one.motor for one in found] == [1, 2, 3, 5, 6, 7]
     assert [one.models for one in found[:3]] == [["DM8009"], ["DM8009"], ["DM4340"]]
     head, *lines = motor_table(found)

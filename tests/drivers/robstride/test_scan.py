@@ -5,7 +5,7 @@ import pytest
 
 from bench.rigs.lines import virtual_line
 from bench.rigs.lockstep import BEAM
-from bench.rigs.sync_clock import Lockstep, at_request
+from bench.rigs.sync_clock import AnsweredWire, Lockstep, at_request
 from common.errors import BusError
 from daemon.config.load import load_robot
 from drivers.robstride.frames import Parameter
@@ -27,7 +27,7 @@ def test_motors_are_listed_with_what_a_configuration_needs() -> None:
         arm.motors[5]._turns = 6.2
         arm.motors[1].can_id = 1  # as delivered: two motors of one id
         with lockstep.serving():
-            found = scan_motors(bus.near.wire)
+            found = scan_motors(AnsweredWire(bus.near.wire, lockstep))
     assert [one.motor for one in found] == [1, 3, 5, 6]
     assert len(found[0].uids) == 2
     assert found[1].values[Parameter.TORQUE_LIMIT] == 14.0

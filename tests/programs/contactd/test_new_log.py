@@ -1,5 +1,6 @@
 """Configurations for logs alone: columns guessed by name and content, and what cannot be run."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -237,3 +238,23 @@ def test_friction_of_a_log_whose_columns_are_late(tmp_path: Path, arm: Stranger)
                       for one in friction if one])  # fmt: skip
     assert found[1] == pytest.approx(found[0], rel=0.05)
     assert found[0] == pytest.approx(arm.friction[1:4].tolist(), rel=0.08)
+
+
+def test_a_constant_that_is_off_everywhere_is_no_surer_where_gravity_is_none(
+    tmp_path: Path, arm: Stranger
+) -> None:
+    """Effective currents in the place of peaks: the base turns about the vertical."""
+    assert drafted(tmp_path, arm, Style()).exit_code == 0
+    config = tmp_path / "arm" / "config.yaml"
+    constants = iter(0.707 * arm.truth.torque_constant)
+    new = re.sub(r"torque_constant: \S+", lambda _: f"torque_constant: {next(constants):.6g}",
+                 config.read_text())  # fmt: skip
+    config.write_text(new)
+    given = ["--config", str(config.parent), "--log", str(tmp_path / "log.csv")]
+    CliRunner().invoke(main, ["identify", "friction", *given])
+    identified = load_robot(config.parent).identified
+    base = identified.joints["base"].friction if identified else None
+    assert base is not None
+    found = base.friction.motor_coulomb + base.friction.link_coulomb
+    assert found < 0.8 * arm.friction[0]
+    assert abs(found - arm.friction[0]) < 2.0 * 1.96 * base.errors["K_theta_s"]
