@@ -149,7 +149,7 @@ class Guide:
             out[i] *= whole
 
     def _frame_alone(self, gain: Vector) -> None:
-        """Where redundant joints are held, take from `_v` what does not move the frame."""
+        """Take from `_v` what does not move the frame, where redundant joints are held."""
         if not self._redundant:
             self._rows.factor(self._choose(_EVERY), gain)
             self._rows.ask(6, self._v)
