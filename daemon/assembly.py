@@ -223,7 +223,8 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
         walls=build_walls(robot),
         model=robot.model,
     )
-    motion.guidance.change(guide_of(c))
+    if links_trusted:
+        motion.guidance.change(guide_of(c))
     return motion
 
 

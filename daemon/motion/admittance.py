@@ -44,8 +44,12 @@ class AdmittanceLaw:
         dt."""
         pushed = gain * thresholded + assist
         target = np.minimum(np.maximum(pushed, -self.velocity), self.velocity)
-        velocity: Vector = before + dt / (self.virtual_mass_s + dt) * (target - before)
+        velocity: Vector = before + self.share(dt) * (target - before)
         return velocity
+
+    def share(self, dt: float) -> Vector:
+        """Share (n,) of the way to where the law heads for that it goes in an interval dt [s]."""
+        return dt / (self.virtual_mass_s + dt)
 
 
 class Gains:

@@ -32,9 +32,11 @@ class Guidance:
 
     def change(self, axes: GuideAxes) -> None:
         """Lead the arm by such a guide from now on, which begins where it is led next. Raises
-        ModelError for a frame that the arm does not have."""
+        ModelError for a frame that the arm does not have, and for an arm that gets none."""
         guide = None
-        if axes.guides and self._model is not None:
+        if axes.guides:
+            if self._model is None:
+                raise ModelError("no guide while the signs of the links are not checked")
             guide = Guide(
                 self._model,
                 guide_place(self._model, axes),
@@ -45,6 +47,11 @@ class Guidance:
                 redundant=axes.redundant == "free",
             )
         self.axes, self._guide = axes, guide
+
+    @property
+    def guides(self) -> bool:
+        """True if there is a guide."""
+        return self._guide is not None
 
     def begin(self, q: Vector) -> None:
         """Begin at q [rad], unless it has begun."""
@@ -57,15 +64,17 @@ class Guidance:
             self._guide.forget()
 
     def step(
-        self, q: Vector, moved: Vector, sent: Vector, led: Vector, gain: Vector, room: Vector,
-        *, pushed: bool,
+        self, q: Vector, moved: Vector, sent: Vector, before: Vector, asked: Vector,
+        share: Vector, gain: Vector, room: Vector, *, pushed: bool,
     ) -> Vector:  # fmt: skip
-        """Velocity [rad/s] of an arm at q [rad] that is led at `led` with gains K_a; `moved` are
-        velocities of its motors, `sent` their setpoints, room (2, n) is left down and up [rad]."""
+        """Velocity [rad/s] of an arm at q [rad] that was led at `before`, and now goes a share of
+        the way to the velocity `asked`, with gains K_a; `moved` are velocities of its motors,
+        `sent` their setpoints, room (2, n) is left down and up [rad]."""
         if self._guide is None:
-            return led
+            return before + share * (asked - before)
         if not self.sure:
             self._guide.forget()
-        most, out = np.maximum(self._rate * room, 0.0), np.empty_like(led)
-        self._guide.step(q, moved, sent, led, gain, most, self.sure and pushed, out)
+        most, out = np.maximum(self._rate * room, 0.0), np.empty_like(asked)
+        springs = self.sure and pushed
+        self._guide.step(q, moved, sent, before, asked, share, gain, most, springs, out)
         return out

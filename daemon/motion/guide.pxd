@@ -2,52 +2,55 @@
 
 cimport cython
 
+from daemon.motion.back_rows cimport BackRows
 from estimator.dynamics cimport Dynamics
 from estimator.frame cimport Frame
 
 cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
-cdef Py_ssize_t _PASSES, _ACROSS, _ALONG, _EVERY, _FREE, _DAMPED, _STIFF
-cdef double _ARM_M, _RIGID, _DAMPS, _SPRING_M_S, _SPRING_RAD_S, _SLIP_M
+cdef Py_ssize_t _PASSES, _ACROSS, _ALONG, _EVERY, _HOLDING, _FREE, _DAMPED, _STIFF
+cdef double _ARM_M, _DAMPS, _SPRING_M_S, _SPRING_RAD_S, _SLIP_M
 cdef double _EASED, _LAGS_RAD_S, _LEAST, _NEARS_S, _FORESEEN_S, _NEAR, _TINY
 
 cdef class Guide:
     cdef Py_ssize_t _n
     cdef Dynamics _dynamics
     cdef Frame _frame
+    cdef BackRows _rows
     cdef double _rate
     cdef bint _turned, _redundant
     cdef readonly bint begun
     cdef readonly double[::1] off
     cdef long long[::1] _kind, _bound
     cdef double[::1] _moved, _sent, _presses, _out
-    cdef double[::1] _most, _q, _rest, _v, _spring, _x, _d, _to, _goal, _ahead, _back, _y, _c
-    cdef double[:, ::1] _N, _G, _M, _along, _A, _S
+    cdef double[::1] _most, _q, _rest, _v, _spring, _x, _d, _to
+    cdef double[:, ::1] _N, _G, _M, _along
 
     cpdef void forget(self) noexcept
+    @cython.locals(known=double)
     cpdef void begin(self, const double[:] q) noexcept
     @cython.locals(known=double, rows=Py_ssize_t, more=Py_ssize_t, pivot=double, slowed=double, eased=double,
-                   most=double)
+                   gentle=double, whole=double)
     cpdef void step(
         self, const double[:] q, const double[:] moved, const double[:] sent,
-        const double[:] wanted, const double[:] gain, const double[:, :] room, bint springs, double[::1] out
+        const double[:] before, const double[:] wanted, const double[:] share, const double[:] gain,
+        const double[:, :] room, bint springs, double[::1] out
     ) noexcept
+    cdef void _frame_alone(self, const double[:] gain) noexcept
+    @cython.locals(share=double)
+    cdef double _bounded(self, double eased) noexcept
+    @cython.locals(square=double, most=double, way=double)
+    cdef double _gentle(self) noexcept
     @cython.locals(f=Frame)
     cdef void _see(self) noexcept
     @cython.locals(off=double, kept=double, one=double, b=Py_ssize_t, c=Py_ssize_t)
     cdef void _measure(self, bint springs) noexcept
-    @cython.locals(rows=Py_ssize_t, first=Py_ssize_t, last=Py_ssize_t, held=bint, damps=bint)
+    @cython.locals(r=BackRows, rows=Py_ssize_t, first=Py_ssize_t, last=Py_ssize_t, held=bint, damps=bint)
     cdef Py_ssize_t _choose(self, Py_ssize_t which) noexcept
-    @cython.locals(v=double, way=double, moves=double)
+    @cython.locals(r=BackRows, v=double, way=double, moves=double)
     cdef Py_ssize_t _limit(
         self, Py_ssize_t rows, const double[:, :] room, double[::1] out
-    ) noexcept
-    @cython.locals(mean=double, least=double)
-    cdef double _factor(self, Py_ssize_t rows, const double[:] gain) noexcept
-    cdef void _ask(self, Py_ssize_t rows) noexcept
-    cdef void _push(
-        self, Py_ssize_t rows, const double[:] gain, double[::1] ahead, double[::1] out
     ) noexcept
     @cython.locals(rows=Py_ssize_t, along=double, left=double)
     cdef double _eased(self, const double[:] gain) noexcept

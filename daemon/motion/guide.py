@@ -2,17 +2,22 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Guide: leads the tool along some directions of a frame, and holds it in the others.
 
-The velocity v of eq. (15) is projected onto what the held rows A of the frame's Jacobian allow,
+The velocity v = K r that eq. (15) heads for is projected onto what the held rows A of the frame's
+Jacobian allow,
 
     v' = v - K A^T (A K A^T + C)^-1 A v        K = diag(K_a)
 
 as if each held direction pushed back through the same admittance as the hand. The projection is
-orthogonal in the metric K^-1, v'^T K^-1 v >= v'^T K^-1 v' >= 0: with v = K r nothing moves against
-the residual r, wherever on the arm the hand is. Then v' is made faster, by _EASED at most, as the
-way on a guide is the harder one. C is a damper's compliance: almost none where a direction is held,
-_DAMPS times its mobility where it is damped. A joint at the end of its room is one more row. A
-spring takes the tool back to where the guide began, slowly and not from further than _SLIP_M; and
-the way slows where the held rows are about to become dependent.
+orthogonal in the metric K^-1, v'^T K^-1 v >= v'^T K^-1 v' >= 0: nothing is headed for against the
+residual r, wherever on the arm the hand is. All of v is made as slow as the fastest joint may be:
+bounded joint by joint it would be another direction. v' is made faster, by _EASED at most, as the
+way on a guide is the harder one. Only then comes the virtual mass, so that no velocity is made
+faster twice; what it leaves is projected, too.
+
+C is a damper's compliance: almost none where a direction is held, _DAMPS times its mobility where
+it is damped. A joint at the end of its room is one more row. A spring takes the tool back to where
+the guide began, slowly and not from further than _SLIP_M; and the way slows where the held rows are
+about to become dependent.
 
 Ordinary Python, which runs as it is; `guide.pxd` names types for the compiler.
 """
@@ -22,6 +27,7 @@ from math import sqrt
 import numpy as np
 
 from common.arrays import Matrix, Vector
+from daemon.motion.back_rows import BackRows
 from estimator.dynamics import Dynamics, Place
 from estimator.frame import Frame
 from estimator.model import Model
@@ -30,7 +36,7 @@ FREE, DAMPED, HELD, STIFF = 0, 1, 2, 3
 """Kinds of an axis: as eq. (15) moves it, more slowly, not at all, and held by a spring."""
 
 _ARM_M = 0.3  # a turn counts as the way of a point at this distance
-_RIGID, _DAMPS = 1e-5, 0.25  # compliances, over the mean mobility of rows and over its own
+_DAMPS = 0.25  # compliance of a damped row, over its own mobility
 _PASSES = 4  # joints that end their room make others turn further
 # The spring: fastest at the tool [m/s] and at a joint [rad/s], and its longest way [m].
 _SPRING_M_S, _SPRING_RAD_S, _SLIP_M = 0.1, 0.3, 0.03
@@ -41,7 +47,7 @@ _LAGS_RAD_S = 0.15  # by which a drive is behind its setpoint as it speeds up
 _EASED = 3.0  # most that a guide moves the joints faster than the hand does without
 _NEAR, _TINY = 1e-9, 1e-12
 _FREE, _DAMPED, _STIFF = FREE, DAMPED, STIFF  # for the compiler
-_ACROSS, _ALONG, _EVERY = 0, 1, 2
+_ACROSS, _ALONG, _EVERY, _HOLDING = 0, 1, 2, 3
 
 
 class Guide:
@@ -68,9 +74,7 @@ class Guide:
         self._d, self._to, self.off = np.zeros((3, 6))
         self._N, self._G, self._M = np.zeros((3, 3, 3))
         self._along = np.zeros((6, n))  # of the frame along the guide's axes, turns times _ARM_M
-        self._A = np.zeros((6 + n, n))
-        self._S = np.zeros((6 + n, 6 + n))
-        self._goal, self._ahead, self._back, self._y, self._c = np.zeros((5, 6 + n))
+        self._rows = BackRows(6 + n, n)
         self.begun = False
 
     def forget(self) -> None:
@@ -80,62 +84,101 @@ class Guide:
     def begin(self, q: Vector) -> None:
         """Begin at q (n,) [rad], unless it has begun."""
         if not self.begun:
+            known = 0.0
             for i in range(self._n):
                 self._q[i] = q[i]
-            self._see()
+                known += q[i]
+            if known - known == 0.0:
+                self._see()
 
     def step(
-        self, q: Vector, moved: Vector, sent: Vector, wanted: Vector, gain: Vector, room: Matrix,
-        springs: bool, out: Vector,
+        self, q: Vector, moved: Vector, sent: Vector, before: Vector, wanted: Vector,
+        share: Vector, gain: Vector, room: Matrix, springs: bool, out: Vector,
     ) -> None:  # fmt: skip
-        """Velocity (n,) [rad/s] into out, from q (n,) [rad], the velocities of the motors, 0 where
-        not a number, and their last setpoints, the velocity of eq. (15), its gains, and the largest
-        velocities down and up (2, n) that are left; springs: a hand is there, else they rest."""
+        """Velocity (n,) [rad/s] into out, 0 in doubt, from q (n,) [rad], the velocities of the
+        motors, 0 where not a number, and their last setpoints, the velocity before, the one that
+        eq. (15) heads for, without bounds, and the share of the way to it, the gains, and the
+        largest velocities down and up (2, n) that are left; springs: a hand is there."""
         known = 0.0
         for i in range(self._n):
             self._q[i] = q[i]
-            self._v[i] = out[i] = wanted[i]
+            self._v[i], out[i] = wanted[i], 0.0
             self._moved[i] = moved[i] if moved[i] - moved[i] == 0.0 else 0.0
             self._sent[i] = sent[i]
             self._bound[i] = 0
             self._presses[i] = 0.0
-            known += q[i] + wanted[i] + gain[i]
+            known += q[i] + wanted[i] + gain[i] + before[i] + share[i] + room[0, i] + room[1, i]
         if known - known != 0.0:
-            return  # the limits stop a joint whose position is not known
+            return
         self._see()
         self._measure(springs)
-        if not self._redundant:
-            self._factor(self._choose(_EVERY), gain)
-            self._ask(6)
-            self._push(6, gain, self._ahead, self._v)  # no more than moves the frame
+        self._frame_alone(gain)
         rows = self._choose(_ACROSS)
-        pivot = self._factor(rows, gain)
-        self._ask(rows)
-        self._push(rows, gain, self._ahead, self._out)
+        pivot = self._rows.factor(rows, gain)
+        self._rows.ask(rows, self._v)
+        self._rows.push(rows, gain, self._rows.ahead, self._out)
         for i in range(self._n):
             self._out[i] = self._v[i] - self._out[i]
-        eased = self._eased(gain)
+        eased = self._bounded(self._eased(gain))
         for i in range(self._n):
-            self._v[i] *= eased
-        self._factor(self._choose(_ACROSS), gain)
+            self._v[i] = before[i] + share[i] * (eased * self._out[i] - before[i])
+        self._frame_alone(gain)
+        rows = self._choose(_HOLDING)
+        self._rows.factor(rows, gain)
         for _ in range(_PASSES):
-            self._ask(rows)
-            self._push(rows, gain, self._ahead, out)
+            self._rows.ask(rows, self._v)
+            self._rows.push(rows, gain, self._rows.ahead, out)
             for i in range(self._n):
                 out[i] = self._v[i] - out[i]
             more = self._limit(rows, room, out)
             if more == rows:
                 break
             rows = more
-            self._factor(rows, gain)
-        self._push(rows, gain, self._back, self._spring)
-        slowed, most = self._slowed(pivot, gain, out), _SPRING_RAD_S
+            self._rows.factor(rows, gain)
+        self._rows.push(rows, gain, self._rows.back, self._spring)
+        gentle = self._gentle()
+        slowed, whole = self._slowed(pivot, gain, out), 1.0
         for i in range(self._n):
-            most = max(most, abs(self._spring[i]))
             if slowed * abs(out[i]) > self._most[i]:  # all alike, so that the guide is kept
                 slowed = self._most[i] / abs(out[i])
         for i in range(self._n):
-            out[i] = slowed * out[i] + _SPRING_RAD_S / most * self._spring[i] + self._presses[i]
+            out[i] = slowed * out[i] + gentle * self._spring[i] + self._presses[i]
+            if whole * abs(out[i]) > self._most[i]:
+                whole = self._most[i] / abs(out[i])
+        for i in range(self._n):
+            out[i] *= whole
+
+    def _frame_alone(self, gain: Vector) -> None:
+        """Take from `_v` what does not move the frame, where redundant joints are held."""
+        if not self._redundant:
+            self._rows.factor(self._choose(_EVERY), gain)
+            self._rows.ask(6, self._v)
+            self._rows.push(6, gain, self._rows.ahead, self._v)
+
+    def _bounded(self, eased: float) -> float:
+        """Factor `eased`, times the share of the velocity that is asked for, `_v`, in which no
+        joint is faster than it may be; less where one would be in `_out`."""
+        share = 1.0
+        for i in range(self._n):
+            if share * abs(self._v[i]) > self._most[i]:
+                share = self._most[i] / abs(self._v[i])
+        eased *= share
+        for i in range(self._n):
+            if eased * abs(self._out[i]) > self._most[i]:
+                eased = self._most[i] / abs(self._out[i])
+        return eased
+
+    def _gentle(self) -> float:
+        """Share of the spring's velocity at which joints and tool are no faster than it may be."""
+        square, most = 0.0, _SPRING_RAD_S
+        for i in range(self._n):
+            most = max(most, abs(self._spring[i]))
+        for a in range(3):
+            way = 0.0
+            for i in range(self._n):
+                way += self._along[a, i] * self._spring[i]
+            square += way * way
+        return float(min(_SPRING_RAD_S / most, _SPRING_M_S / max(sqrt(square), _SPRING_M_S)))
 
     def _see(self) -> None:
         """Rows of the frame at the pose `_q`, along the guide's axes."""
@@ -190,24 +233,27 @@ class Guide:
 
     def _choose(self, which: int) -> int:
         """Rows A of the directions that are not free, of those in which the point is free, or its
-        turns where it is held, or of every one; returns their number."""
-        rows, first, last = 0, 0, 6
+        turns where it is held, of every one, or of those that are held; returns their number."""
+        r, rows, first, last = self._rows, 0, 0, 6
         if which == _ALONG:
             held = self._kind[0] != _FREE and self._kind[1] != _FREE and self._kind[2] != _FREE
             first, last = (3, 6) if held else (0, 3)
         for a in range(first, last):
+            damps = self._kind[a] == _DAMPED
+            if damps and which == _HOLDING:
+                continue
             if which == _EVERY or (self._kind[a] == _FREE) == (which == _ALONG):
                 for i in range(self._n):
-                    self._A[rows, i] = self._along[a, i]
-                damps = which == _ACROSS and self._kind[a] == _DAMPED
-                self._c[rows] = _DAMPS if damps else 0.0
-                self._goal[rows], self._back[rows] = 0.0, self._to[a]
+                    r.A[rows, i] = self._along[a, i]
+                r.c[rows] = _DAMPS if damps and which == _ACROSS else 0.0
+                r.goal[rows], r.back[rows] = 0.0, self._to[a]
                 rows += 1
         return rows
 
     def _limit(self, rows: int, room: Matrix, out: Vector) -> int:
         """Add a row for each joint that would leave its room, or whose drive gives way: others then
         count on what it does, and it presses on a little. Returns the number of rows."""
+        r = self._rows
         for i in range(self._n):
             if self._bound[i]:
                 continue
@@ -219,57 +265,11 @@ class Guide:
                 v = way * moves
             if abs(out[i] - v) > _NEAR:
                 for k in range(self._n):
-                    self._A[rows, k] = 0.0
-                self._A[rows, i], self._bound[i] = 1.0, 1
-                self._c[rows], self._goal[rows], self._back[rows] = 0.0, v, 0.0
+                    r.A[rows, k] = 0.0
+                r.A[rows, i], self._bound[i] = 1.0, 1
+                r.c[rows], r.goal[rows], r.back[rows] = 0.0, v, 0.0
                 rows += 1
         return rows
-
-    def _factor(self, rows: int, gain: Vector) -> float:
-        """S = A K A^T + C as its Cholesky factor; returns the least mobility of a rigid row beside
-        those before it, over their mean."""
-        A, S, mean, least = self._A, self._S, 0.0, 1.0
-        for r in range(rows):
-            for s in range(r + 1):
-                S[r, s] = 0.0
-                for i in range(self._n):
-                    S[r, s] += gain[i] * A[r, i] * A[s, i]
-            mean += S[r, r] / rows
-        for r in range(rows):
-            S[r, r] += self._c[r] * S[r, r] + _RIGID * mean + _TINY
-            for s in range(r + 1):
-                for k in range(s):
-                    S[r, s] -= S[r, k] * S[s, k]
-                if s < r:
-                    S[r, s] /= S[s, s]
-            if self._c[r] == 0.0:
-                least = min(least, S[r, r] / (mean + _TINY))
-            S[r, r] = sqrt(S[r, r])
-        return float(least)
-
-    def _ask(self, rows: int) -> None:
-        """Velocity of each row beyond its goal, as `_v` has it."""
-        for r in range(rows):
-            self._ahead[r] = -self._goal[r]
-            for i in range(self._n):
-                self._ahead[r] += self._A[r, i] * self._v[i]
-
-    def _push(self, rows: int, gain: Vector, ahead: Vector, out: Vector) -> None:
-        """Velocity K A^T S^-1 ahead into out."""
-        S, y = self._S, self._y
-        for r in range(rows):
-            y[r] = ahead[r]
-            for s in range(r):
-                y[r] -= S[r, s] * y[s]
-            y[r] /= S[r, r]
-        for r in range(rows - 1, -1, -1):
-            for s in range(r + 1, rows):
-                y[r] -= S[s, r] * y[s]
-            y[r] /= S[r, r]
-        for i in range(self._n):
-            out[i] = 0.0
-            for r in range(rows):
-                out[i] += gain[i] * self._A[r, i] * y[r]
 
     def _eased(self, gain: Vector) -> float:
         """Factor by which a hand along the free directions moves the tool as fast as without the
@@ -279,9 +279,9 @@ class Guide:
             if self._kind[a] == _DAMPED:
                 return 1.0  # it is to be harder
         rows = self._choose(_ALONG)
-        self._factor(rows, gain)
-        self._ask(rows)
-        self._push(rows, gain, self._ahead, self._spring)
+        self._rows.factor(rows, gain)
+        self._rows.ask(rows, self._v)
+        self._rows.push(rows, gain, self._rows.ahead, self._spring)
         along = left = _TINY
         for i in range(self._n):
             if gain[i] > 0.0:
@@ -295,6 +295,6 @@ class Guide:
         for i in range(self._n):
             self._q[i] += _FORESEEN_S * out[i]
         self._see()
-        falls = (pivot - self._factor(self._choose(_ACROSS), gain)) / _FORESEEN_S
+        falls = (pivot - self._rows.factor(self._choose(_ACROSS), gain)) / _FORESEEN_S
         left = max(pivot - _LEAST, 0.0)
         return float(left / (_NEARS_S * falls)) if falls * _NEARS_S > left else 1.0

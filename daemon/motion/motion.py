@@ -224,8 +224,11 @@ class Motion:
                     assist.stop()
                 else:
                     assist.step(gains, push, self.excess, dt)
-                led = self._law.velocity_after(before, gains, push, dt, assist.velocity)
-                self._yielding = self._guided(q, led, push, play, moved)
+                if self.guidance.guides:
+                    self._yielding = self._guided(q, before, push, dt, play, moved)
+                else:
+                    law = self._law
+                    self._yielding = law.velocity_after(before, gains, push, dt, assist.velocity)
                 return self.limits.soft_stop(q, self._yielding + self.probing, gain, play)
             case Mode.RELEASING | Mode.RETRACTING if mode is Mode.RELEASING or self._loose:
                 # Joints without contact are held by their drives alone: a loop might pull them
@@ -249,13 +252,16 @@ class Motion:
         return wanted.velocity + self._towards(wanted.q, q, np.abs(wanted.velocity))
 
     def _guided(
-        self, q: Vector, led: Vector, push: Vector, play: Vector | float, moved: Vector | None
-    ) -> Vector:
-        """Velocity (n,) [rad/s] of an arm that is led at `led`, by its guide."""
+        self, q: Vector, before: Vector, push: Vector, dt: float, play: Vector | float,
+        moved: Vector | None,
+    ) -> Vector:  # fmt: skip
+        """Velocity (n,) [rad/s] of an arm that was led at `before`, by its guide."""
         limits, moved = self.limits, self.velocity if moved is None else moved
         room = np.array([q - limits.lower, limits.upper - q]) - limits.each(play)
-        pushed, gain = bool(push.any()), self.gains.value
-        return self.guidance.step(q, moved, self.velocity, led, gain, room, pushed=pushed)
+        gain, share = self.gains.value, self._law.share(dt)
+        asked, pushed = gain * push + self._assist.velocity, bool(push.any())
+        sent = self.velocity
+        return self.guidance.step(q, moved, sent, before, asked, share, gain, room, pushed=pushed)
 
     def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
         """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they

@@ -7,7 +7,7 @@ import pytest
 
 from bench.rigs.lockstep import BEAM, OPENARM, ROMEO
 from bench.study.hands import Hands
-from common.arrays import Vector
+from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 from daemon.config.vectors import limits_of
 from daemon.motion.guidance import guide_place
@@ -41,7 +41,8 @@ class Led:
     """A guide, and joints that do what it commands."""
 
     def __init__(self, model: Model, gain: Vector, kinds: tuple[int, ...], **how: Any) -> None:
-        self.model, self.gain, self.most = model, gain, np.full(model.n, MOST)
+        self.model, self.gain = model, gain
+        self.most = np.full(model.n, how.pop("most", MOST))
         of = how.pop("of", Guide)
         place = how.pop("place", model.place())
         self.guide = of(model, place, self.most, RATE, np.array(kinds), **how)
@@ -52,10 +53,18 @@ class Led:
     ) -> Vector:  # fmt: skip
         out, moved = np.full(self.model.n, np.nan), 0.0 * v if moved is None else moved
         rooms = np.full((2, self.model.n), room)
-        self.guide.step(
-            q, moved, moved if sent is None else sent, v, self.gain, rooms, springs, out
-        )
+        sent, none, whole = moved if sent is None else sent, 0.0 * v, 1.0 + 0.0 * v
+        self.guide.step(q, moved, sent, none, v, whole, self.gain, rooms, springs, out)
         return out
+
+    def along(self, q: Vector) -> Matrix:
+        """Jacobian of the tool and its turns along its axes at q."""
+        rows = []
+        for k in range(self.model.n):
+            step = 1e-6 * np.eye(self.model.n)[k]
+            (x, R), (y, S) = self.frame(q - step), self.frame(q + step)
+            rows.append(np.concatenate((R.T @ (y - x), turn(R, S))) / 2e-6)
+        return np.array(rows).T
 
     def frame(self, q: Vector) -> tuple[Vector, Vector]:
         """Point and axes of the tool along the root's."""
@@ -136,7 +145,8 @@ def test_a_joint_at_its_limit_is_a_soft_wall(arm: tuple[Model, Vector, Vector, V
     rooms, out = np.full((2, model.n), 9.0), np.empty(model.n)
     for room in (0.5, 0.2, 0.01, 0.0):
         rooms[:, i] = room * np.abs(free[i])
-        led.guide.step(q, 0.0 * v, 0.0 * v, v, gain, rooms, False, out)
+        none = 0.0 * v
+        led.guide.step(q, none, none, none, v, none + 1.0, gain, rooms, False, out)
         assert abs(out[i]) <= rooms[0, i] + 1e-5
         (x, R), (y, _) = led.frame(q), led.frame(q + 1e-4 * out)
         assert np.abs((R.T @ (y - x))[1:]).max() / 1e-4 < 1e-3
@@ -250,13 +260,91 @@ def test_is_continuous_on_its_way_to_a_stretched_arm(
         assert jumps[1] < 0.6 * jumps[0] + 5e-3
 
 
-def test_an_unknown_position_leaves_the_velocity_to_the_limits(
+def test_stands_where_a_position_is_not_known_and_does_not_begin_there(
     arm: tuple[Model, Vector, Vector, Vector],
 ) -> None:
     model, gain, middle, _ = arm
     q, v = middle.copy(), np.full(model.n, 0.1)
     q[0] = np.nan
-    np.testing.assert_array_equal(Led(model, gain, SHAPES["line"])(q, v), v)
+    led = Led(model, gain, SHAPES["line"])
+    led.guide.begin(q)
+    assert not led.guide.begun
+    np.testing.assert_array_equal(led(q, v), 0.0 * v)
+    assert np.isfinite(led(middle, v)).all()
+
+
+def steady(led: Led, q: Vector, v: Vector, push: Vector, seconds: float = 2.0) -> Vector:
+    """Velocity that a push (n,) [Nm] leads to, from v on, with a virtual mass, at one pose."""
+    share, rooms, none = np.full(len(v), 1.0 / 6.0), np.full((2, len(v)), 9.0), 0.0 * v
+    for _ in range(round(seconds / DT)):
+        before, v = v, np.empty_like(v)
+        asked = led.gain * push
+        led.guide.step(q, none, none, before, asked, share, led.gain, rooms, False, v)
+    return v
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_a_hand_no_longer_pushes_comes_to_rest_whatever_it_pushes_against(
+    arm: tuple[Model, Vector, Vector, Vector], shape: str
+) -> None:
+    """A push that the guide holds off keeps up no motion that is there from before."""
+    model, gain, middle, half = arm
+    rng, kinds = np.random.default_rng(13), SHAPES[shape]
+    for _ in range(20):
+        q = middle + 0.6 * half * rng.uniform(-1.0, 1.0, model.n)
+        along = rng.normal(size=model.n)
+        led = Led(model, gain, kinds)
+        v = steady(led, q, np.zeros(model.n), 0.1 * along / np.abs(gain * along).max())
+        rows = led.along(q)[np.array(kinds) != FREE]
+        across = rows.T @ rng.normal(size=len(rows))
+        across *= 0.2 / np.abs(gain * across).max()
+        assert np.abs(steady(led, q, v, across)).max() < 1e-3
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_strong_hand_moves_nothing_against_itself(
+    arm: tuple[Model, Vector, Vector, Vector], shape: str
+) -> None:
+    """However far its torques are beyond those of the largest velocity."""
+    model, gain, middle, half = arm
+    rng = np.random.default_rng(14)
+    for _ in range(100):
+        q = middle + 0.6 * half * rng.uniform(-1.0, 1.0, model.n)
+        push = 5.0 * rng.normal(size=model.n)
+        out = steady(Led(model, gain, SHAPES[shape]), q, np.zeros(model.n), push, 0.5)
+        assert push @ out > -1e-9
+        assert np.abs(out).max() <= MOST + 1e-12
+
+
+def test_a_damped_way_is_led_at_a_fifth_of_the_speed(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    model, gain, middle, half = arm
+    q = middle + 0.3 * half
+    ahead = model.axes(q)[:, 0] @ model.tool_jacobian(q)
+    push, none = 0.01 * ahead, np.zeros(model.n)
+    led = Led(model, gain, (DAMPED, FREE, FREE, FREE, FREE, FREE))
+    assert ahead @ steady(led, q, none, push) == pytest.approx(
+        0.2 * (ahead @ (gain * push)), rel=0.01
+    )
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_spring_moves_the_tool_no_faster_than_it_may(
+    arm: tuple[Model, Vector, Vector, Vector], shape: str
+) -> None:
+    """Nor does any joint, in all directions together."""
+    model, gain, middle, half = arm
+    rng, still = np.random.default_rng(15), np.zeros(model.n)
+    for most in (MOST, 0.05):
+        for _ in range(100):
+            led = Led(model, gain, SHAPES[shape], most=most)
+            q = middle + 0.9 * half * rng.uniform(-1.0, 1.0, model.n)
+            led.guide.begin(q)
+            q = q + 0.1 * rng.normal(size=model.n)
+            out = led(q, still)
+            assert np.linalg.norm(model.tool_jacobian(q) @ out) <= 0.1 + 1e-9
+            assert np.abs(out).max() <= min(most, 0.3) + 1e-9
 
 
 def test_axes_of_the_root_and_of_a_link(arm: tuple[Model, Vector, Vector, Vector]) -> None:

@@ -7,8 +7,11 @@ from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import wrench
 from bench.study.guided import across, along
 from bench.study.leading import arm_at_work, robot_of
+from daemon.assembly import build_motion
+from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
 from daemon.protocol.guide import GuideAxes
+from daemon.tick.leading import Leading
 
 LINE = GuideAxes(stiff=("y", "z", "rx", "ry", "rz"))
 
@@ -55,6 +58,16 @@ def test_a_guide_that_is_refused_leaves_the_one_before(on: ArmInTheLoop) -> None
     assert controller.leading.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
     assert controller.leading.set_guide(GuideAxes(free=("x",)), "a person")
     assert controller.motion.guidance.axes == LINE
+
+
+def test_an_arm_whose_links_are_not_checked_takes_no_guide(on: ArmInTheLoop) -> None:
+    """Nor does it say that it has one."""
+    motion = build_motion(on.robot, links_trusted=False)
+    leading = Leading(ModeMachine(), motion, tuple(on.robot.configuration.joint_names))
+    (reason,) = leading.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
+    assert "links are not checked" in reason
+    assert not motion.guidance.axes.guides
+    assert not leading.set_guide(GuideAxes(), "a person")
 
 
 def test_doubt_begins_the_guide_anew(on: ArmInTheLoop) -> None:
