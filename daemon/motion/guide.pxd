@@ -9,9 +9,9 @@ from estimator.frame cimport Frame
 cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
-cdef Py_ssize_t _PASSES, _ACROSS, _ALONG, _EVERY, _HOLDING, _FREE, _DAMPED, _STIFF
+cdef Py_ssize_t _PASSES, _ACROSS, _EVERY, _HOLDING, _FREE, _DAMPED, _STIFF
 cdef double _ARM_M, _DAMPS, _SPRING_M_S, _SPRING_RAD_S, _SLIP_M
-cdef double _EASED, _LAGS_RAD_S, _LEAST, _NEARS_S, _FORESEEN_S, _NEAR, _TINY
+cdef double _LAGS_RAD_S, _LEAST, _NEARS_S, _FORESEEN_S, _NEAR
 
 cdef class Guide:
     cdef Py_ssize_t _n
@@ -30,7 +30,7 @@ cdef class Guide:
     cpdef void forget(self) noexcept
     @cython.locals(known=double)
     cpdef void begin(self, const double[:] q) noexcept
-    @cython.locals(known=double, rows=Py_ssize_t, more=Py_ssize_t, pivot=double, slowed=double, eased=double,
+    @cython.locals(known=double, rows=Py_ssize_t, more=Py_ssize_t, pivot=double, slowed=double, bounded=double,
                    gentle=double, whole=double)
     cpdef void step(
         self, const double[:] q, const double[:] moved, const double[:] sent,
@@ -38,21 +38,19 @@ cdef class Guide:
         const double[:, :] room, bint springs, double[::1] out
     ) noexcept
     cdef void _frame_alone(self, const double[:] gain) noexcept
-    @cython.locals(share=double)
-    cdef double _bounded(self, double eased) noexcept
+    @cython.locals(share=double, fastest=double)
+    cdef double _bounded(self) noexcept
     @cython.locals(square=double, most=double, way=double)
     cdef double _gentle(self) noexcept
     @cython.locals(f=Frame)
     cdef void _see(self) noexcept
     @cython.locals(off=double, kept=double, one=double, b=Py_ssize_t, c=Py_ssize_t)
     cdef void _measure(self, bint springs) noexcept
-    @cython.locals(r=BackRows, rows=Py_ssize_t, first=Py_ssize_t, last=Py_ssize_t, held=bint, damps=bint)
+    @cython.locals(r=BackRows, rows=Py_ssize_t, damps=bint)
     cdef Py_ssize_t _choose(self, Py_ssize_t which) noexcept
     @cython.locals(r=BackRows, v=double, way=double, moves=double)
     cdef Py_ssize_t _limit(
         self, Py_ssize_t rows, const double[:, :] room, double[::1] out
     ) noexcept
-    @cython.locals(rows=Py_ssize_t, along=double, left=double)
-    cdef double _eased(self, const double[:] gain) noexcept
     @cython.locals(falls=double, left=double)
     cdef double _slowed(self, double pivot, const double[:] gain, double[::1] out) noexcept

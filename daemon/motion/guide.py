@@ -10,9 +10,8 @@ Jacobian allow,
 as if each held direction pushed back through the same admittance as the hand. The projection is
 orthogonal in the metric K^-1, v'^T K^-1 v >= v'^T K^-1 v' >= 0: nothing is headed for against the
 residual r, wherever on the arm the hand is. All of v is made as slow as the fastest joint may be:
-bounded joint by joint it would be another direction. v' is made faster, by _EASED at most, as the
-way on a guide is the harder one. Only then comes the virtual mass, so that no velocity is made
-faster twice; what it leaves is projected, too.
+bounded joint by joint it would be another direction. So the arm is led no more easily than without
+a guide. Only then comes the virtual mass; what it leaves is projected, too.
 
 C is a damper's compliance: almost none where a direction is held, _DAMPS times its mobility where
 it is damped. A joint at the end of its room is one more row. A spring takes the tool back to where
@@ -44,10 +43,9 @@ _SPRING_M_S, _SPRING_RAD_S, _SLIP_M = 0.1, 0.3, 0.03
 # and that over which it is foreseen [s].
 _LEAST, _NEARS_S, _FORESEEN_S = 2e-3, 0.3, 0.05
 _LAGS_RAD_S = 0.15  # by which a drive is behind its setpoint as it speeds up
-_EASED = 3.0  # most that a guide moves the joints faster than the hand does without
-_NEAR, _TINY = 1e-9, 1e-12
+_NEAR = 1e-9
 _FREE, _DAMPED, _STIFF = FREE, DAMPED, STIFF  # for the compiler
-_ACROSS, _ALONG, _EVERY, _HOLDING = 0, 1, 2, 3
+_ACROSS, _EVERY, _HOLDING = 0, 1, 2
 
 
 class Guide:
@@ -119,9 +117,9 @@ class Guide:
         self._rows.push(rows, gain, self._rows.ahead, self._out)
         for i in range(self._n):
             self._out[i] = self._v[i] - self._out[i]
-        eased = self._bounded(self._eased(gain))
+        bounded = self._bounded()
         for i in range(self._n):
-            self._v[i] = before[i] + share[i] * (eased * self._out[i] - before[i])
+            self._v[i] = before[i] + share[i] * (bounded * self._out[i] - before[i])
         self._frame_alone(gain)
         rows = self._choose(_HOLDING)
         self._rows.factor(rows, gain)
@@ -155,18 +153,15 @@ class Guide:
             self._rows.ask(6, self._v)
             self._rows.push(6, gain, self._rows.ahead, self._v)
 
-    def _bounded(self, eased: float) -> float:
-        """Factor `eased`, times the share of the velocity that is asked for, `_v`, in which no
-        joint is faster than it may be; less where one would be in `_out`."""
+    def _bounded(self) -> float:
+        """Share of the velocity at which no joint is faster than it may be, neither as it is asked
+        for, `_v`, nor as it is projected, `_out`."""
         share = 1.0
         for i in range(self._n):
-            if share * abs(self._v[i]) > self._most[i]:
-                share = self._most[i] / abs(self._v[i])
-        eased *= share
-        for i in range(self._n):
-            if eased * abs(self._out[i]) > self._most[i]:
-                eased = self._most[i] / abs(self._out[i])
-        return eased
+            fastest = max(abs(self._v[i]), abs(self._out[i]))
+            if share * fastest > self._most[i]:
+                share = self._most[i] / fastest
+        return share
 
     def _gentle(self) -> float:
         """Share of the spring's velocity at which joints and tool are no faster than it may be."""
@@ -232,17 +227,14 @@ class Guide:
                 N[a, k] *= one
 
     def _choose(self, which: int) -> int:
-        """Rows A of the directions that are not free, of those in which the point is free, or its
-        turns where it is held, of every one, or of those that are held; returns their number."""
-        r, rows, first, last = self._rows, 0, 0, 6
-        if which == _ALONG:
-            held = self._kind[0] != _FREE and self._kind[1] != _FREE and self._kind[2] != _FREE
-            first, last = (3, 6) if held else (0, 3)
-        for a in range(first, last):
+        """Rows A of the directions that are not free, of every one, or of those that are held;
+        returns their number."""
+        r, rows = self._rows, 0
+        for a in range(6):
             damps = self._kind[a] == _DAMPED
             if damps and which == _HOLDING:
                 continue
-            if which == _EVERY or (self._kind[a] == _FREE) == (which == _ALONG):
+            if which == _EVERY or self._kind[a] != _FREE:
                 for i in range(self._n):
                     r.A[rows, i] = self._along[a, i]
                 r.c[rows] = _DAMPS if damps and which == _ACROSS else 0.0
@@ -270,24 +262,6 @@ class Guide:
                 r.c[rows], r.goal[rows], r.back[rows] = 0.0, v, 0.0
                 rows += 1
         return rows
-
-    def _eased(self, gain: Vector) -> float:
-        """Factor by which a hand along the free directions moves the tool as fast as without the
-        guide, on which its way is the harder one: the share of energy, of the part of the velocity
-        that is in these directions."""
-        for a in range(6):
-            if self._kind[a] == _DAMPED:
-                return 1.0  # it is to be harder
-        rows = self._choose(_ALONG)
-        self._rows.factor(rows, gain)
-        self._rows.ask(rows, self._v)
-        self._rows.push(rows, gain, self._rows.ahead, self._spring)
-        along = left = _TINY
-        for i in range(self._n):
-            if gain[i] > 0.0:
-                along += self._spring[i] * self._spring[i] / gain[i]
-                left += self._out[i] * self._out[i] / gain[i]
-        return min(max(along / left, 1.0), _EASED)
 
     def _slowed(self, pivot: float, gain: Vector, out: Vector) -> float:
         """Share of the velocity at which the held rows come no nearer to being dependent than they
