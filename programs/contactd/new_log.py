@@ -131,8 +131,8 @@ def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
     table = numbers_of(log, list(dict.fromkeys(named.values())), named["", "time"], topic)
     found = replace(guessed(named, table, ranges), topic=topic)
     if not found.joints:
-        raise LogError(f"{log}: no joint of {urdf.name} has a position, and a torque or current, "
-                       f"by the names of columns; {there}")  # fmt: skip
+        raise LogError(f"{log}: no joint of {urdf.name} ({', '.join(joints)}) has a position and a "
+                       f"torque or current, by the names of columns; {there}")  # fmt: skip
     return found
 
 
