@@ -89,8 +89,13 @@ class RobStrideSetup(Asking):
         return None
 
     def leave(self, drive: RobStrideDrive) -> None:
-        """Switch off a motor's watch on us. Raises DriveError."""
-        self._order(drive, write(drive.node, Parameter.TIMEOUT, 0))
+        """Switch off a motor's watch on us. Raises DriveError.
+
+        Not all models let it be read back, and a feedback may answer another frame: one may be
+        lost.
+        """
+        for _ in range(TRIES):
+            self._order(drive, write(drive.node, Parameter.TIMEOUT, 0))
 
     def _write(self, drive: RobStrideDrive, parameter: Parameter, value: float) -> Feedback:
         found = self._order(drive, write(drive.node, parameter, value))

@@ -330,3 +330,25 @@ def test_only_an_arm_that_was_not_left_holding_is_lowered_in_time(
     without_the_daemon(rig, 0.9)
     assert (without_the_daemon(rig, 4.0) > 0.1) is not left
     assert all(running(rig))
+
+
+class Lossy(dict[int, float]):
+    """Parameters of a motor that misses the first frame that switches its time-out off."""
+
+    missed = False
+
+    def __setitem__(self, parameter: int, value: float) -> None:
+        if parameter == m.TIMEOUT and value == 0 and not self.missed:
+            self.missed = True
+        else:
+            super().__setitem__(parameter, value)
+
+
+def test_a_lost_frame_leaves_no_motor_that_lets_go_after_the_end(arm: Broken) -> None:
+    rig = arm.rig
+    for motor in rig.arm.motors:
+        motor.parameters = Lossy(motor.parameters)
+    rig.enable()
+    with rig.lockstep.serving():
+        rig.drives.let_go()
+    assert [motor.parameters[m.TIMEOUT] for motor in rig.arm.motors] == [0] * len(rig.arm.motors)
