@@ -2,6 +2,7 @@
 
 import io
 import signal
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -368,14 +369,21 @@ def test_a_refused_path_is_drawn_where_two_shapes_would_meet(
         arm.changes = {"meeting": there}
         screen.shows("#meeting", "Refused: it leads through")
         screen.until("document.querySelector('#scene').dataset.meeting === 'hand table'")
-        screen.page.wait_for_timeout(500)
-        assert redness(screen) > before + 1000
+        assert drawn(screen, lambda red: red > before + 1000)
         screen.picture("refused")
         arm.changes = {}
         screen.hides("#meeting")
         screen.until("document.querySelector('#scene').dataset.meeting === ''")
-        screen.page.wait_for_timeout(500)
-        assert redness(screen) < before + 100
+        assert drawn(screen, lambda red: red < before + 100)
+
+
+def drawn(screen: Screen, true: Callable[[int], bool]) -> bool:
+    """True once that holds of the picture's redness, which a busy machine draws late."""
+    for _ in range(120):
+        if true(redness(screen)):
+            return True
+        screen.page.wait_for_timeout(250)
+    return False
 
 
 def redness(screen: Screen) -> int:
