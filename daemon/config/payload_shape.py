@@ -12,7 +12,7 @@ from estimator.model import Model
 from estimator.payload import Payload
 
 PAYLOAD: Final = "payload"
-"""Its name."""
+"""Name of that shape."""
 
 
 def with_payload(walls: Walls, payload: Payload, model: Model) -> Walls:

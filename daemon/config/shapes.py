@@ -31,7 +31,7 @@ MOST_PAIRS: Final = 150
 """Pairs that a tick, and the check of a path between two, have the time for."""
 MOST_CORNERS: Final = 16
 ROUNDING_M: Final = 1e-4
-"""By which figures of a file may be too small."""
+"""Rounding of figures in a file, which may be too small by it."""
 HEAD: Final = (
     "# Written by `contactd shapes`: capsules and corners of links, in their joint's frame (an\n"
     "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
