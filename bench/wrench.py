@@ -32,7 +32,6 @@ from bench.study.monte_carlo import spread
 from bench.study.world import Law
 from bench.study.wrench import FIRST_S, Job, Kind, run
 from bench.study.wrench_bound import most_decided
-from programs.command_line.options import Range
 
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 PRESSED: Final = tuple(kind for kind in KINDS if kind != "free")
@@ -181,9 +180,9 @@ def targets(
 
 
 @command(__doc__)
-@click.option("--arms", "count", type=Range(1, 200), default=10, help="Generated ones.")
+@click.option("--arms", "count", type=click.IntRange(1, 200), default=10, help="Generated ones.")
 @JOBS
-@click.option("--seed", type=Range(0, 100_000), default=700)
+@click.option("--seed", type=click.IntRange(0, 100_000), default=700)
 @FRICTION
 @click.option("--picture", type=click.Path(path_type=Path), help="Error over pose and speed.")
 def main(
