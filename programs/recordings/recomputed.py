@@ -6,7 +6,9 @@ were in force. Modes are not on the bus either: an arm whose drives are all enab
 holding. The faults are those that the daemon reported to the black box.
 """
 
+import contextlib
 import math
+import os
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -32,7 +34,7 @@ from drivers.api import DriveCondition, Samples
 from drivers.can.wire import frame_of
 from estimator.estimator import Estimator
 from programs.clients.log_writer import LogWriter
-from programs.recordings.row_cache import cache_directory, content_digest
+from programs.recordings.row_cache import cache_directory, content_digest, forget_oldest
 
 SERVICE_STATE: Final = Path("/var/lib/contactd")
 CAUSE: Final = "recomputed from frames: neither modes nor what was learned are on the bus"
@@ -95,6 +97,9 @@ def kept_recording(
         found = make()
         with whole_file(target) as partial:
             _write(partial, *found)
+        forget_oldest(target.parent.parent, keep=target.parent)
+    with contextlib.suppress(OSError):
+        os.utime(target.parent)  # used last
     return target
 
 

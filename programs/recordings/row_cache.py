@@ -36,7 +36,7 @@ from programs.recordings.rows import (
 PART: Final = 16384  # rows at once
 LAYOUT: Final = 4  # of the files
 PARTIAL_S: Final = 24 * 3600.0  # after which it is abandoned
-MOST_BYTES: Final = 4 << 30  # of all recordings
+MOST_BYTES: Final = 2 << 30  # of one kind of what is kept
 
 
 def cache_directory() -> Path:
@@ -78,7 +78,7 @@ class CachedRows:
                 self._folder = Path(self._passing.name)
                 _write_folder(path, self._folder, progress)
             header = _kept(self._folder)
-            _forget_oldest(root, keep=self._folder)
+            forget_oldest(root, keep=self._folder)
         if header is None:
             raise LogError(f"cannot keep what {path} holds in {self._folder}: another wrote there")
         self.header = header
@@ -198,8 +198,8 @@ def _write(
     return gatherer.header(broken.removeprefix(f"{path} "))
 
 
-def _forget_oldest(root: Path, keep: Path) -> None:
-    """Remove the columns that were used longest ago, beyond MOST_BYTES."""
+def forget_oldest(root: Path, keep: Path) -> None:
+    """Remove the folders below `root` that were used longest ago, beyond MOST_BYTES."""
     with contextlib.suppress(OSError):
         folders = sorted(root.glob("[!.]*"), key=lambda f: f.stat().st_mtime, reverse=True)
         total = 0

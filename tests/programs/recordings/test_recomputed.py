@@ -1,5 +1,7 @@
 """States from the black box's frames: the daemon's own samples, estimated anew, with its faults."""
 
+import os
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -138,6 +140,22 @@ def test_a_log_that_is_damaged_gets_one_line(run: tuple[Path, list[State]]) -> N
     with pytest.raises(LogError) as caught:
         as_recording(log)
     assert str(log) in str(caught.value)
+
+
+def test_what_was_used_longest_ago_is_forgotten(
+    run: tuple[Path, list[State]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = as_recording(run[0])
+    size, root = made.stat().st_size, made.parents[1]
+    for days in (1, 2):
+        other = root / f"{days}" / "log.mcap"
+        other.parent.mkdir()
+        other.write_bytes(bytes(size))
+        os.utime(other.parent, (days * 1e5, days * 1e5))
+    monkeypatch.setattr("programs.recordings.row_cache.MOST_BYTES", 2 * size)
+    shutil.rmtree(made.parent)
+    assert as_recording(run[0]) == made
+    assert {folder.name for folder in root.iterdir()} == {made.parent.name, "2"}
 
 
 def test_the_recording_is_one_of_ours(run: tuple[Path, list[State]]) -> None:
