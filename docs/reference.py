@@ -1,11 +1,11 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`schemas/` and the types of `contactd_client/` from the messages of the socket; `concepts/` from
-`drawings.py`; `programs/zenoh/type_hashes.py` from the definitions of ROS 2; the
-page's `troubleshooting.html` from the document of that name. `faults.md`, `modes.md`,
-`mistakes.md` and `rehearsing.md` are written by hand but for the parts between two
-markers, which come from what the program runs on.
+`schemas/` from the messages of the socket and `simulation.yaml`; the types of `contactd_client/`
+from those messages; `concepts/` from `drawings.py`; `programs/zenoh/type_hashes.py` from the
+definitions of ROS 2; the page's `troubleshooting.html` from the document of that name. `faults.md`
+and `modes.md` are written by hand but for the parts between two markers, which come from what the
+program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -19,14 +19,12 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from bench.study.mistakes import MISTAKES
 from daemon.config.schema import Configuration
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
-from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))  # of this checkout, and `docs` itself, which is in no wheel
@@ -72,19 +70,6 @@ def modes_page() -> str:
         "no change": _no_change(),
     }
     return filled(page, parts)
-
-
-def rehearsing_page() -> str:
-    """docs/rehearsing.md, with the schema of `simulation.yaml`."""
-    page = (DOCS / "rehearsing.md").read_text(encoding="utf-8")
-    sections = [_section(cls, fields) for cls, fields in structs_of(SimulationFile)]
-    return filled(page, {"schema": "\n".join(sections).rstrip().replace("## ", "### ")})
-
-
-def mistakes_page() -> str:
-    """docs/mistakes.md, with the mistakes that `contactd check` is tried with."""
-    page = (DOCS / "mistakes.md").read_text(encoding="utf-8")
-    return filled(page, {"mistakes": _mistakes()})
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:
@@ -187,19 +172,6 @@ def _reactions() -> str:
     return _table(("reaction", "event"), *rows)
 
 
-# --- mistakes -----------------------------------------------------------------------------------
-
-
-def _mistakes() -> str:
-    """Mistakes by the field at which they are reported."""
-    by_field: dict[str, list[str]] = {}
-    for mistake in MISTAKES:
-        field = "identify wiring" if mistake.only_wiring else mistake.field
-        by_field.setdefault(field, []).append(mistake.words)
-    rows = [(f"`{field}`", "; ".join(words)) for field, words in by_field.items()]
-    return _table(("reported at", "what is written"), *rows)
-
-
 # --- the schema -----------------------------------------------------------------------------------
 
 
@@ -279,8 +251,6 @@ PAGES = {
     "configuration": configuration_page,
     "faults": faults_page,
     "modes": modes_page,
-    "mistakes": mistakes_page,
-    "rehearsing": rehearsing_page,
 }
 
 
