@@ -66,7 +66,7 @@ class Levels(Settings, frozen=True):
     collision: Positive
     per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
     # Contact level that learning leaves at least, a fifth of `contact` to all [Nm]; by default all
-    # where `known` states it, else a fifth. `estimator.learning: false` leaves all.
+    # where `known` states it, else a fifth.
     least: Positive | None = None
 
 
@@ -100,9 +100,9 @@ class Joint(Settings, frozen=True):
     gap_spring: GapSpring = GapSpring()
     # Body that the joint moves, up to the next joints, in place of the URDF's.
     body: BodyInertia | None = None
-    # Steps of `contactd identify` that this joint does not need, each with the other source of its
-    # values: `{gap: "data sheet: none"}`. Without either, `arm` is refused. `thresholds` so stated
-    # win over identified ones. Leave it out of a copy for another arm.
+    # Steps of `contactd identify` that this joint does not need, each with the source of its
+    # values: `{gap: "data sheet: none"}`. `thresholds` so stated win over identified ones. Not for
+    # a copy for another arm.
     known: dict[ArmingStep, Name] = msgspec.field(default_factory=dict)
     # State of the joint when the daemon ends: `hold` leaves the drive in quick stop,
     # where it holds by itself; `brake` and `limp` switch its torque off.
