@@ -1,7 +1,7 @@
 """Messages of the daemon's sockets for programs that are not ours: JSON Schemas, and Python types.
 
-Made from `daemon/protocol/`, so that there is one definition. `make reference` writes
-them.
+Made from `daemon/protocol/`, so that there is one definition, by `make reference`; so is the schema
+of `simulation.yaml`.
 """
 
 import inspect
@@ -17,9 +17,12 @@ from daemon.protocol.replies import Reply
 from daemon.protocol.requests import COMMANDS, KINDS, Command, Request, fields_of
 from daemon.protocol.state import STATE_FORMAT, State
 from docs.fields import comments_of, inner_structs, structs_of
+from simulator.truth import SimulationFile
 
 #: Each with all that it holds: Status and Snapshot are in a reply.
-SCHEMAS: Final[dict[str, Any]] = {"request": Request, "reply": Reply, "state": State}
+SCHEMAS: Final[dict[str, Any]] = {
+    "request": Request, "reply": Reply, "state": State, "simulation": SimulationFile,
+}  # fmt: skip
 WIDTH: Final = 100
 
 REQUESTS_HEAD: Final = '''"""Requests to the daemon's sockets, as the dictionaries that JSON makes.
@@ -58,7 +61,8 @@ def schema(cls: Any) -> str:
 
 
 def _portable(value: Any) -> Any:
-    """Patterns as ECMA 262 has them: the end of the text is $ there, and \\Z means nothing."""
+    """Patterns as ECMA 262 has them: the end of the text is $ there, and \\Z means nothing. Whole
+    numbers without a point: `typing` takes a bound of 7 for one of 7.0 that it met before."""
     match value:
         case dict():
             return {
@@ -67,6 +71,8 @@ def _portable(value: Any) -> Any:
             }
         case list():
             return [_portable(inner) for inner in value]
+        case float() if value.is_integer():
+            return int(value)
     return value
 
 

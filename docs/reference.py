@@ -1,11 +1,11 @@
 """Writer of the reference pages from the code: `python docs/reference.py`, or `make reference`.
 
 `configuration.md` comes from the schema, its bounds, and the comments beside its fields;
-`schemas/` and the types of `contactd_client/` from the messages of the socket; `concepts/` from
-`drawings.py`; `programs/zenoh/type_hashes.py` from the definitions of ROS 2; the
-page's `troubleshooting.html` from the document of that name. `faults.md`, `modes.md`,
-`mistakes.md`, `recording.md` and `rehearsing.md` are written by hand but for the parts between two
-markers, which come from what the program runs on.
+`schemas/` from the messages of the socket and `simulation.yaml`; the types of `contactd_client/`
+from those messages; `concepts/` from `drawings.py`; `programs/zenoh/type_hashes.py` from the
+definitions of ROS 2; the page's `troubleshooting.html` from the document of that name. `faults.md`
+and `modes.md` are written by hand but for the parts between two markers, which come from what the
+program runs on.
 tests/docs/test_reference.py says when to run it again.
 """
 
@@ -19,15 +19,12 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from bench.study.mistakes import MISTAKES
 from daemon.config.schema import Configuration
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.symptoms import SECTION_OF
 from daemon.faults.table import TABLE
 from daemon.modes.contact_reactions import EVENT_OF
 from daemon.modes.table import DISARMING, TRANSITIONS, Event, Mode
-from daemon.protocol.state import Snapshot, State
-from simulator.truth import SimulationFile
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS.parent))  # of this checkout, and `docs` itself, which is in no wheel
@@ -43,9 +40,10 @@ MADE = "<!-- Made from the code by `make reference`: change it there. -->\n"
 CONFIGURATION = """
 # Reference of `config.yaml`
 
-One file describes one arm. `contactd check` judges it without touching the bus; every refusal names
+One file describes one arm. `contactd check` judges it without touching the bus; a refusal names
 file, line, field, value and what is allowed. Unknown keys are refused. SI units at the link side
-unless a name says otherwise. A field without a default must be given.
+unless a name says otherwise. Keys in bold are required; `(0, 20]; 0.5` is above 0, at most 20, by
+default 0.5.
 """
 
 
@@ -74,25 +72,6 @@ def modes_page() -> str:
     return filled(page, parts)
 
 
-def recording_page() -> str:
-    """docs/recording.md, with the messages of a recording."""
-    page = (DOCS / "recording.md").read_text(encoding="utf-8")
-    return filled(page, {"messages": _messages()})
-
-
-def rehearsing_page() -> str:
-    """docs/rehearsing.md, with the schema of `simulation.yaml`."""
-    page = (DOCS / "rehearsing.md").read_text(encoding="utf-8")
-    sections = [_section(cls, fields) for cls, fields in structs_of(SimulationFile)]
-    return filled(page, {"schema": "\n".join(sections).rstrip().replace("## ", "### ")})
-
-
-def mistakes_page() -> str:
-    """docs/mistakes.md, with the mistakes that `contactd check` is tried with."""
-    page = (DOCS / "mistakes.md").read_text(encoding="utf-8")
-    return filled(page, {"mistakes": _mistakes()})
-
-
 def filled(page: str, parts: Mapping[str, str]) -> str:
     """The page with new text between the markers of each part.
 
@@ -118,15 +97,12 @@ def _table(*rows: tuple[str, ...]) -> str:
 
 
 def _overview() -> str:
-    rows = [
-        (
-            f"[{condition}](#{condition.replace(' ', '-')})",
-            _in_words(row.response),
-            f"`{row.check}`",
-        )
-        for condition, row in TABLE.items()
-    ]
-    return _table(("condition", "response", "arming check"), *rows)
+    """Conditions by their response."""
+    links: dict[Response, list[str]] = {response: [] for response in Response}
+    for condition, row in TABLE.items():
+        links[row.response].append(f"[{condition}](#{condition.replace(' ', '-')})")
+    rows = [(_in_words(response), ", ".join(names)) for response, names in links.items()]
+    return _table(("response", "conditions"), *rows)
 
 
 def _conditions() -> str:
@@ -134,14 +110,14 @@ def _conditions() -> str:
 
 
 def _condition(condition: Condition) -> str:
-    """A section to look up: the words of a fault, and its row; the overview has its check."""
+    """A section to look up: the words of a fault, and its row."""
     row = TABLE[condition]
     return (
         f"### {condition}\n\n"
-        f"**{_in_words(row.response).capitalize()}.**\n\n"
-        f"- *When:* {row.when}.\n"
-        f"- *Why:* {row.why}.\n"
-        f"- *Do:* {_linked(row.advice)}. "
+        f"**{_in_words(row.response).capitalize()}** (`{row.check}`).\n\n"
+        f"*When:* {row.when}.\n\n"
+        f"*Why:* {row.why}.\n\n"
+        f"*Do:* {_linked(row.advice)}. "
         f"[More](troubleshooting.md#{SECTION_OF[condition]})."
     )
 
@@ -196,118 +172,85 @@ def _reactions() -> str:
     return _table(("reaction", "event"), *rows)
 
 
-# --- recordings ---------------------------------------------------------------------------------
-
-
-def _messages() -> str:
-    """Every message of a recording, field by field."""
-    kinds = [cls for first in (Snapshot, State) for cls, _ in structs_of(first)]
-    return "\n\n".join(_message(cls) for cls in dict.fromkeys(kinds))
-
-
-def _message(cls: type) -> str:
-    said = comments_of(cls)
-    info = types.type_info(cls)
-    assert isinstance(info, types.StructType)
-    rows = [(f"`{f.encode_name}`", _words(f.type), said.get(f.name, "")) for f in info.fields]
-    table = _table(("field", "value", "meaning"), *rows)
-    return f"### {cls.__name__}\n\n{inspect.getdoc(cls) or ''}\n\n{table}"
-
-
-# --- mistakes -----------------------------------------------------------------------------------
-
-
-def _mistakes() -> str:
-    rows = [
-        (mistake.words, "`identify wiring`" if mistake.only_wiring else f"`{mistake.field}`")
-        for mistake in MISTAKES
-    ]
-    return _table(("what is written", "reported at"), *rows)
-
-
 # --- the schema -----------------------------------------------------------------------------------
 
 
 def _section(cls: type, fields: tuple[types.Field, ...]) -> str:
     said = comments_of(cls)
     title = "The file" if cls is Configuration else cls.__name__
-    rows = [
-        (f"`{f.encode_name}`", _words(f.type), _default(f), said.get(f.name, "")) for f in fields
-    ]
-    table = _table(("key", "value", "default", "meaning"), *rows)
+    rows = [(_key(f), _words(f.type) + _default(f), said.get(f.name, "")) for f in fields]
+    table = _table(("key", "value", "meaning"), *rows) if rows else ""
     return f"## {title}\n\n{inspect.getdoc(cls) or ''}\n\n{table}\n"
 
 
+def _key(field: types.Field) -> str:
+    """Name of a field, in bold if it has no default."""
+    return f"**`{field.encode_name}`**" if field.required else f"`{field.encode_name}`"
+
+
 def _default(field: types.Field) -> str:
-    if field.default is msgspec.NODEFAULT and field.default_factory is msgspec.NODEFAULT:
-        return "must be given"
-    value = field.default if field.default is not msgspec.NODEFAULT else field.default_factory()
-    if value is None:
-        return "none"
-    if isinstance(value, msgspec.Struct):
-        return "its defaults"
-    if isinstance(value, tuple | list | dict):
-        return "empty" if not value else ", ".join(f"`{_plain(item)}`" for item in value)
-    return f"`{_plain(value)}`"
+    """Default that is a value: not none, nothing, or a struct of defaults."""
+    value = field.default
+    if value in (msgspec.NODEFAULT, None, "", ()) or isinstance(value, msgspec.Struct):
+        return ""
+    shown = value if isinstance(value, tuple) else (value,)
+    return "; " + ", ".join(f"`{_plain(item)}`" for item in shown)
 
 
 def _plain(value: Any) -> str:
     if isinstance(value, msgspec.Struct):
-        names = {k: v for k, v in msgspec.structs.asdict(value).items() if v is not None}
+        names = {k: v for k, v in msgspec.structs.asdict(value).items() if v not in (None, "")}
         return "{" + ", ".join(f"{k}: {_plain(v)}" for k, v in names.items()) + "}"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _words(kind: types.Type) -> str:  # noqa: PLR0911, PLR0912 - a line for each kind
-    """A type and its bounds, for people."""
+def _words(kind: types.Type) -> str:  # noqa: PLR0911 - a line for each kind
+    """A type and its bounds, for people; not that it may be none."""
     match kind:
         case types.StructType():
             return f"[{kind.cls.__name__}](#{kind.cls.__name__.lower()})"
         case types.IntType():
-            return "whole number" + _bounds(kind)
+            return "integer" + _bounds(kind)
         case types.FloatType():
             return "number" + _bounds(kind)
         case types.StrType():
             return "text"
         case types.BoolType():
-            return "`true` or `false`"
+            return "`true`, `false`"
         case types.LiteralType():
-            return " or ".join(f"`{value}`" for value in kind.values)
+            return ", ".join(f"`{value}`" for value in kind.values)
         case types.EnumType():
-            return " or ".join(f"`{member.value}`" for member in kind.cls)
-        case types.AnyType():
-            return "anything"
-        case types.NoneType():
-            return "none"
+            return ", ".join(f"`{member.value}`" for member in kind.cls)
         case types.UnionType():
-            return ", or ".join(_words(part) for part in kind.types)
+            return ", ".join(_words(p) for p in kind.types if not isinstance(p, types.NoneType))
         case types.ListType() | types.VarTupleType():
             return f"list of {_words(kind.item_type)}"
         case types.DictType():
             return f"by {_words(kind.key_type)}: {_words(kind.value_type)}"
         case types.TupleType():
-            return f"list of {len(kind.item_types)}: {_words(kind.item_types[0])}"
+            return f"{len(kind.item_types)} of {_words(kind.item_types[0])}"
     raise NotImplementedError(kind)
 
 
 def _bounds(kind: types.IntType | types.FloatType) -> str:
+    """Interval of a number, or its one bound."""
     low = kind.gt if kind.gt is not None else kind.ge
     high = kind.lt if kind.lt is not None else kind.le
-    words = []
-    if low is not None:
-        words.append(f"{'>' if kind.gt is not None else '>='} {low:.10g}")
-    if high is not None:
-        words.append(f"{'<' if kind.lt is not None else '<='} {high:.10g}")
-    return " " + " and ".join(words) if words else ""
+    match low, high:
+        case None, None:
+            return ""
+        case _, None:
+            return f" {'>' if kind.gt is not None else '>='} {low:.10g}"
+        case None, _:
+            return f" {'<' if kind.lt is not None else '<='} {high:.10g}"
+    opening, closing = "(" if kind.gt is not None else "[", ")" if kind.lt is not None else "]"
+    return f" {opening}{low:.10g}, {high:.10g}{closing}"
 
 
 PAGES = {
     "configuration": configuration_page,
     "faults": faults_page,
     "modes": modes_page,
-    "recording": recording_page,
-    "mistakes": mistakes_page,
-    "rehearsing": rehearsing_page,
 }
 
 

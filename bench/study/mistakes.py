@@ -1,6 +1,6 @@
 """Mistakes that owners make, planted one at a time into the files of an arm that has none.
 
-Each says what the owner did, in words for docs/mistakes.md, and the field at which `contactd check`
+Each says what the owner did, in words, and the field at which `contactd check`
 must say so. The last ones agree with everything that is written: only the arm itself can tell, and
 `contactd identify wiring` does.
 """

@@ -66,7 +66,7 @@ class Levels(Settings, frozen=True):
     collision: Positive
     per_speed: NotNegative = 0.0  # both grow by this times the motor's speed [Nm s/rad]
     # Contact level that learning leaves at least, a fifth of `contact` to all [Nm]; by default all
-    # where `known` states it, else a fifth. `estimator.learning: false` leaves all.
+    # where `known` states it, else a fifth.
     least: Positive | None = None
 
 
@@ -100,9 +100,9 @@ class Joint(Settings, frozen=True):
     gap_spring: GapSpring = GapSpring()
     # Body that the joint moves, up to the next joints, in place of the URDF's.
     body: BodyInertia | None = None
-    # Steps of `contactd identify` that this joint does not need, each with the other source of its
-    # values: `{gap: "data sheet: none"}`. Without either, `arm` is refused. `thresholds` so stated
-    # win over identified ones. Leave it out of a copy for another arm.
+    # Steps of `contactd identify` that this joint does not need, each with the source of its
+    # values: `{gap: "data sheet: none"}`. `thresholds` so stated win over identified ones. Not for
+    # a copy for another arm.
     known: dict[ArmingStep, Name] = msgspec.field(default_factory=dict)
     # State of the joint when the daemon ends: `hold` leaves the drive in quick stop,
     # where it holds by itself; `brake` and `limp` switch its torque off.
@@ -190,7 +190,7 @@ class Stream(Settings, frozen=True):
 class FaultSettings(Settings, frozen=True):
     """Bounds and times beyond which something is a fault (faults.md)."""
 
-    stale_ticks: Ticks = 3  # ticks without the TPDOs of a drive
+    stale_ticks: Ticks = 3  # ticks in a row without a drive's TPDOs, or with a disturbed bus
     overrun_ticks: Ticks = 5  # deadlines missed in a row
     # Until every drive is in operation, else off.
     enable_timeout_s: Annotated[float, Meta(gt=0, le=60)] = 3.0
@@ -202,7 +202,8 @@ class FaultSettings(Settings, frozen=True):
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
     # Largest deviation of a motor's speed from its setpoints while its current does not push it
-    # towards them: times limits.velocity. A soft velocity loop needs more (porting.md, step 8).
+    # towards them: times limits.velocity. A soft velocity loop needs more (porting.md, step 8); 10 is
+    # never.
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 

@@ -12,7 +12,7 @@ from daemon.protocol.state import SideName
 from docs.commands import pages
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-ROWS = re.findall(r"^\| (\*\*.+?) \| (.+) \|$", (DOCS / "glossary.md").read_text(), re.MULTILINE)
+ROWS = re.findall(r"^- (\*\*.+?\*\*): (.+)$", (DOCS / "glossary.md").read_text(), re.MULTILINE)
 WORDS = [word for cell, _ in ROWS for word in re.findall(r"\*\*(.+?)\*\*", cell)]
 
 
