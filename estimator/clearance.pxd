@@ -14,13 +14,14 @@ cdef class Clearance:
     cdef readonly Py_ssize_t n
     cdef readonly object pairs
     cdef readonly long long[::1] pair, whole
-    cdef readonly double[::1] gap
+    cdef readonly double[::1] gap, least
     cdef readonly double[:, ::1] gradient
     cdef long long[::1] _parent, _row, _body, _kind, _first, _second
     cdef double[:, :, ::1] _fixed, _sine, _versine, _R, _local, _segment, _axes
     cdef double[:, ::1] _offset, _turning, _sliding, _p, _w, _s, _plane, _centre, _half
     cdef double[::1] _radius, _x, _y, _normal, _lower
 
+    @cython.locals(row=Py_ssize_t, k=Py_ssize_t)
     cpdef void at(self, const double[:] q) noexcept
     @cython.locals(parent=Py_ssize_t, s=double, versine=double, turned=double)
     cdef void _outward(self, Py_ssize_t i, double q) noexcept

@@ -36,7 +36,8 @@ class Clearance:
 
     `at` writes `gap` (rows,) [m] and `gradient` (rows, n) [m/rad]. The rows of a pair lie together,
     and `pair` (rows,) is its number; the smallest of them is the gap of the pair. Pairs of the same
-    names are parts of one: `whole` (rows,) is the number of its first.
+    names are parts of one: `whole` (rows,) is the number of its first, where `least` (pairs,) [m]
+    has its gap.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class Clearance:
         self.pair = np.repeat(np.arange(len(pairs)), [_ROWS[kind] for kind in kinds])
         names = [frozenset((one.name, other.name)) for one, other in pairs]
         self.whole = np.array([names.index(names[k]) for k in self.pair], dtype=np.int64)
-        self.gap = np.zeros(len(self.pair))
+        self.gap, self.least = np.zeros(len(self.pair)), np.zeros(len(pairs))
         self.gradient = np.zeros((len(self.pair), n))
         self._x, self._y, self._normal, self._lower = np.zeros((4, 3))
 
@@ -99,6 +100,11 @@ class Clearance:
                 row = self._beside_plane(row, self._first[k], self._second[k])
             else:
                 row = self._beside_box(row, self._first[k], self._second[k])
+        for k in range(self.least.shape[0]):
+            self.least[k] = 1e300
+        for row in range(self.gap.shape[0]):
+            k = self.whole[row]
+            self.least[k] = min(self.least[k], self.gap[row])
 
     def _outward(self, i: int, q: float) -> None:
         """Joint i in the root's frame, from its parent."""
@@ -174,8 +180,8 @@ class Clearance:
         return 0.5 * (low + high)
 
     def _lean(self, k: int, m: int, t: float) -> None:
-        """Where it is deepest in a box it may be as far from two faces: there the normal is that
-        between both along which the distance changes, across the segment; none of two opposite."""
+        """Normal at the deepest place in a box, which may be as far from two faces: that between
+        both along which the distance changes, across the segment; none between opposite ones."""
         low, lean = self._slope(k, m, t - _BESIDE), self._lower
         for a in range(3):
             lean[a] = self._normal[a]

@@ -15,7 +15,7 @@ cdef class Walls:
     cdef readonly Py_ssize_t nearest
     cdef readonly double distance
     cdef readonly bint slows
-    cdef double[::1] _acceleration, _most, _moved, _room, _deepest, _inside
+    cdef double[::1] _acceleration, _most, _moved, _room, _deepest
     cdef long long[::1] _active
     cdef double _reaction_s, _margin
 

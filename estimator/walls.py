@@ -51,7 +51,7 @@ class Walls:
         self._margin = margin
         self._active = np.zeros(rows, dtype=np.int64)
         self._most, self._moved = np.zeros(rows), np.zeros(clearance.n)
-        self._room, self._deepest, self._inside = np.zeros((3, rows))
+        self._room, self._deepest = np.zeros((2, rows))
         self.nearest, self.distance, self.slows = -1, 1e300, False
 
     def bound(self, q: Vector, moved: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
@@ -98,7 +98,7 @@ class Walls:
             closing = used = 0.0
             pair = c.whole[row]
             gap = self._room[row]
-            if self._inside[pair] < 0.0 and self._room[row] > self._deepest[pair]:
+            if c.least[pair] < 0.0 and self._room[row] > self._deepest[pair]:
                 gap = self._room[row] - self._deepest[pair]
             for i in range(c.n):
                 g = c.gradient[row, i]
@@ -113,10 +113,10 @@ class Walls:
         return active
 
     def _measure(self, play: Matrix) -> None:
-        """Gap of each row less margin and play [m]; of each pair the least, with and without."""
+        """Gap of each row, and the least of each pair, less margin and play [m]."""
         c = self.clearance
         for row in range(c.gap.shape[0]):
-            self._inside[row] = self._deepest[row] = 1e300
+            self._deepest[row] = 1e300
         for row in range(c.gap.shape[0]):
             if c.gap[row] < self.distance:
                 self.nearest, self.distance = row, c.gap[row]
@@ -125,7 +125,6 @@ class Walls:
                 g = c.gradient[row, i]
                 self._room[row] -= g * play[0, i] if g > 0.0 else -g * play[1, i]
             pair = c.whole[row]
-            self._inside[pair] = min(self._inside[pair], c.gap[row])
             self._deepest[pair] = min(self._deepest[pair], self._room[row])
 
     def _funnel(self, gap: float, A: float) -> float:

@@ -11,7 +11,6 @@ from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import ROUNDING, JointPath, Place, stands
 from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput
-from estimator.clearance import Clearance
 from estimator.walls import Walls
 
 # Largest distance from its first sample at which a recorded trajectory may begin [rad].
@@ -118,11 +117,11 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeti
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
     end = min(path.duration, s + ENDLESS_S)
     clearance.at(q)
-    least, origin = np.minimum(_gaps(clearance), 0.0) - ROUNDING, q - path.offset(s)
+    least, origin = np.minimum(clearance.least, 0.0) - ROUNDING, q - path.offset(s)
     for at_s in np.linspace(s, end, PLACES).tolist() if path.fastest(s).any() else []:
         there = origin + path.offset(at_s)
         clearance.at(there)
-        gaps = _gaps(clearance)
+        gaps = np.asarray(clearance.least)
         pair = int(np.argmin(gaps - least))
         if (gap := gaps[pair]) >= least[pair]:
             least = np.maximum(least, np.minimum(gaps, 0.0) - ROUNDING)
@@ -136,13 +135,6 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeti
             way = f"go first where it comes out, correct {SHAPES_FILES}, or move it without power"
         text = f"{path.name} leads {f' {through} '.join(names)}{depth} at {at_s:.1f} s: {way}"
         yield Meeting(pair=names, position=there.tolist(), text=text)
-
-
-def _gaps(clearance: Clearance) -> Vector:
-    """Least gap of each pair [m], at the number of its first part; infinite at the others."""
-    gaps = np.full(len(clearance.pairs), np.inf)
-    np.minimum.at(gaps, clearance.whole, clearance.gap)
-    return gaps
 
 
 def way_to(joints: Sequence[str], there: Vector) -> str:

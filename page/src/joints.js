@@ -52,7 +52,9 @@ export class Joints {
   }
 
   learned(found) {
-    this.#cards.forEach((card, i) => card.learned(learned(found, i)));
+    const texts = this.#cards.map((_, i) => learned(found, i));
+    // All have the line or none, else curves beside each other differ in height.
+    this.#cards.forEach((card, i) => card.learned(texts[i], texts.some(Boolean)));
   }
 }
 
@@ -145,8 +147,8 @@ class Card {
     this.#energised = words.mode !== "off" && words.mode !== "enabling";
   }
 
-  learned(text) {
-    show(this.#parts.learned, text !== "");
+  learned(text, lined) {
+    show(this.#parts.learned, lined);
     say(this.#parts.learned, text);
   }
 
