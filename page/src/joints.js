@@ -52,9 +52,7 @@ export class Joints {
   }
 
   learned(found) {
-    const texts = this.#cards.map((_, i) => learned(found, i));
-    // All have the line or none, else curves beside each other differ in height.
-    this.#cards.forEach((card, i) => card.learned(texts[i], texts.some(Boolean)));
+    this.#cards.forEach((card, i) => card.learned(learned(found, i)));
   }
 }
 
@@ -147,8 +145,8 @@ class Card {
     this.#energised = words.mode !== "off" && words.mode !== "enabling";
   }
 
-  learned(text, lined) {
-    show(this.#parts.learned, lined);
+  learned(text) {
+    show(this.#parts.learned, text !== "");
     say(this.#parts.learned, text);
   }
 
