@@ -41,7 +41,7 @@ _PASSES = 4  # joints that end their room make others turn further
 _SPRING_M_S, _SPRING_RAD_S, _SLIP_M = 0.1, 0.3, 0.03
 # Least mobility of a row beside those before it, over their mean; time in which it is approached,
 # and that over which it is foreseen [s].
-_LEAST, _NEARS_S, _FORESEEN_S = 2e-3, 0.3, 0.05
+_LEAST, _CREEPS, _NEARS_S, _FORESEEN_S = 2e-3, 1e-7, 0.3, 0.05
 _LAGS_RAD_S = 0.15  # by which a drive is behind its setpoint as it speeds up
 _NEAR = 1e-9
 _FREE, _DAMPED, _STIFF = FREE, DAMPED, STIFF  # for the compiler
@@ -270,5 +270,5 @@ class Guide:
             self._q[i] += _FORESEEN_S * out[i]
         self._see()
         falls = (pivot - self._rows.factor(self._choose(_ACROSS), gain)) / _FORESEEN_S
-        left = max(pivot - _LEAST, 0.0)
+        left = max(pivot - _LEAST, _CREEPS)  # and on its end no jump between standing and leaving
         return float(left / (_NEARS_S * falls)) if falls * _NEARS_S > left else 1.0
