@@ -416,7 +416,7 @@ def test_rows_about_to_become_dependent_are_a_soft_wall_that_may_be_left() -> No
 def test_where_a_held_row_is_nearly_zero_it_does_not_chatter(
     folder: Path, kinds: tuple[int, ...], near: float
 ) -> None:
-    """Neither of an arm that cannot leave the plane where it begins, nor of one that is straight."""
+    """Neither of an arm that cannot leave the plane where it begins, nor of a straight one."""
     robot = load_robot(folder)
     model, limits = robot.model, limits_of(robot.configuration)
     gain = np.array([joint.admittance_gain for joint in robot.configuration.joints])
