@@ -40,7 +40,7 @@ cdef class Guide:
     cdef void _frame_alone(self, const double[:] gain) noexcept
     @cython.locals(share=double, fastest=double)
     cdef double _bounded(self) noexcept
-    @cython.locals(square=double, most=double, way=double)
+    @cython.locals(square=double, most=double, way=double, share=double, gentle=double)
     cdef double _gentle(self) noexcept
     @cython.locals(f=Frame)
     cdef void _see(self) noexcept

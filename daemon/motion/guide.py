@@ -164,16 +164,20 @@ class Guide:
         return share
 
     def _gentle(self) -> float:
-        """Share of the spring's velocity at which joints and tool are no faster than it may be."""
-        square, most = 0.0, _SPRING_RAD_S
+        """Share of the spring's velocity at which joints and tool are no faster than it may be, and
+        no drive is asked for much that a hand pushes back."""
+        square, most, share = 0.0, _SPRING_RAD_S, 1.0
         for i in range(self._n):
             most = max(most, abs(self._spring[i]))
+            if self._spring[i] * self._moved[i] < 0.0:
+                share = min(share, max(1.0 - abs(self._moved[i]) / _SPRING_RAD_S, 0.0))
         for a in range(3):
             way = 0.0
             for i in range(self._n):
                 way += self._along[a, i] * self._spring[i]
             square += way * way
-        return float(min(_SPRING_RAD_S / most, _SPRING_M_S / max(sqrt(square), _SPRING_M_S)))
+        gentle = min(_SPRING_RAD_S / most, _SPRING_M_S / max(sqrt(square), _SPRING_M_S))
+        return float(share * gentle)
 
     def _see(self) -> None:
         """Rows of the frame at the pose `_q`, along the guide's axes."""
