@@ -206,6 +206,22 @@ def test_the_spring_brings_back_slowly_what_a_hand_pushed_off(
             np.testing.assert_array_equal(v, still)
 
 
+@pytest.mark.parametrize(("back", "share"), [(0.0, 1.0), (0.15, 0.5), (0.3, 0.0), (0.5, 0.0)])
+def test_the_spring_asks_less_of_a_drive_that_a_hand_pushes_back(
+    arm: tuple[Model, Vector, Vector, Vector], back: float, share: float
+) -> None:
+    """And the same of one that goes its way."""
+    model, gain, middle, half = arm
+    q0, still = middle + 0.3 * half, np.zeros(model.n)
+    led = Led(model, gain, SHAPES["point"])
+    led(q0, still)
+    q = q0 + np.linalg.pinv(model.tool_jacobian(q0)) @ (0.01 * model.axes(q0)[:, 1])
+    spring = led(q, still)
+    moved = -back * np.sign(spring) * (np.abs(spring) == np.abs(spring).max())
+    np.testing.assert_allclose(led(q, still, moved=moved, sent=still), share * spring, atol=1e-9)
+    np.testing.assert_allclose(led(q, still, moved=-moved, sent=still), spring, atol=1e-9)
+
+
 def test_leads_no_faster_than_without_where_it_is_free_and_slower_where_it_is_damped(
     arm: tuple[Model, Vector, Vector, Vector],
 ) -> None:
