@@ -3,10 +3,10 @@
     python -m bench.makes [--arm FOLDER] [--touches N] [--seed S] [--json]
 
 Both arms run in lockstep, with one trajectory and seed. Steps of twice a joint's level in force
-at that moment, in motion, begin anywhere in a tick; each joint has one, then both daemons begin anew:
-they remember what interrupts again and again at one place. A delay is until the arm yields, one that
-is missed counts as infinite, and those of which one arm made a fault (too fast, in a light joint)
-are left out of both. `drop` is that of the tool of a raised arm, at most: in the two seconds
+at that moment, in motion, begin anywhere in a tick. Each joint has one, then both daemons begin
+anew: they remember what interrupts again and again at one place. A delay is until the arm yields,
+one that is missed counts as infinite, and those of which one arm made a fault (too fast, in a light
+joint) are left out of both. `drop` is that of the tool of a raised arm, at most: in the two seconds
 after it was switched off in order, and in the five after its daemon was killed while it held, with
 the guardian and, to compare, without.
 """
