@@ -29,10 +29,10 @@ from programs.identify.stated_levels import source, unused
 
 TRAVEL_WORDS = (
     "until found: until the fault is detected. in the stops: while they are commanded, ever more "
-    "strongly. master missed: until the drive misses the master's heartbeat. in all: the sum, of a "
-    "drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
+    "strongly. master missed: until a drive that hears nothing of contactd acts. in all: the sum, "
+    "of a drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
     "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
-    "stop"
+    "stop; falls: it lets go instead"
 )
 
 
