@@ -43,16 +43,16 @@ def ends_strokes(joint: str) -> ContactWarning:
 
 
 def level_below_friction(joint: Joint, friction: float) -> tuple[str, ...]:
-    """Sentence on the level to begin with, where friction [Nm] was seen that the configuration does
-    not know, and its level would take for a touch; else none."""
+    """Sentence on the level to begin with, where slow friction [Nm] was seen that the configuration
+    does not know, and its level would take for a touch; else none. In faster motion it is more."""
     known = joint.friction.motor_coulomb + joint.friction.link_coulomb
     level, off = joint.thresholds.contact, friction - known
     if not off > _OF_LEVEL * level:
         return ()
     return (
         f"{joint.name} rubs with {friction:.2g} Nm, {known:.2g} by the configuration: set its "
-        f"thresholds.contact to {level + off:.2g} until `contactd identify thresholds`, or motion "
-        "is taken for a touch",
+        f"thresholds.contact to {level + 2.0 * off:.2g} until `contactd identify thresholds`, or "
+        "motion is taken for a touch",
     )
 
 

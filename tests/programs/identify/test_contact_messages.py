@@ -51,7 +51,7 @@ def test_a_joint_that_is_touched_again_is_named_once_in_a_motion_of_the_wiring()
 
 
 @pytest.mark.parametrize(
-    ("rubs", "level"), [(0.4, None), (0.59, None), (0.67, "0.82"), (3.35, "3.5"), (math.nan, None)]
+    ("rubs", "level"), [(0.4, None), (0.59, None), (0.67, "1.1"), (3.35, "6.5"), (math.nan, None)]
 )
 def test_friction_that_no_draft_knew_asks_for_a_level(rubs: float, level: str | None) -> None:
     """Half of the level of 0.5 Nm is left to friction beyond 0.35 Nm."""
