@@ -416,7 +416,8 @@ def test_a_joint_that_sets_out_after_a_minute_of_rest_is_at_its_stated_level(
     estimator, zero = build(load_robot(ROMEO)), np.zeros(7)
     memory = estimator.memory()
     memory["learning"]["squares_s"] = [0.0] * 7  # it had needed half of its level
-    memory["learning"]["peak"] = [0.5 / 1.5] * 7
+    memory["learning"]["peak"] = [0.5 / 1.6] * 7
+    memory["learning"]["carried_s"] = [1e4] * 7  # in any pose
     estimator.restore(memory)
     for _ in range(round(rested_s / 0.01)):
         estimator.step(zero, zero, zero, zero)
