@@ -3,7 +3,7 @@
     python -m bench.detection [--minutes N] [--step-minutes N] [--jobs N] [--seed N]
                               [--friction smooth|dahl|lugre|all]
                               [--motor-position measured|integrated] [--gears CONDITION]
-                              [--no-link-encoder] [--json]
+                              [--no-link-encoder] [--robot FOLDER] [--json]
 
 Simulated minutes per kind of friction: --minutes without contact, --step-minutes with steps of
 torque on single joints in motion, half as many with steps at rest. A new arm comes every minute, of
@@ -19,6 +19,7 @@ smallest step is that at the lowest levels for which the contact-free minutes ra
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
@@ -39,12 +40,13 @@ MotorPosition = Literal["measured", "integrated"]
 
 
 def jobs(
-    minutes: float, step_minutes: float, seed: int, laws: Sequence[Law], **alike: Any
-) -> list[Job]:
+    minutes: float, step_minutes: float, seed: int, laws: Sequence[Law], robot: Path = ROMEO,
+    **alike: Any,
+) -> list[Job]:  # fmt: skip
     """A new arm every minute; the same seeds for either friction. alike: of all of them."""
     free, stepped = max(1, round(minutes)), max(1, round(step_minutes))
     return [
-        Job(ROMEO, kind, friction, 1000 * seed + arm, seconds, **alike)
+        Job(robot, kind, friction, 1000 * seed + arm, seconds, **alike)
         for arm in range(max(free, stepped))
         for friction in laws
         for kind, seconds in LENGTHS_S.items()
@@ -120,6 +122,7 @@ def targets(found: Mapping[Law, dict[str, Score]], c: Configuration) -> list[Tar
 @FRICTION
 @click.option("--motor-position", default="measured", type=click.Choice(["measured", "integrated"]))
 @GEAR
+@click.option("--robot", default=ROMEO, type=click.Path(path_type=Path), help="Its folder.")
 @click.option("--no-link-encoder", "blind", is_flag=True, help="Motor encoders alone.")
 def main(
     minutes: float,
@@ -129,13 +132,14 @@ def main(
     laws: Sequence[Law],
     motor_position: MotorPosition,
     gears: Gears,
+    robot: Path,
     blind: bool,
     as_json: bool,
 ) -> None:
-    c = load_robot(ROMEO).configuration
+    c = load_robot(robot).configuration
     step_minutes = minutes if step_minutes is None else step_minutes
     alike = {"motor_position": motor_position, "gears": gears, "link_encoder": not blind}
-    todo = jobs(minutes, step_minutes, seed, laws, **alike)
+    todo = jobs(minutes, step_minutes, seed, laws, robot, **alike)
     seeds = sorted({job.seed for job in todo if job.kind == "free"})
     stepped = len({job.seed for job in todo if job.kind == "moving"})
     results = list(spread(run, todo, processes, "arms"))

@@ -43,6 +43,7 @@ HANDS_N_M: Final = (300.0, 1500.0, 4000.0)
 LEADING_N_M: Final = (1000.0, 1500.0, 4000.0)  # softer ones lag by more than they lead
 SHARES: Final = (0.0, 0.2, 0.55, 0.9)  # 0: it lets go at once
 TREMBLES: Final = 0.25
+SETS_OUT_N: Final = 4.0
 USUAL_S: Final = 2.2  # until an arm goes on that nothing touches
 
 
@@ -96,7 +97,8 @@ def targets(results: Sequence[Result]) -> list[Target]:
         force, sets_out = (np.array([getattr(e, x) for e in led]) for x in ("leads", "sets_out"))
         work = [each.work / each.work_off for each in led]
         found += [
-            Target("sets out, worst joint", float(sets_out.max()), 4.0, "N"),
+            Target("sets out, worst joint", float(sets_out.max()), SETS_OUT_N, "N"),
+            Target("sets out beyond that, unnamed", sum(not forbids(e) for e in heavy(led)), 0),
             Target("leads, worst joint", float(force.max()), 6.0, "N"),
             Target("work over that of drives off, median", float(np.median(work)), 1.8, "x"),
             Target("largest over smallest force", float(force.max() / force.min()), 2.0, "x"),
@@ -121,6 +123,18 @@ def targets(results: Sequence[Result]) -> list[Target]:
             Target("faulted on a guide", sum(bool(line.fault) for line in lines), 0),
         ]
     return found
+
+
+def heavy(led: Sequence[Led]) -> list[Led]:
+    """Joints that set out beyond what is asked for."""
+    return [each for each in led if each.sets_out > SETS_OUT_N]
+
+
+def forbids(each: Led) -> str:
+    """What forbids a joint to set out at less; empty: neither level nor friction does."""
+    if each.stated > SETS_OUT_N:
+        return "stated level"
+    return "friction" if each.stated + each.friction > SETS_OUT_N else ""
 
 
 def by_joint(results: Sequence[Result]) -> dict[str, Any]:
@@ -173,6 +187,11 @@ def main(
             for joint, way in result.carried.items()
         },
         "guided": [asdict(line) for result in results for line in result.guided],
+        "set_out_beyond": [
+            [result.job.seed, each.joint, each.sets_out, each.stated, each.friction, forbids(each)]
+            for result in results
+            for each in heavy(result.led)
+        ],
         "trials": len(rested),
         "missed": [row for row in rested if row["share"] and np.isfinite(row["went_on_s"])],
     }

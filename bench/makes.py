@@ -3,9 +3,10 @@
     python -m bench.makes [--arm FOLDER] [--touches N] [--seed S] [--json]
 
 Both arms run in lockstep, with one trajectory and seed. Steps of twice a joint's level in force
-at that moment, in motion, begin anywhere in a tick; a delay is until the arm yields, one that is
-missed counts as infinite, and those of which one arm made a fault (too fast, in a light joint) are
-left out of both. `drop` is that of the tool of a raised arm, at most: in the two seconds
+at that moment, in motion, begin anywhere in a tick. Each joint has one, then both daemons begin
+anew: they remember what interrupts again and again at one place. A delay is until the arm yields,
+one that is missed counts as infinite, and those of which one arm made a fault (too fast, in a light
+joint) are left out of both. `drop` is that of the tool of a raised arm, at most: in the two seconds
 after it was switched off in order, and in the five after its daemon was killed while it held, with
 the guardian and, to compare, without.
 """
@@ -93,8 +94,9 @@ def detects(folder: Path, touches: int, seed: int) -> Found:
                 rig.step()
                 levels.append(rig.estimate.threshold.copy())
                 false += rig.mode is Mode.ADMITTANCE and rig.last.decision is not None
-            while len(delays) < touches and rig.mode is not Mode.FAULTED:
-                delays.append(_delay(rig, len(delays) % rig.arm.plant.n, random))
+            for joint in range(len(delays) % rig.arm.plant.n, rig.arm.plant.n):
+                if len(delays) < touches and rig.mode is not Mode.FAULTED:
+                    delays.append(_delay(rig, joint, random))
     load = bus_load(frames_of(c), c.bus.bitrate)
     return Found(np.median(levels, axis=0), np.array(delays), false, load)
 

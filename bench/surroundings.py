@@ -33,7 +33,7 @@ from daemon.config import shapes
 from daemon.config.load import Robot, load_robot
 from daemon.config.vectors import limits_of, row, virtual_mass_of
 from daemon.motion.admittance import AdmittanceLaw
-from estimator.clearance import Box, Capsule, Plane
+from estimator.shapes import Box, Capsule, Plane
 from estimator.walls import Walls
 from programs.contactd.fitting import fitted, points_of
 

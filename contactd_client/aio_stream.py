@@ -1,30 +1,16 @@
 """Stream of targets for asyncio: as `contactd_client.stream`, with `await`."""
 
 import contextlib
-import time
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Self
+from collections.abc import Sequence
+from typing import Self
 
+from contactd_client.aio_connection import AsyncConnection
 from contactd_client.errors import ControlError, UnreachableError
-from contactd_client.messages import Reply, StreamState
-from contactd_client.targets import MOST_MISSING, PAUSE, Targets
-
-if TYPE_CHECKING:
-    from contactd_client.aio import AsyncConnection
+from contactd_client.targets import MOST_MISSING, PAUSE, TargetStream
 
 
-class AsyncStream:
+class AsyncStream(TargetStream[AsyncConnection]):
     """Stream of one AsyncClient, from its first target to the end of the `async with` block."""
-
-    def __init__(
-        self,
-        connection: "AsyncConnection",
-        timeout_s: float,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._connection, self._timeout_s = connection, timeout_s
-        self._targets = Targets(clock)
-        self._missing = 0
 
     async def __aenter__(self) -> Self:
         return self
@@ -33,16 +19,6 @@ class AsyncStream:
         if error is None or not issubclass(error, ControlError):
             with contextlib.suppress(UnreachableError):  # its connection was closed meanwhile
                 await self.end()
-
-    @property
-    def reply(self) -> Reply | None:
-        """Latest answer; None before the first."""
-        return self._targets.reply
-
-    @property
-    def state(self) -> StreamState | None:
-        """Latest report of the daemon, as of `Stream`."""
-        return self._targets.state
 
     async def to(
         self,

@@ -346,3 +346,5 @@ class State(TypedDict):
     near: NotRequired[Near]
     # Left out unless the last path that was asked for was refused for it.
     meeting: NotRequired[Meeting]
+    # Along which a hand leads the arm, as `contactctl guide` shows it. Left out without one.
+    guide: NotRequired[str]

@@ -8,17 +8,15 @@ The daemon answers each target; answers are read when they have come, never wait
 the first one. docs/following.md explains what the arm does.
 """
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Self
 
 from contactd_client.connection import Connection
 from contactd_client.errors import ControlError, UnreachableError
-from contactd_client.messages import Reply, StreamState
-from contactd_client.targets import MOST_MISSING, PAUSE, Targets
+from contactd_client.targets import MOST_MISSING, PAUSE, TargetStream
 
 
-class Stream:
+class Stream(TargetStream[Connection]):
     """Stream of one client, from its first target to the end of the `with` block, which halts the
     arm.
 
@@ -27,31 +25,12 @@ class Stream:
     else is to be asked on this connection meanwhile.
     """
 
-    def __init__(
-        self, connection: Connection, timeout_s: float, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        """clock: time of the targets [s]; it must never run back."""
-        self._connection, self._timeout_s = connection, timeout_s
-        self._targets = Targets(clock)
-        self._missing = 0  # answers
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         if error is None or not issubclass(error, ControlError):
             self.end()
-
-    @property
-    def reply(self) -> Reply | None:
-        """Latest answer; None before the first."""
-        return self._targets.reply
-
-    @property
-    def state(self) -> StreamState | None:
-        """Latest report: phase of the arm, delay, losses, a contact that lasts; None before the
-        first target."""
-        return self._targets.state
 
     def to(
         self,

@@ -3,12 +3,13 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from contactd_client.errors import ControlError
 from contactd_client.messages import Reply, Request, StreamState
 from contactd_client.packets import decode_reply, encode, refusal
 
+ConnectionT = TypeVar("ConnectionT")
 #: Halts the arm at the end of a stream.
 PAUSE: Final = encode({"command": "pause"})
 #: Answers that may be missing before the daemon counts as silent: half a second at 200 Hz.
@@ -53,6 +54,29 @@ class Targets:
     def _stamp(self, sent_s: float | None) -> Request:
         number, self._number = self._number, self._number + 1
         return {"sent_s": self._clock() if sent_s is None else sent_s, "number": number}  # type: ignore[typeddict-item]
+
+
+class TargetStream(Generic[ConnectionT]):
+    """State of a stream: its connection, its targets, and the answers that have not come yet."""
+
+    def __init__(
+        self, connection: ConnectionT, timeout_s: float, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """clock: time of the targets [s]; it must never run back."""
+        self._connection, self._timeout_s = connection, timeout_s
+        self._targets = Targets(clock)
+        self._missing = 0  # answers
+
+    @property
+    def reply(self) -> Reply | None:
+        """Latest answer; None before the first."""
+        return self._targets.reply
+
+    @property
+    def state(self) -> StreamState | None:
+        """Latest report: phase of the arm, delay, losses, a contact that lasts; None before the
+        first target."""
+        return self._targets.state
 
 
 def _numbers(name: str, values: Sequence[float]) -> list[float]:

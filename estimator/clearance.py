@@ -15,57 +15,29 @@ Ordinary Python, which runs as it is; `clearance.pxd` names types for the compil
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
 
-from common.arrays import Matrix, Vector, product
+from common.arrays import Vector, product
 from common.elementary import cosine, sine
 from estimator.dynamics import Body
+from estimator.shapes import Box, Capsule, Plane
 
 _CAPSULE, _PLANE, _BOX = 0, 1, 2
 _ROWS = (5, 2, 3)
 _HALVINGS = 30  # of a segment beside a box: to a thousandth of a micrometre
+_BESIDE = 1e-8  # share of a segment, of which that is known
 _TINY = 1e-12
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Capsule:
-    """All that is within `radius` [m] of the segment from start to end, each (3,) [m] in the frame
-    of body number `body`; -1: in that of the root, which stands."""
-
-    name: str
-    body: int
-    start: Vector
-    end: Vector
-    radius: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Plane:
-    """Border of the half of space that is free: normal . x > offset [m]."""
-
-    name: str
-    normal: Vector
-    offset: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Box:
-    """Box: its centre (3,) [m], axes (3, 3) in columns, and half of its edges (3,) [m]."""
-
-    name: str
-    centre: Vector
-    axes: Matrix
-    half: Vector
 
 
 class Clearance:
     """Gaps of pairs of shapes: the first of each is a capsule.
 
     `at` writes `gap` (rows,) [m] and `gradient` (rows, n) [m/rad]. The rows of a pair lie together,
-    and `pair` (rows,) is its number; the smallest of them is the gap of the pair.
+    and `pair` (rows,) is its number; the smallest of them is the gap of the pair. Pairs of the same
+    names are parts of one: `whole` (rows,) is the number of its first, where `least` (pairs,) [m]
+    has its gap.
     """
 
     def __init__(
@@ -108,9 +80,11 @@ class Clearance:
         self._first = np.array([known[id(one)] for one, _ in pairs], dtype=np.int64)
         self._second = np.array([known[id(other)] for _, other in pairs], dtype=np.int64)
         self.pair = np.repeat(np.arange(len(pairs)), [_ROWS[kind] for kind in kinds])
-        self.gap = np.zeros(len(self.pair))
+        names = [frozenset((one.name, other.name)) for one, other in pairs]
+        self.whole = np.array([names.index(names[k]) for k in self.pair], dtype=np.int64)
+        self.gap, self.least = np.zeros(len(self.pair)), np.zeros(len(pairs))
         self.gradient = np.zeros((len(self.pair), n))
-        self._x, self._y, self._normal = np.zeros((3, 3))
+        self._x, self._y, self._normal, self._lower = np.zeros((4, 3))
 
     def at(self, q: Vector) -> None:
         """Gaps and gradients at q (n,) [rad, or m of a joint that slides]."""
@@ -126,6 +100,11 @@ class Clearance:
                 row = self._beside_plane(row, self._first[k], self._second[k])
             else:
                 row = self._beside_box(row, self._first[k], self._second[k])
+        for k in range(self.least.shape[0]):
+            self.least[k] = 1e300
+        for row in range(self.gap.shape[0]):
+            k = self.whole[row]
+            self.least[k] = min(self.least[k], self.gap[row])
 
     def _outward(self, i: int, q: float) -> None:
         """Joint i in the root's frame, from its parent."""
@@ -176,7 +155,10 @@ class Clearance:
     def _beside_box(self, row: int, k: int, m: int) -> int:
         t = self._nearest_to_box(k, m)
         for end in range(3):
-            self.gap[row] = self._from_box(k, m, t if end == 0 else end - 1.0) - self._radius[k]
+            distance = self._from_box(k, m, t if end == 0 else end - 1.0)
+            if end == 0 and distance < 0.0 and 0.0 < t < 1.0:
+                self._lean(k, m, t)
+            self.gap[row] = distance - self._radius[k]
             self._differentiate(row, k, -1)
             row += 1
         return row
@@ -196,6 +178,18 @@ class Clearance:
             else:
                 high = middle
         return 0.5 * (low + high)
+
+    def _lean(self, k: int, m: int, t: float) -> None:
+        """Normal at the deepest place in a box, which may be as far from two faces: that between
+        both along which the distance changes, across the segment; none between opposite ones."""
+        low, lean = self._slope(k, m, t - _BESIDE), self._lower
+        for a in range(3):
+            lean[a] = self._normal[a]
+        high = self._slope(k, m, t + _BESIDE)
+        for a in range(3):
+            if low < 0.0 < high:
+                self._normal[a] = (high * lean[a] - low * self._normal[a]) / (high - low)
+            self._x[a] = self._segment[k, 0, a] + t * self._segment[k, 1, a]
 
     def _slope(self, k: int, m: int, t: float) -> float:
         """Slope of the distance along the segment at a share t of it."""

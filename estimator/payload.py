@@ -56,5 +56,5 @@ class Payload(msgspec.Struct, frozen=True, kw_only=True):
 
     def __str__(self) -> str:
         name = f"{self.name}: " if self.name else ""
-        box = f", {' x '.join(f'{x:g}' for x in self.box)} m" if self.box else ""
-        return f"{name}{self.mass:.3g} kg at ({' '.join(f'{x:.3f}' for x in self.com)}) m{box}"
+        box = f", {' x '.join(f'{x:g}' for x in self.box)} m," if self.box else ""
+        return f"{name}{self.mass:.3g} kg{box} at ({' '.join(f'{x:.3f}' for x in self.com)}) m"

@@ -68,7 +68,8 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
     # Corrects friction by what the arm shows while it works, and sinks contact levels as far as
-    # that allows; before, they are raised (price: estimator.md).
+    # that allows; before, they are raised. The price: a hand that leans for minutes is partly taken
+    # for friction, and a cable interrupts at a lighter touch.
     learning: bool = True
     # [rad] of motion until friction is built up, at least and at most; the default suits gears
     # for which it is unknown.

@@ -157,7 +157,7 @@ def _refuse_xacro(root: ET.Element, lines: _Lines) -> None:
 def _carried(root: ET.Element) -> dict[str, str]:
     """Movable joint that each moved link turns with, by the link's name."""
     joints = [
-        (joint.get("type"), joint.get("name", ""), _link(joint, "parent"), _link(joint, "child"))
+        (joint.get("type"), joint.get("name", ""), linked(joint, "parent"), linked(joint, "child"))
         for joint in root.findall("joint")
     ]
     carried = {child: name for kind, name, _, child in joints if kind != "fixed"}
@@ -173,7 +173,7 @@ def _refuse_unknown_links(root: ET.Element, lines: _Lines) -> None:
     known = [link.get("name", "") for link in root.findall("link")]
     for joint in root.findall("joint"):
         for role in ("parent", "child"):
-            if (name := _link(joint, role)) not in known:
+            if (name := linked(joint, role)) not in known:
                 element = joint.find(role)
                 raise ModelError(
                     f"joint {joint.get('name', '')!r}, line "
@@ -200,7 +200,8 @@ def _refuse_unlimited(root: ET.Element, lines: _Lines) -> None:
             raise ModelError(f"joint {name!r}, {error}") from error
 
 
-def _link(joint: ET.Element, role: str) -> str:
+def linked(joint: ET.Element, role: str) -> str:
+    """Name of the link that a joint has as `parent` or `child`; empty where there is none."""
     element = joint.find(role)
     return "" if element is None else element.get("link", "")
 

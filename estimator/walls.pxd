@@ -15,7 +15,7 @@ cdef class Walls:
     cdef readonly Py_ssize_t nearest
     cdef readonly double distance
     cdef readonly bint slows
-    cdef double[::1] _acceleration, _most, _moved
+    cdef double[::1] _acceleration, _most, _moved, _room, _deepest
     cdef long long[::1] _active
     cdef double _reaction_s, _margin
 
@@ -25,8 +25,10 @@ cdef class Walls:
         const double[:, :] play, double[::1] out
     ) noexcept
     @cython.locals(c=Clearance, active=Py_ssize_t, closing=double, used=double, gap=double,
-                   g=double, most=double)
+                   g=double, most=double, pair=Py_ssize_t)
     cdef Py_ssize_t _too_fast(self, const double[:, :] play, double[::1] out) noexcept
+    @cython.locals(c=Clearance, g=double, pair=Py_ssize_t)
+    cdef void _measure(self, const double[:, :] play) noexcept
     @cython.locals(slack=double)
     cdef double _funnel(self, double gap, double A) noexcept
     @cython.locals(c=Clearance, slowed=bint, over=double, square=double, g=double, v=double)

@@ -15,6 +15,10 @@ makes no room for the others. Drives lag, so that a slide along what is curved s
 that was kept: by -d there, it has to open, at d / (4 tau), as far as what closes it is slowed for
 that.
 
+Shapes may be inside each other at the start: a file is wrong, or a keep-out where the arm stands.
+Their deepest place may only come out. d of the others counts from there, as a link that turns its
+way out lowers a corner.
+
 Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
 """
 
@@ -47,6 +51,7 @@ class Walls:
         self._margin = margin
         self._active = np.zeros(rows, dtype=np.int64)
         self._most, self._moved = np.zeros(rows), np.zeros(clearance.n)
+        self._room, self._deepest = np.zeros((2, rows))
         self.nearest, self.distance, self.slows = -1, 1e300, False
 
     def bound(self, q: Vector, moved: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
@@ -88,14 +93,15 @@ class Walls:
         """Number of rows that may close too fast, each with its most [m/s], whichever of the joints
         that open it are slowed."""
         c, active = self.clearance, 0
+        self._measure(play)
         for row in range(c.gap.shape[0]):
-            if c.gap[row] < self.distance:
-                self.nearest, self.distance = row, c.gap[row]
             closing = used = 0.0
-            gap = c.gap[row] - self._margin
+            pair = c.whole[row]
+            gap = self._room[row]
+            if c.least[pair] < 0.0 and self._room[row] > self._deepest[pair]:
+                gap = self._room[row] - self._deepest[pair]
             for i in range(c.n):
                 g = c.gradient[row, i]
-                gap -= g * play[0, i] if g > 0.0 else -g * play[1, i]
                 if g * out[i] < 0.0:
                     closing -= g * out[i]
                     used += abs(g) * out[i] * out[i] / self._acceleration[i]
@@ -105,6 +111,21 @@ class Walls:
                     self._active[active], self._most[active] = row, most
                     active += 1
         return active
+
+    def _measure(self, play: Matrix) -> None:
+        """Gap of each row, and the least of each pair, less margin and play [m]."""
+        c = self.clearance
+        for row in range(c.gap.shape[0]):
+            self._deepest[row] = 1e300
+        for row in range(c.gap.shape[0]):
+            if c.gap[row] < self.distance:
+                self.nearest, self.distance = row, c.gap[row]
+            self._room[row] = c.gap[row] - self._margin
+            for i in range(c.n):
+                g = c.gradient[row, i]
+                self._room[row] -= g * play[0, i] if g > 0.0 else -g * play[1, i]
+            pair = c.whole[row]
+            self._deepest[pair] = min(self._deepest[pair], self._room[row])
 
     def _funnel(self, gap: float, A: float) -> float:
         """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2], straight on below 0."""

@@ -133,22 +133,20 @@ def gaps_over_poses(
 ) -> dict[tuple[str, str], PairGaps]:
     """Gaps of each pair of names in SAMPLES poses between the limits (n,) [rad], the smallest
     sought further along its gradient."""
-    rng, pair = np.random.default_rng(seed), np.asarray(clearance.pair)
-    firsts = np.flatnonzero(np.diff(pair, prepend=-1))
+    rng, whole, found = np.random.default_rng(seed), np.asarray(clearance.whole), {}
     poses = rng.uniform(lower, upper, (SAMPLES, len(lower)))
-    gaps = np.empty((SAMPLES, len(firsts)))
+    gaps = np.empty((SAMPLES, len(clearance.pairs)))
     for k, q in enumerate(poses):
         clearance.at(q)
-        gaps[k] = np.minimum.reduceat(np.asarray(clearance.gap), firsts)
-    names, found = [(one.name, other.name) for one, other in clearance.pairs], {}
-    for name in dict.fromkeys(names):
-        numbers = [k for k, one in enumerate(names) if one == name]
-        rows, nearer = np.flatnonzero(np.isin(pair, numbers)), gaps[:, numbers].min(axis=1)
+        gaps[k] = clearance.least
+    for number in np.unique(whole).tolist():
+        rows, nearer = np.flatnonzero(whole == number), gaps[:, number]
         least = float(nearer.min())
         if least > 0.0:
             nearest = poses[np.argsort(nearer)[:STARTS]]
             least = min(least, *(_descended(clearance, rows, q, lower, upper) for q in nearest))
-        found[name] = PairGaps(least, float(np.mean(nearer < margin)))
+        first, second = clearance.pairs[number]
+        found[first.name, second.name] = PairGaps(least, float(np.mean(nearer < margin)))
     return found
 
 

@@ -3,7 +3,7 @@ each other and with the URDF's gravity. A wrong sign is positive feedback once t
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from identification.wiring_strokes import LEAST_MOTION, PIECE, between, follows_
 
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
+# Of a ratio off 1 of torques reported and asked for, and how unsure it may be: less in sum than
+# 14 Nm are off 17.
+_RANGE_TOLERANCE, _RANGE_SURE = 0.1, 0.06
 _BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be off
 _POSES = 200
 _PRODUCT = 0.02  # of two ratios, off 1, of gears that are swapped
@@ -122,6 +125,21 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     return WiringResult(joint=name, problems=tuple(problems), undetermined=tuple(undetermined),
                   notes=tuple(notes), follows=follows, friction=friction, held=held,
                   gravity=gravity)  # fmt: skip
+
+
+def with_torque_range(found: WiringResult, ratio: float, error: float) -> WiringResult:
+    """Result with the range of the motor's torque, which no register of it says: what it reports
+    over what its loop was asked for, and how far that may be off."""
+    if error > _RANGE_SURE:
+        note = "torque_max_Nm is not checked: friction and load move its torque by too little"
+        return replace(found, notes=(*found.notes, note))
+    if abs(ratio - 1.0) <= _RANGE_TOLERANCE + error:
+        return found
+    problem = (
+        f"its torque reads {ratio:.2f} times what its stiffness and damping give: torque_max_Nm "
+        f"(about {1.0 / ratio:.2f} times as much), or another model"
+    )
+    return replace(found, problems=(*found.problems, problem))
 
 
 def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:

@@ -10,7 +10,7 @@ from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnected
 
 from contactd_client import Client, ControlError, Stream
 from lerobot_robot_contactd.config_contactd import ContactdConfig
-from lerobot_robot_contactd.latest import LatestState, control_socket, joints_of
+from lerobot_robot_contactd.latest import LatestState, OfContactd, control_socket
 
 MODES: Final = (
     "off", "enabling", "holding", "tracking", "admittance", "retracting", "returning", "releasing",
@@ -23,7 +23,7 @@ FOLLOWS: Final = frozenset({"joining", "following", "stalled"})
 """Phases of an arm that is not held back by a contact, or by a person."""
 
 
-class Contactd(Robot):
+class Contactd(OfContactd, Robot):
     """Robot of contactd.
 
     Observation: of each joint `NAME.pos` [rad], `NAME.vel` [rad/s], external torque `NAME.torque`
@@ -43,38 +43,12 @@ class Contactd(Robot):
         self._stream: Stream | None = None
 
     @cached_property
-    def joints(self) -> list[str]:
-        """Names of the joints, as the daemon has them. Raises UnreachableError without one."""
-        return joints_of(self.config.socket)
-
-    @cached_property
     def observation_features(self) -> dict[str, Any]:
         """Names and types of an observation."""
         kinds = ("pos", "vel", "torque", "level")
         floats = [f"{joint}.{kind}" for kind in kinds for joint in self.joints]
         images = {name: (c.height, c.width, 3) for name, c in self.config.cameras.items()}
         return {**dict.fromkeys([*floats, "contact", "mode"], float), **images}
-
-    @cached_property
-    def action_features(self) -> dict[str, type]:
-        """Names and types of an action."""
-        return {f"{joint}.pos": float for joint in self.joints}
-
-    @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._latest is not None
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True: calibration is contactd's, by `contactd identify`."""
-        return True
-
-    def calibrate(self) -> None:
-        """Nothing to do, as `is_calibrated` says."""
-
-    def configure(self) -> None:
-        """Nothing to do: `config.yaml` has all settings."""
 
     def connect(self, calibrate: bool = True) -> None:
         """Connect to the daemon. Nothing moves before the first action."""

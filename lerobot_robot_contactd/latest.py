@@ -2,8 +2,9 @@
 
 import threading
 import time
+from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from contactd_client import Client, ContactdError, usual_socket_path, view_socket_path
 from contactd_client.messages import State
@@ -16,12 +17,6 @@ FIRST_S: Final = 5.0
 def control_socket(given: str) -> Path:
     """Path of a control socket; that where clients look first, if none is given."""
     return Path(given) if given else usual_socket_path()
-
-
-def joints_of(socket: str) -> list[str]:
-    """Names of an arm's joints. Raises UnreachableError without its daemon."""
-    with Client(view_socket_path(control_socket(socket))) as client:
-        return list(client.status()["joints"])
 
 
 class LatestState:
@@ -56,3 +51,37 @@ class LatestState:
     def close(self) -> None:
         """End the reading."""
         self._client.close()
+
+
+class OfContactd:
+    """Part that an arm has as a robot and as a leader: joints, actions, and no calibration."""
+
+    config: Any
+    _latest: LatestState | None
+
+    @cached_property
+    def joints(self) -> list[str]:
+        """Names of the joints, as the daemon has them. Raises UnreachableError without one."""
+        with Client(view_socket_path(control_socket(self.config.socket))) as client:
+            return list(client.status()["joints"])
+
+    @cached_property
+    def action_features(self) -> dict[str, type]:
+        """Names and types of an action."""
+        return {f"{joint}.pos": float for joint in self.joints}
+
+    @property
+    def is_connected(self) -> bool:
+        """True between `connect` and `disconnect`."""
+        return self._latest is not None
+
+    @property
+    def is_calibrated(self) -> bool:
+        """True: calibration is contactd's, by `contactd identify`."""
+        return True
+
+    def calibrate(self) -> None:
+        """Nothing to do, as `is_calibrated` says."""
+
+    def configure(self) -> None:
+        """Nothing to do: `config.yaml` has all settings."""

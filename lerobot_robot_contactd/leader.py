@@ -1,16 +1,15 @@
 """Arm of contactd that is led by hand, as a Teleoperator of LeRobot."""
 
-from functools import cached_property
 from typing import Any
 
 from lerobot.teleoperators import Teleoperator
 from lerobot.utils.errors import DeviceAlreadyConnectedError, DeviceNotConnectedError
 
 from lerobot_robot_contactd.config_contactd import ContactdLeaderConfig
-from lerobot_robot_contactd.latest import LatestState, joints_of
+from lerobot_robot_contactd.latest import LatestState, OfContactd
 
 
-class ContactdLeader(Teleoperator):
+class ContactdLeader(OfContactd, Teleoperator):
     """Leader: its actions are the positions of an arm's links, `NAME.pos` [rad]."""
 
     config_class = ContactdLeaderConfig
@@ -21,36 +20,10 @@ class ContactdLeader(Teleoperator):
         self.config = config
         self._latest: LatestState | None = None
 
-    @cached_property
-    def joints(self) -> list[str]:
-        """Names of the joints, as the daemon has them. Raises UnreachableError without one."""
-        return joints_of(self.config.socket)
-
-    @cached_property
-    def action_features(self) -> dict[str, type]:
-        """Names and types of an action."""
-        return {f"{joint}.pos": float for joint in self.joints}
-
     @property
     def feedback_features(self) -> dict[str, type]:
         """Empty: it takes no feedback."""
         return {}
-
-    @property
-    def is_connected(self) -> bool:
-        """True between `connect` and `disconnect`."""
-        return self._latest is not None
-
-    @property
-    def is_calibrated(self) -> bool:
-        """True: calibration is contactd's, by `contactd identify`."""
-        return True
-
-    def calibrate(self) -> None:
-        """Nothing to do, as `is_calibrated` says."""
-
-    def configure(self) -> None:
-        """Nothing to do: `config.yaml` has all settings."""
 
     def connect(self, calibrate: bool = True) -> None:
         """Connect to the daemon; its view socket will do."""

@@ -106,6 +106,8 @@ class Led:
 
     joint: str
     sets_out: float
+    stated: float  # of that, the configured level
+    friction: float  # and what friction holds at most, at rest
     leads: float
     work: float
     leads_off: float
@@ -127,6 +129,7 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
         return None
     way, force, lever = begun
     on.drives.external[:] = 0.0
+    sticks = float(plant.coulomb[:, joint].sum()) * on.subject.settings.law.stribeck
     k, row = hand_n_m * lever**2, np.eye(plant.n)[[joint]]
     anchor, rate = row @ plant.q + way * force * lever / k, np.array([way * LEADING_RAD_S])
     softer = LIGHTEST * float(plant.parameters.lightest_link[joint]) / 0.001
@@ -144,6 +147,8 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
     return Led(
         joint=on.robot.configuration.joint_names[joint],
         sets_out=force,
+        stated=on.robot.configuration.joints[joint].thresholds.contact / lever,
+        friction=sticks / lever,
         leads=float(np.median(np.abs(torque[late]))) / lever,
         work=float(torque @ speed) * on.period_s,
         leads_off=float(np.median(np.abs(off[late]))) / lever,

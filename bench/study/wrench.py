@@ -32,6 +32,7 @@ FIRST_S: Final = 0.1  # of a press: the residual has yet to rise
 EVERY: Final = 4  # ticks
 AFTER_S: Final = 0.6  # a press is over
 SLOW: Final = 0.15
+ROTOR_KG_M2_PER_NM: Final = 0.004  # of Romeo's drives, over their strongest torque
 UPPER: Final = np.triu_indices(3)
 
 
@@ -59,6 +60,9 @@ def robot_of(arm: str, folder: Path) -> Robot:
     for node, joint in enumerate(c["joints"], start=1):
         wiring = joint["wiring"]
         most = wiring["max_current_A"]
+        if arm == "beam":  # a velocity loop as stiff shakes rotors that are so light by itself
+            strongest = most * joint["torque_constant"]
+            joint["rotor_inertia"] = round(ROTOR_KG_M2_PER_NM * strongest, 5)
         joint["wiring"] = {
             "node": node, "profile": next(iter(c["drives"])), "gear": wiring["gear"],
             "rated_current_A": round(0.5 * most + 0.01, 3), "max_current_A": most,

@@ -201,9 +201,8 @@ class FaultSettings(Settings, frozen=True):
     # Margins by which a measurement may exceed the joint's own capability and still be plausible.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, a bent gear, a push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
-    # Largest deviation of a motor's speed from its setpoints while its current does not push it
-    # towards them: times limits.velocity. A soft velocity loop needs more (porting.md, step 8); 10 is
-    # never.
+    # Largest deviation of a motor's speed from its setpoints, over limits.velocity, while its
+    # current does not push it there. More for a soft velocity loop (porting.md, step 8); 10: never.
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 

@@ -20,8 +20,9 @@ from common.errors import ConfigurationError
 from common.yaml_source import read_yaml
 from daemon.config.convert import convert
 from drivers.settings import Name, Settings
-from estimator.clearance import Box, Capsule, Clearance, Plane
+from estimator.clearance import Clearance
 from estimator.dynamics import Body
+from estimator.shapes import Box, Capsule, Plane
 
 SHAPES: Final = "shapes.yaml"
 SURROUNDINGS: Final = "surroundings.yaml"

@@ -41,6 +41,9 @@ LEAK = 0.5
 
 # Largest number, and longest time, of ticks with a joint that senses nothing, until the arm holds.
 DEAF_TICKS, DEAF_S = 5, 0.06
+# The same of ticks whose answers all came late: a median, by which they are judged, says nothing
+# where late and prompt ones are as many.
+LATE_TICKS = 100
 
 
 def patience_deaf(period_s: float) -> int:
@@ -78,6 +81,7 @@ class FaultDetector:
         self._ignored = ignored
         self._missed = 0.0  # deadlines, less half of the ticks since that were on time
         self._deaf = 0.0  # ticks in which some joint sensed nothing, less a share of the others
+        self._late, self._too_late = 0.0, False  # likewise of answers; until none is left
         self._disturbed = 0.0  # ticks with a disturbance, less a share of those without
         self._since_late = settings.stale_ticks  # ticks
         # Of each joint: ticks in which its sample was missing, less those since in which it came.
@@ -121,7 +125,7 @@ class FaultDetector:
             self._ignored.restart()
             self._supply.restart()
             self._missing[:] = 0
-            self._deaf = 0.0
+            self._deaf, self._late, self._too_late = 0.0, 0.0, False
         self._mode = mode
         if mode not in SENSING:
             self._following.restart()
@@ -133,10 +137,13 @@ class FaultDetector:
             found += self._of_time(lateness_s)
         self._load = ""
         found += self._of_events(samples.events)
+        late = False
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
+            late = bool(samples.came.all())
         elif any(self._missing.tolist()):
             np.maximum(self._missing - 1, 0, out=self._missing)
+        found += self._of_lateness(late=late)
         if sensing is not None:
             found += self._of_sensing(sensing, settled)
         self._supply.step(samples.drives, samples.came)
@@ -195,6 +202,14 @@ class FaultDetector:
             yield self._found(Condition.STALE, f"{self._named(often)} missing in most ticks")
         else:
             yield self._found(Condition.SAMPLE_MISSING, self._named(~samples.fresh))
+
+    def _of_lateness(self, *, late: bool) -> Iterator[Finding]:
+        if not (late or self._late):
+            return
+        self._late = min(self._late + 1.0, LATE_TICKS) if late else max(self._late - LEAK, 0.0)
+        self._too_late = self._late > 0.0 and (self._too_late or self._late >= LATE_TICKS)
+        if self._too_late and self._mode in SENSING:
+            yield Finding(Condition.DEAF, "all answers, late in more than a third of the ticks")
 
     def _of_sensing(self, sensing: NDArray[np.bool_], settled: bool) -> Iterator[Finding]:
         if self._mode not in SENSING:

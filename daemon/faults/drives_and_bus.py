@@ -27,7 +27,8 @@ DRIVES_AND_BUS: Final = {
     _C.DEAF: Row(
         _R.HOLD, "estimator",
         "a joint does not sense for 5 ticks; each tick in which all sense takes half a tick off "
-        "that. It has had no samples for more than 2.5 periods, or its residual restarts",
+        "that. It has had no samples for more than 2.5 periods, or its residual restarts. Or all "
+        "answers are late in more than a third of the ticks, for seconds",
         "contacts there would not be detected",
         "`contactctl status` names the joint: check the cable of its drive, and the load of bus "
         "and computer; then `contactctl arm`",

@@ -5,14 +5,14 @@ cimport cython
 cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
-cdef double _RIGID, _TINY
+cdef double _RIGID, _TINY, _FLAT, _REACH
 
 cdef class BackRows:
     cdef Py_ssize_t _n
     cdef double[:, ::1] A, _S
     cdef double[::1] c, goal, ahead, back, _y
 
-    @cython.locals(mean=double, least=double)
+    @cython.locals(mean=double, least=double, flat=double, beyond=double)
     cdef double factor(self, Py_ssize_t rows, const double[:] gain) noexcept
     cdef void ask(self, Py_ssize_t rows, const double[:] v) noexcept
     cdef void push(

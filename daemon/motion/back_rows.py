@@ -12,6 +12,9 @@ import numpy as np
 from common.arrays import Vector
 
 _RIGID, _TINY = 1e-5, 1e-12  # least compliance, over the mean mobility of rows; and beside it
+# Mobility, over that of the fastest gain at 0.3 m, from which on a row is held: below, rounding and
+# the last micrometre would choose its direction.
+_FLAT, _REACH = 1e-4, 0.09
 
 
 class BackRows:
@@ -26,7 +29,9 @@ class BackRows:
     def factor(self, rows: int, gain: Vector) -> float:
         """S = A K A^T + C as its Cholesky factor; returns the least mobility of a rigid row beside
         those before it, over their mean."""
-        A, S, mean, least = self.A, self._S, 0.0, 1.0
+        A, S, mean, least, flat = self.A, self._S, 0.0, 1.0, _TINY
+        for i in range(self._n):
+            flat = max(flat, _FLAT * _REACH * gain[i])
         for r in range(rows):
             for s in range(r + 1):
                 S[r, s] = 0.0
@@ -34,7 +39,8 @@ class BackRows:
                     S[r, s] += gain[i] * A[r, i] * A[s, i]
             mean += S[r, r] / rows
         for r in range(rows):
-            S[r, r] += self.c[r] * S[r, r] + _RIGID * mean + _TINY
+            beyond = flat / (S[r, r] + _TINY)
+            S[r, r] += self.c[r] * S[r, r] + flat * beyond * beyond + _RIGID * mean + _TINY
             for s in range(r + 1):
                 for k in range(s):
                     S[r, s] -= S[r, k] * S[s, k]

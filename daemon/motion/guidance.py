@@ -24,7 +24,8 @@ class Guidance:
     def __init__(self, model: Model | None, velocity: Vector, rate: float) -> None:
         """model: None for an arm that gets no guide; velocity: most of each joint [rad/s]; rate: of
         its spring [1/s]."""
-        self.axes = GuideAxes()
+        self.axes, self.words = GuideAxes(), ""
+        """The guide, and it in words; none: empty"""
         self.sure = True
         """False in doubt: it begins anew, without its spring"""
         self._model, self._velocity, self._rate = model, velocity, rate
@@ -47,6 +48,7 @@ class Guidance:
                 redundant=axes.redundant == "free",
             )
         self.axes, self._guide = axes, guide
+        self.words = str(axes) if guide else ""
 
     @property
     def guides(self) -> bool:
@@ -70,8 +72,7 @@ class Guidance:
         """Velocity [rad/s] of an arm at q [rad] that was led at `before`, and now goes a share of
         the way to the velocity `asked`, with gains K_a; `moved` are velocities of its motors,
         `sent` their setpoints, room (2, n) is left down and up [rad]."""
-        if self._guide is None:
-            return before + share * (asked - before)
+        assert self._guide is not None
         if not self.sure:
             self._guide.forget()
         most, out = np.maximum(self._rate * room, 0.0), np.empty_like(asked)

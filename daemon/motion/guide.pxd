@@ -11,7 +11,7 @@ cdef extern from "math.h":
 
 cdef Py_ssize_t _PASSES, _ACROSS, _EVERY, _HOLDING, _FREE, _DAMPED, _STIFF
 cdef double _ARM_M, _DAMPS, _SPRING_M_S, _SPRING_RAD_S, _SLIP_M
-cdef double _LAGS_RAD_S, _LEAST, _NEARS_S, _FORESEEN_S, _NEAR
+cdef double _LAGS_RAD_S, _LEAST, _CREEPS, _NEARS_S, _FORESEEN_S, _NEAR
 
 cdef class Guide:
     cdef Py_ssize_t _n
@@ -40,7 +40,7 @@ cdef class Guide:
     cdef void _frame_alone(self, const double[:] gain) noexcept
     @cython.locals(share=double, fastest=double)
     cdef double _bounded(self) noexcept
-    @cython.locals(square=double, most=double, way=double)
+    @cython.locals(square=double, most=double, way=double, share=double, gentle=double)
     cdef double _gentle(self) noexcept
     @cython.locals(f=Frame)
     cdef void _see(self) noexcept

@@ -41,7 +41,7 @@ _PASSES = 4  # joints that end their room make others turn further
 _SPRING_M_S, _SPRING_RAD_S, _SLIP_M = 0.1, 0.3, 0.03
 # Least mobility of a row beside those before it, over their mean; time in which it is approached,
 # and that over which it is foreseen [s].
-_LEAST, _NEARS_S, _FORESEEN_S = 2e-3, 0.3, 0.05
+_LEAST, _CREEPS, _NEARS_S, _FORESEEN_S = 2e-3, 1e-7, 0.3, 0.05
 _LAGS_RAD_S = 0.15  # by which a drive is behind its setpoint as it speeds up
 _NEAR = 1e-9
 _FREE, _DAMPED, _STIFF = FREE, DAMPED, STIFF  # for the compiler
@@ -164,16 +164,20 @@ class Guide:
         return share
 
     def _gentle(self) -> float:
-        """Share of the spring's velocity at which joints and tool are no faster than it may be."""
-        square, most = 0.0, _SPRING_RAD_S
+        """Share of the spring's velocity at which joints and tool are no faster than it may be, and
+        no drive is asked for much that a hand pushes back."""
+        square, most, share = 0.0, _SPRING_RAD_S, 1.0
         for i in range(self._n):
             most = max(most, abs(self._spring[i]))
+            if self._spring[i] * self._moved[i] < 0.0:
+                share = min(share, max(1.0 - abs(self._moved[i]) / _SPRING_RAD_S, 0.0))
         for a in range(3):
             way = 0.0
             for i in range(self._n):
                 way += self._along[a, i] * self._spring[i]
             square += way * way
-        return float(min(_SPRING_RAD_S / most, _SPRING_M_S / max(sqrt(square), _SPRING_M_S)))
+        gentle = min(_SPRING_RAD_S / most, _SPRING_M_S / max(sqrt(square), _SPRING_M_S))
+        return float(share * gentle)
 
     def _see(self) -> None:
         """Rows of the frame at the pose `_q`, along the guide's axes."""
@@ -270,5 +274,5 @@ class Guide:
             self._q[i] += _FORESEEN_S * out[i]
         self._see()
         falls = (pivot - self._rows.factor(self._choose(_ACROSS), gain)) / _FORESEEN_S
-        left = max(pivot - _LEAST, 0.0)
+        left = max(pivot - _LEAST, _CREEPS)  # and on its end no jump between standing and leaving
         return float(left / (_NEARS_S * falls)) if falls * _NEARS_S > left else 1.0

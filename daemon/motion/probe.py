@@ -25,7 +25,8 @@ CYCLES: Final = 2
 PERIOD_S: Final = 0.8
 SPEED: Final = 0.018  # [rad/s]
 SHARE: Final = 0.25  # of arms of the world's width that nothing touches, few show 0.2
-CHANGED: Final = 0.08  # of the level; a hand that holds still changes its mean by less
+CHANGED: Final = 0.08  # of the level; a hand that holds still changes its mean by less at a time
+FADED: Final = 0.15  # below which it is gone
 #: Least time without a contact before the probe: a residual fades, and the arm comes to rest [s].
 FADES_S: Final = 0.3
 
@@ -69,8 +70,10 @@ class Probe:
         joint, before = int(np.argmax(np.abs(share))), self._found
         if abs(share[joint]) > SHARE:
             self._found = joint, float(share[joint])
-        elif before is None or abs(share[before[0]] - before[1]) > CHANGED:
-            self._found = None
+        elif before is not None:
+            joint, now = before[0], float(share[before[0]])
+            rests = abs(now) > FADED and abs(now - before[1]) < CHANGED
+            self._found = (joint, now) if rests else None
         return None if self._found is None else self._found[0]
 
     def forget(self) -> None:

@@ -157,6 +157,8 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     near: Near | msgspec.UnsetType = msgspec.UNSET
     # Left out unless the last path that was asked for was refused for it.
     meeting: Meeting | msgspec.UnsetType = msgspec.UNSET
+    # Along which a hand leads the arm, as `contactctl guide` shows it. Left out without one.
+    guide: str | msgspec.UnsetType = msgspec.UNSET
 
 
 STATE_FORMAT = 6

@@ -15,8 +15,8 @@ from daemon.config.shapes import MOST_PAIRS, guarded
 from daemon.config.worst_loads import Carrying
 from daemon.protocol.bounds import LIGHTEST_KG
 from daemon.protocol.requests import SetPayload
-from estimator.clearance import Capsule
 from estimator.payload import HEAVIEST_KG, Payload
+from estimator.shapes import Capsule
 from estimator.walls import Walls
 
 

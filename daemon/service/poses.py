@@ -88,7 +88,8 @@ class Poses:
             raise TrajectoryError("it takes either a `pose` or `targets`")
         if request.pose is None:
             values = request.targets or {}
-            return " ".join(f"{joint}={value:g}" for joint, value in values.items()), values
+            named = " ".join(f"{joint}={value:.4g}" for joint, value in values.items())
+            return named if len(values) < 3 else f"a pose of {len(values)} joints", values
         if request.pose in self.joints and request.pose not in self.named:
             raise TrajectoryError(
                 f"{request.pose} is a joint: JOINT=VALUE is expected, with its position in rad, "

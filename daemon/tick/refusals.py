@@ -111,29 +111,29 @@ def leads_through(walls: Walls | None, q: Vector, place: Place) -> Meeting | Non
 
 def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeting | None]:
     """For each of PLACES of the rest of a path from q (n,) [rad], or of its first minute if it has
-    no end: what it leads through each other there. Shapes that overlap may come apart."""
+    no end: what it leads through each other there, or deeper where they overlap."""
     if walls is None or not walls.clearance.pairs:
         return
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
     end = min(path.duration, s + ENDLESS_S)
-    first_rows = np.flatnonzero(np.diff(clearance.pair, prepend=-1))
     clearance.at(q)
-    least, origin = np.minimum.reduceat(clearance.gap, first_rows), q - path.offset(s)
-    least = np.minimum(least, 0.0) - ROUNDING
+    least, origin = np.minimum(clearance.least, 0.0) - ROUNDING, q - path.offset(s)
     for at_s in np.linspace(s, end, PLACES).tolist() if path.fastest(s).any() else []:
         there = origin + path.offset(at_s)
         clearance.at(there)
-        gaps = np.minimum.reduceat(clearance.gap, first_rows)
+        gaps = np.asarray(clearance.least)
         pair = int(np.argmin(gaps - least))
         if (gap := gaps[pair]) >= least[pair]:
+            least = np.maximum(least, np.minimum(gaps, 0.0) - ROUNDING)
             yield None
             continue
         names = [one.name for one in clearance.pairs[pair]]
         depth = f", {-1000.0 * gap:.0f} mm deep," if gap < -5e-4 else ""
-        way = "go there another way"
+        through, way = "through", "go there another way"
         if least[pair] < -ROUNDING:
-            way = f"it stands inside already: correct {SHAPES_FILES}, or move it out without power"
-        text = f"{path.name} leads {' through '.join(names)}{depth} at {at_s:.1f} s: {way}"
+            through = f"from {-1000.0 * least[pair]:.0f} mm deeper into"
+            way = f"go first where it comes out, correct {SHAPES_FILES}, or move it without power"
+        text = f"{path.name} leads {f' {through} '.join(names)}{depth} at {at_s:.1f} s: {way}"
         yield Meeting(pair=names, position=there.tolist(), text=text)
 
 

@@ -104,6 +104,7 @@ class TickRecord:
     stream: StreamState | None = None  # that the arm follows
     near: Near | UnsetType = UNSET
     meeting: Meeting | UnsetType = UNSET
+    guide: str | UnsetType = UNSET
     notices: tuple[Notice, ...]  # news of this tick, and of the requests before it
 
 
@@ -143,6 +144,7 @@ def state_of(record: TickRecord, permit: Permit | None = None) -> State:
         stream=record.stream,
         near=record.near,
         meeting=record.meeting,
+        guide=record.guide,
         timing=Timing(
             wall_s=wakeup.wall_s,
             monotonic_s=wakeup.monotonic_s,

@@ -138,6 +138,7 @@ class Tick:
             stream=self.controller.stream_state(),
             near=near_of(self.controller.motion.walls) if machine.mode in SENSING else UNSET,
             meeting=self.controller.motion.meeting or UNSET,
+            guide=self.controller.motion.guidance.words or UNSET,
             notices=self._news.step(time_s, self._sensing, findings, contacts, unproved, others),
         )
 

@@ -13,8 +13,7 @@ from common.arrays import Vector
 from drivers.api import Event, Kind, Objection, PowerTarget, Samples
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.emergencies import Emergencies
-from drivers.canopen.event_queue import EventQueue
-from drivers.canopen.events import Fact, crossing
+from drivers.canopen.events import BusEvent, Fact, crossing
 from drivers.canopen.ids import EMERGENCY, HEARTBEAT
 from drivers.canopen.inbox import FRAMES_PER_PASS, Inbox
 from drivers.canopen.objections import objections_of
@@ -22,6 +21,7 @@ from drivers.canopen.outbox import SYNC_FRAME, Outbox
 from drivers.canopen.sdo_watch import SdoWatch
 from drivers.canopen.settings import CanopenDrive
 from drivers.canopen.stops import Stops
+from drivers.event_queue import EventQueue
 from drivers.presence import Presence
 from drivers.stopping.travel import least_patience_s
 
@@ -45,7 +45,7 @@ class CanopenDrives:
         self.nodes = tuple(drive.node for drive in drives)
         self._clock, self._now = clock, 0.0
         self._joints = dict(zip(self.nodes, self.names, strict=True))
-        self._events = EventQueue()
+        self._events: EventQueue[BusEvent] = EventQueue()
         self._report = self._events.report
         self._presence = Presence(least_patience_s(drives), period_s)
         self._outbox = Outbox(wire, drives, master_node, self._report)

@@ -1,6 +1,6 @@
 """Events of the bus beside the samples: typed facts, and as they cross the line to the daemon."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from drivers.api import Event, Kind
@@ -50,6 +50,7 @@ class Emergency:
 
 
 BusEvent = Fact | Emergency | Event
+Report = Callable[[BusEvent | None], None]
 
 
 def crossing(event: BusEvent, joints: Mapping[int, str]) -> Event | None:

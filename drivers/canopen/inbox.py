@@ -13,8 +13,7 @@ from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, Frame, Wire
 from drivers.canopen.answers import Answers
 from drivers.canopen.emergency_codes import OF_COMMUNICATION
-from drivers.canopen.event_queue import Report
-from drivers.canopen.events import Emergency, Fact
+from drivers.canopen.events import Emergency, Fact, Report
 from drivers.canopen.ids import HEARTBEAT, NODE, SDO_ANSWER
 from drivers.canopen.make import frames
 from drivers.canopen.node_watches import NodeWatches

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure
 from drivers.can.wire import Frame, Wire
-from drivers.canopen.event_queue import Report
+from drivers.canopen.events import Report
 from drivers.canopen.expedited_stop import expedited_quick_stops
 from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, HEARTBEAT, NMT, OPERATIONAL, START_NODE, SYNC
 from drivers.canopen.setpoints import Setpoints

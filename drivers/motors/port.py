@@ -11,13 +11,13 @@ from drivers.can.bus import BUS_FAILURES
 from drivers.can.failures import bus_failure, error_frame
 from drivers.can.traffic import Traffic
 from drivers.can.wire import ERROR, IDENTIFIER, Frame, Wire
+from drivers.event_queue import EventQueue
 from drivers.motors.guardian import BEAT, GONE_S, Doing
 from drivers.motors.language import Language
 from drivers.motors.replies import Replies
 
-#: Bounds of a pass and of a tick: a flooded bus must not hold the loop, nor take the memory.
+#: Bound of a pass: a flooded bus must not hold the loop.
 FRAMES_PER_PASS: Final = 512
-EVENTS_PER_TICK: Final = 32
 
 
 class Port:
@@ -36,7 +36,8 @@ class Port:
         self._wire, self._replies, self._traffic = wire, replies, traffic
         self._language = language
         self._on_bus_off, self._on_held = on_bus_off, on_held
-        self._events: list[Event] = []
+        events: EventQueue[Event] = EventQueue()
+        self.report, self.events = events.report, events.take
         self.now = 0.0
         """Time of the tick [s]."""
         self._beat_s = -math.inf  # of the guardian
@@ -52,18 +53,6 @@ class Port:
         self._traffic.begin(now, self._replies.late_frames)
         if self.taken_over:  # as heard before
             self._beat_s, self._guarded = now, True
-
-    def report(self, *events: Event) -> None:
-        """Keep events for the next samples, each once."""
-        for event in events:
-            if event not in self._events and len(self._events) < EVENTS_PER_TICK:
-                self._events.append(event)
-
-    def events(self) -> tuple[Event, ...]:
-        """Events so far, which are then forgotten here."""
-        events = tuple(self._events)
-        self._events.clear()
-        return events
 
     def send(self, frames: Sequence[Frame]) -> bool:
         """Send; False, and an event, if the bus does not take them all."""

@@ -5,6 +5,7 @@ torque that it may give. The time-out, which not all models let be read, goes ou
 """
 
 import math
+from contextlib import suppress
 from typing import Final
 
 from common.errors import DriveError, SilentDriveError
@@ -89,13 +90,20 @@ class RobStrideSetup(Asking):
         return None
 
     def leave(self, drive: RobStrideDrive) -> None:
-        """Switch off a motor's watch on us. Raises DriveError.
+        """Switch off a motor's watch on us, and read it back where its model allows that. Raises
+        DriveError.
 
-        Not all models let it be read back, and a feedback may answer another frame: one may be
-        lost.
+        A model that does not reads 0, or has no answer: it gets three, as a feedback may answer
+        another frame, and one may be lost.
         """
         for _ in range(TRIES):
             self._order(drive, write(drive.node, Parameter.TIMEOUT, 0))
+        with suppress(SilentDriveError):
+            if held := self._read(drive, Parameter.TIMEOUT):
+                raise DriveError(
+                    f"{drive}: its time-out (0x7028) does not hold 0; it reads {held:g}: without "
+                    f"frames it lets go"
+                )
 
     def _write(self, drive: RobStrideDrive, parameter: Parameter, value: float) -> Feedback:
         found = self._order(drive, write(drive.node, parameter, value))

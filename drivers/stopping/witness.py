@@ -25,6 +25,9 @@ MOVES: Final = 0.1
 PAUSE_S: Final = 0.03
 #: Time until a setpoint shows in a motor that lags [s]; in the drive's samples it takes two ticks.
 LAG_S: Final = 0.05
+#: A motor that a soft loop no longer drives against friction may stick so far before the end of
+#: setpoints slower than MOVES [rad].
+STICKS_RAD: Final = 0.02
 #: So many equal readings in a row while the motor moves were not measured.
 FROZEN_READINGS: Final = 10
 #: So many changed positions in a row are a motion, not counts of a coarse encoder.
@@ -99,6 +102,8 @@ class Witness:
 
     __slots__ = (
         "_changed_s",
+        "_command_s",
+        "_commanded_rad",
         "_commanded_s",
         "_current",
         "_died",
@@ -126,6 +131,8 @@ class Witness:
         self._same = 0  # readings since, of a motor that was to move or reported motion
         self._moved_s = -math.inf  # when its velocity last was a motion
         self._commanded_s = -math.inf  # when it was last commanded to move
+        # Way that it was commanded since a position last changed, and when it last was a command.
+        self._commanded_rad, self._command_s = 0.0, -math.inf
 
     def copy(self) -> "Witness":
         """Another with the same history, which goes its own way."""
@@ -135,8 +142,11 @@ class Witness:
 
     def command(self, now: float, velocity: float) -> None:
         """Take the target velocity [rad/s] in force from now on."""
+        elapsed_s, self._command_s = min(now - self._command_s, LAG_S), now
         if abs(velocity) >= STANDS:
             self._commanded_s = now
+            slow = abs(velocity) < MOVES
+            self._commanded_rad += abs(velocity) * elapsed_s if slow else math.inf
 
     def take(
         self, now: float, velocity: float, current: float, link: float, motor: float = math.nan
@@ -145,6 +155,7 @@ class Witness:
         link; NaN is none."""
         changed = self.link.take(now, link)
         changed = self.motor.take(now, motor) or changed
+        self._commanded_rad = 0.0 if changed else self._commanded_rad
         if not math.isnan(velocity):
             self._died = self._dies(now, velocity, changed)
             changed = changed or velocity != self._velocity
@@ -202,8 +213,10 @@ class Witness:
 
     @property
     def _follow(self) -> bool:
-        """True if one of its positions has changed for as long as it moved, or was to."""
-        to_move_s = max(self._moved_s, self._commanded_s) - LAG_S
+        """True if one of its positions has changed for as long as it moved, or was to, but for the
+        last of the way."""
+        sticks = self._commanded_rad <= STICKS_RAD
+        to_move_s = (self._moved_s if sticks else max(self._moved_s, self._commanded_s)) - LAG_S
         return any(each.changed_s >= to_move_s for each in self._positions)
 
     @property

@@ -68,6 +68,8 @@ export class Header {
     this.#drawPermit();
     this.#drawLoad(words.load);
     this.#drawStream();
+    show(at("guide"), Boolean(words.guide));
+    say(at("guide"), `${this.#stale ? "Then led" : "Led"} along a guide: ${words.guide}`);
     this.#drawFault(words);
   }
 

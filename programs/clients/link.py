@@ -8,7 +8,7 @@ from typing import Self
 
 import msgspec
 
-from contactd_client.aio import AsyncConnection
+from contactd_client.aio_connection import AsyncConnection
 from contactd_client.connection import ANSWER_S
 from daemon.protocol.replies import Reply
 from daemon.protocol.requests import Request

@@ -75,7 +75,8 @@ def status_report(status: Status, socket: Path | None = None, point: str = "") -
         table.add_row("samples", Text(words, "yellow"))
     table.add_row("real time", _grants(status.realtime))
     uptime = clock(status.uptime_s)
-    table.add_row("process", f"pid {status.pid}, up {uptime}, {status.readers} readers")
+    readers = "1 reader" if status.readers == 1 else f"{status.readers} readers"
+    table.add_row("process", f"pid {status.pid}, up {uptime}, {readers}")
     if socket is not None:
         table.add_row("socket", Text(str(socket)))
     frame = Table.grid()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 WAIT_S = 5.0
 SENSING_WAIT_S = 1.0
+RESET_S = 0.6  # a drive that is still in fault half a second after a reset has a new one
 POLL_S = 0.02
 
 # Modes that a command leads to when it takes a while: waited for unless `--no-wait`.
@@ -52,7 +53,7 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
             if command == "reset":
                 from programs.clients.waiting import reset
 
-                reply = reset(client, WAIT_S)
+                reply = _without_a_new_fault(client, reset(client, WAIT_S))
             else:
                 reply = client.request(command)
         with lost_as(f"{command} is given, but {UNSEEN}" if to_rest else ""):
@@ -101,6 +102,20 @@ def take_up_changes(options: Options) -> None:
     if not options.json:
         click.echo(f"taking up {', '.join(now.changed)}")
     reload(options.socket)
+
+
+def _without_a_new_fault(client: "Client", reply: "Reply") -> "Reply":
+    """The reply to `reset`, as a failure where a fault is latched again at once."""
+    from msgspec.structs import replace
+
+    from programs.clients.waiting import asked_until
+
+    if not reply.ok:
+        return reply
+    now = asked_until(client.ask_status, lambda status: status.mode == Mode.FAULTED, RESET_S)
+    if now.mode != Mode.FAULTED:
+        return reply
+    return replace(reply, ok=False, message=f"reset, and a new fault: {now.cause}", mode=now.mode)
 
 
 def _not_seen_to_stand(reply: "Reply", unproved: list[str], silenced: bool) -> "Reply":

@@ -15,6 +15,7 @@ from daemon.config.explanations import explain
 from daemon.config.identified import Identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, frames_of
+from daemon.config.shapes import Walls
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
 from drivers.can.load import HIGHEST_LOAD, FrameLoad, bus_load
@@ -28,10 +29,10 @@ from programs.identify.stated_levels import source, unused
 
 TRAVEL_WORDS = (
     "until found: until the fault is detected. in the stops: while they are commanded, ever more "
-    "strongly. master missed: until the drive misses the master's heartbeat. in all: the sum, of a "
-    "drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
+    "strongly. master missed: until a drive that hears nothing of contactd acts. in all: the sum, "
+    "of a drive that ignores commands. too fast: a drive faster than its setpoint by speed_margin, "
     "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
-    "stop"
+    "stop; falls: it lets go instead"
 )
 
 
@@ -66,6 +67,7 @@ def print_check(config: Path) -> None:
     if robot.walls is not None:
         say(robot.walls.in_words)
         _say_places(robot)
+        _say_inside(robot.walls)
     _print_bus(console, c)
     # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
@@ -97,6 +99,13 @@ def _say_places(robot: Robot) -> None:
             f"shapes: as far off as the zeros of {', '.join(names)}, which config.yaml states and "
             "no step measured (`contactd identify zero`)"
         )
+
+
+def _say_inside(walls: Walls) -> None:
+    """Say which links are in a plane or box in all poses."""
+    for name in (*walls.surroundings.planes, *walls.surroundings.boxes):
+        if links := [one.pair[0] for one in walls.shapes.left_out if one.pair[1] == name]:
+            say(f"surroundings: {name} holds {', '.join(links)} in all poses: is its place right?")
 
 
 def _say_alone(c: Configuration) -> None:

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from common.errors import ModelError
+from estimator.urdf import linked
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -127,8 +128,8 @@ def _frame(joint: ET.Element) -> Frame:
     x, y, z = triple(axis, "xyz", (1.0, 0.0, 0.0))
     norm = math.dist((x, y, z), _ZERO) if kind != "fixed" else math.inf
     return Frame(
-        parent=_link(joint, "parent"),
-        child=_link(joint, "child"),
+        parent=linked(joint, "parent"),
+        child=linked(joint, "child"),
         joint=joint.get("name", ""),
         xyz=triple(origin, "xyz", _ZERO),
         fixed=from_rpy(triple(origin, "rpy", _ZERO)),
@@ -149,11 +150,6 @@ def from_rpy(rpy: Triple) -> Quaternion:
     about_y = (0.0, math.sin(pitch), 0.0, math.cos(pitch))
     about_z = (0.0, 0.0, math.sin(yaw), math.cos(yaw))
     return product(about_z, product(about_y, about_x))
-
-
-def _link(joint: ET.Element, role: str) -> str:
-    element = joint.find(role)
-    return "" if element is None else element.get("link", "")
 
 
 def _centre(link: ET.Element) -> Triple:

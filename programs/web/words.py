@@ -87,6 +87,7 @@ class Words(msgspec.Struct, frozen=True, tag="words", tag_field="kind"):
     stream: str  # phase of the arm on a stream of targets; empty without one
     near: str  # nearest pair of its shapes and surroundings; empty without shapes
     meeting: Meeting | None  # where the last path that was asked for leads through a shape
+    guide: str  # along which a hand leads the arm; empty without one
 
 
 class Summary(msgspec.Struct, frozen=True, tag="summary", tag_field="kind"):
@@ -224,6 +225,7 @@ def words(arm: int, state: State, found: TouchPoint | None = None) -> Words:
         stream=phase_in_words(state.stream) if state.stream else "",
         near=near_words(near) if (near := getattr(state, "near", None)) else "",
         meeting=getattr(state, "meeting", None) or None,
+        guide=getattr(state, "guide", "") or "",
     )
 
 

@@ -96,7 +96,7 @@ def test_a_circle_is_drawn_by_the_hand_with_and_without_the_assist(tmp_path: Pat
     assert (tmp_path / "circle.png").read_bytes().startswith(b"\x89PNG")
 
 
-LED = Led("a", 3.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
+LED = Led("a", 3.0, 2.0, 1.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
 RESTED = Rested(0.5, "a", 300.0, 1.0, np.inf, 2.1)
 ALONE = replace(RESTED, share=0.0)
 GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE], {})
@@ -109,6 +109,9 @@ GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE], {})
         (replace(GOOD, led=[LED, replace(LED, leads=13.0)]),
          {"leads, worst joint", "largest over smallest force"}),
         (replace(GOOD, led=[replace(LED, sets_out=5.0)]),
+         {"sets out, worst joint", "sets out beyond that, unnamed"}),
+        (replace(GOOD, led=[replace(LED, sets_out=5.0, stated=4.1),
+                            replace(LED, sets_out=5.0, friction=2.1)]),
          {"sets out, worst joint"}),
         (replace(GOOD, led=[replace(LED, work=2.0)]),
          {"work over that of drives off, median"}),

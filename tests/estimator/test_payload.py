@@ -204,3 +204,9 @@ def test_while_nothing_is_learned_friction_that_was_learned_is_still_known(
     taught.freeze_learning(True)
     levels = [sine_motion.replay(each, slice(2400, 2500))[-1].threshold for each in (taught, fresh)]
     assert levels[0].sum() < 0.9 * levels[1].sum()
+
+
+def test_a_box_is_named_before_the_place_which_is_a_links() -> None:
+    assert str(Payload.of(0.2, [0.0, 0.0, 0.1], box=[0.1, 0.1, 0.2])) == (
+        "0.2 kg, 0.1 x 0.1 x 0.2 m, at (0.000 0.000 0.100) m"
+    )

@@ -1,7 +1,13 @@
 """From the package to an identified arm, as docs/installing.md says, on a machine that had neither.
 
-With `--package FILE.deb`, each test the next step; the machine is booted again afterwards, for
-test_package_rebooted.py.
+Each test is the next step. On a throw-away Debian 12, a quarter of an hour:
+
+    python -m pytest -x tests/system/test_package.py --system --package A.deb --upgrade B.deb
+
+B is newer. Then boot, and the same with test_package_rebooted.py. This Python must not be that of
+/opt/contactd: `dpkg-deb -x A.deb /opt/tester` gives another. Where no user gets a real-time
+priority (`ulimit -Hr`; a container), a drop-in does: AmbientCapabilities=CAP_SYS_NICE CAP_IPC_LOCK,
+and the same in CapabilityBoundingSet=.
 """
 
 from pathlib import Path

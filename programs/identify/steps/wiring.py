@@ -87,11 +87,18 @@ def _go_on_without(
 
 def _checked(robot: "Robot", measured: "Measured", name: str) -> "WiringResult":
     """Check signs and scales of a joint that was moved alone."""
-    from identification.wiring import check_wiring
+    from drivers.robstride.settings import RobStrideProfile
+    from identification.motor_torque import reported_by_asked
+    from identification.wiring import check_wiring, with_torque_range
 
     c = robot.configuration
     i = c.joint_names.index(name)
-    return check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
+    found = check_wiring(measured.log, i, robot.model, c.joints[i].torque_constant)
+    profile = c.drives[c.joints[i].wiring.profile]
+    if not (isinstance(profile, RobStrideProfile) and math.isfinite(found.follows)):
+        return found
+    loop = profile.stiffness, profile.damping, profile.Nm_per_A
+    return with_torque_range(found, *reported_by_asked(measured.log, i, *loop))
 
 
 def _outcome(measured: "Measured", name: str, found: "WiringResult", c: "Configuration") -> Outcome:

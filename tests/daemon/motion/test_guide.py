@@ -1,11 +1,12 @@
 """Guide: what is held stands, what is free is as fast as before, nothing moves against a hand."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from bench.rigs.lockstep import BEAM, OPENARM, ROMEO
+from bench.rigs.lockstep import BEAM, DESK_ARM, OPENARM, ROMEO
 from bench.study.hands import Hands
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
@@ -205,6 +206,22 @@ def test_the_spring_brings_back_slowly_what_a_hand_pushed_off(
             np.testing.assert_array_equal(v, still)
 
 
+@pytest.mark.parametrize(("back", "share"), [(0.0, 1.0), (0.15, 0.5), (0.3, 0.0), (0.5, 0.0)])
+def test_the_spring_asks_less_of_a_drive_that_a_hand_pushes_back(
+    arm: tuple[Model, Vector, Vector, Vector], back: float, share: float
+) -> None:
+    """And the same of one that goes its way."""
+    model, gain, middle, half = arm
+    q0, still = middle + 0.3 * half, np.zeros(model.n)
+    led = Led(model, gain, SHAPES["point"])
+    led(q0, still)
+    q = q0 + np.linalg.pinv(model.tool_jacobian(q0)) @ (0.01 * model.axes(q0)[:, 1])
+    spring = led(q, still)
+    moved = -back * np.sign(spring) * (np.abs(spring) == np.abs(spring).max())
+    np.testing.assert_allclose(led(q, still, moved=moved, sent=still), share * spring, atol=1e-9)
+    np.testing.assert_allclose(led(q, still, moved=-moved, sent=still), spring, atol=1e-9)
+
+
 def test_leads_no_faster_than_without_where_it_is_free_and_slower_where_it_is_damped(
     arm: tuple[Model, Vector, Vector, Vector],
 ) -> None:
@@ -401,8 +418,33 @@ def test_rows_about_to_become_dependent_are_a_soft_wall_that_may_be_left() -> No
     gain = np.array([joint.admittance_gain for joint in robot.configuration.joints])
     middle, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
     q = 0.02 * (middle - 0.8 * half)
-    v = 0.05 * gain * np.random.default_rng(10).normal(size=model.n)
+    v = 0.5 * gain * np.random.default_rng(10).normal(size=model.n)
     ways = [Led(model, gain, SHAPES["line, not turned"])(q, s * v, springs=False) for s in (1, -1)]
     slow, fast = sorted(float(np.abs(way).max()) for way in ways)
     assert slow < 0.05 * fast
     assert fast > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("folder", "kinds", "near"),
+    [(DESK_ARM, (FREE, FREE, STIFF) + (FREE,) * 3, 0.5), (BEAM, (FREE,) + (STIFF,) * 5, 1e-4)],
+)
+def test_where_a_held_row_is_nearly_zero_it_does_not_chatter(
+    folder: Path, kinds: tuple[int, ...], near: float
+) -> None:
+    """Neither of an arm that cannot leave the plane where it begins, nor of a straight one."""
+    robot = load_robot(folder)
+    model, limits = robot.model, limits_of(robot.configuration)
+    gain = np.array([joint.admittance_gain for joint in robot.configuration.joints])
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        away = near * rng.uniform(-1.0, 1.0, model.n) * (limits.upper - limits.lower) / 2
+        q = away + (limits.lower + limits.upper) / 2 * (near > 0.1)
+        led, v, push, speeds = Led(model, gain, kinds), 0.0 * q, rng.normal(size=model.n), []
+        push *= 0.2 / np.abs(gain * push).max()
+        for _ in range(300):
+            v = steady(led, q, v, push, DT)
+            q = q + DT * v
+            speeds.append(v)
+        assert np.abs(np.diff(speeds, axis=0))[20:].max() < 0.02
+        assert np.abs(speeds).max() > 1e-4

@@ -83,6 +83,19 @@ def test_a_hand_that_was_found_rests_until_its_mean_changes(
     assert (probe.hand() is None) == (abs(later) < 1.0)
 
 
+@pytest.mark.parametrize(("ends", "found"), [(0.17, 1), (0.14, None)])
+def test_a_hand_whose_mean_fades_slowly_rests_until_it_is_no_more_than_without_one(
+    ends: float, found: int | None
+) -> None:
+    """Friction that has slid sticks anew, and takes over a part."""
+    probe = Probe(2, QUIET_S)
+    for mean in np.linspace(0.28, ends, 6):
+        swung(probe, mean)
+        hand = probe.hand()
+        probe.stop()
+    assert hand == found
+
+
 @pytest.mark.parametrize(("quiet_s", "some"), [(FADES_S + CYCLES * PERIOD_S - 0.05, False),
                                                (FADES_S + CYCLES * PERIOD_S + 0.05, True),
                                                (10.0, True)])  # fmt: skip

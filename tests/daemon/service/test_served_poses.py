@@ -9,11 +9,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from bench.rigs.lockstep import ROMEO
 from bench.rigs.served_daemon import ServedDaemon, served_daemon
+from daemon.config.load import load_robot
 from daemon.config.schema import Configuration
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check, Status, Trajectory, Way
 from daemon.protocol.requests import Go, Request, Stop
+from daemon.service.poses import Poses
 from daemon.service.status import ASK_AGAIN
 from programs.clients.client import Client
 from programs.contactctl import go as command
@@ -405,3 +408,11 @@ def test_contactctl_attends_the_way_it_waits_for(
     monkeypatch.setattr(Client, "ask", lambda self, r: (asked.append(r), ask(self, r))[1])
     assert served.contactctl("home", "--yes").exit_code == 0
     assert [request.attended for request in asked if request.command == "go"] == [False, True]
+
+
+def test_a_pose_of_many_joints_is_named_by_their_number() -> None:
+    robot = load_robot(ROMEO)
+    q, names = np.zeros(7), robot.configuration.joint_names
+    for few, name in ((2, "the way to LShoulderPitch=0.1235 LShoulderYaw=0.1235"), (3, "3 joints")):
+        path = Poses(robot).path(Go(targets=dict.fromkeys(names[:few], 0.123456)), q)
+        assert name in path.name

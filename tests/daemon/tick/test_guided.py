@@ -12,6 +12,7 @@ from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
 from daemon.protocol.guide import GuideAxes
 from daemon.tick.leading import Leading
+from daemon.tick.telemetry import state_of
 
 LINE = GuideAxes(stiff=("y", "z", "rx", "ry", "rz"))
 
@@ -58,6 +59,11 @@ def test_a_guide_that_is_refused_leaves_the_one_before(on: ArmInTheLoop) -> None
     assert controller.leading.set_guide(GuideAxes(frame="palm", stiff=("x",)), "a person")
     assert controller.leading.set_guide(GuideAxes(free=("x",)), "a person")
     assert controller.motion.guidance.axes == LINE
+    on.step()
+    assert state_of(on.last).guide == str(LINE)
+    assert not controller.leading.set_guide(GuideAxes(), "a person")
+    on.step()
+    assert not state_of(on.last).guide
 
 
 def test_an_arm_whose_links_are_not_checked_takes_no_guide(on: ArmInTheLoop) -> None:

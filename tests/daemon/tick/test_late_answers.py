@@ -81,6 +81,26 @@ def test_answers_that_are_late_are_not_missing(folder: Path) -> None:
     assert found == {Condition.SAMPLE_MISSING}
 
 
+@pytest.mark.parametrize("every", [2, 4])
+def test_an_arm_whose_answers_are_late_too_often_holds_and_is_not_armed(every: int) -> None:
+    """In more than a third of the ticks; seldom ones only raise levels."""
+    with held(OPENARM) as arm:
+        rig = arm.rig
+        assert not rig.permit()
+        for tick in range(600):
+            arm.step(0.005 if tick % every == 0 else 0.0)
+        assert any(arm.step(0.0).fresh)
+        often = every == 2
+        assert (rig.mode is Mode.HOLDING) is often
+        assert (rig.tick.controller.machine.cause.startswith(Condition.DEAF)) is often
+        if not often:
+            return
+        assert any(Condition.DEAF in reason for reason in rig.permit())
+        for _ in range(250):
+            arm.step(0.0)
+        assert not rig.permit()
+
+
 @pytest.mark.parametrize("folder", [ROMEO, OPENARM], ids=lambda folder: folder.name)
 def test_a_stop_is_seen_in_late_answers(folder: Path) -> None:
     found = set()

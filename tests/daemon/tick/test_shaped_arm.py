@@ -1,7 +1,8 @@
 """A simulated Romeo with shapes: a finger between forearm and upper arm is felt, yielded to, and
-not squeezed, nor does a hand fold the elbow beyond the margin; else it is as without shapes."""
+not squeezed, nor does a hand fold the elbow beyond the margin, or lead it into a wall, with or
+without a guide; hanging in a table it gets out; else it is as without shapes."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import copytree
@@ -13,9 +14,10 @@ from msgspec.structs import replace
 
 from bench.rigs.lockstep import ROMEO, Rig, lockstep_rig
 from daemon.config.load import load_robot
-from daemon.config.shapes import SHAPES, Surroundings, shapes_text
+from daemon.config.shapes import SHAPES, SURROUNDINGS, Surroundings, shapes_text
 from daemon.modes.table import Event, Mode
 from daemon.motion.pose_path import PosePath
+from daemon.protocol.guide import GuideAxes
 from daemon.protocol.state import Near
 from programs.contactd.fitting import fitted
 
@@ -119,3 +121,104 @@ def test_what_no_wall_slows_is_bit_for_bit_as_without_shapes(folder: Path) -> No
         assert isinstance(shaped.near, Near)
         assert not shaped.near.slows
         assert replace(shaped, near=UNSET, timing=without.timing) == without
+
+
+TABLE = "{point: [0, 0, -0.3], normal: [0, 0, 1]}"  # 0.29 m above the lowest place
+FRONT = "{point: [0.225, 0, 0], normal: [-1, 0, 0]}"  # 0.1 m before the foremost
+
+
+@pytest.fixture(scope="module")
+def hanging(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Folder of the arm with such a plane."""
+
+    def beside(plane: str) -> Path:
+        arm = Path(copytree(folder, tmp_path_factory.mktemp("hanging") / "arm"))
+        (arm / SURROUNDINGS).write_text(f"version: 1\nplanes:\n  plane: {plane}\n")
+        return arm
+
+    return beside
+
+
+def depths(rig: Rig, rows: list[list[int]]) -> np.ndarray:
+    """Depth of each link in the plane, of its rows [m]."""
+    walls = rig.tick.controller.motion.walls
+    walls.clearance.at(np.array(rig.state().link_position))
+    gap = np.asarray(walls.clearance.gap)
+    return np.array([-min(0.0, gap[of].min()) for of in rows])
+
+
+def rows_beside_plane(rig: Rig) -> list[list[int]]:
+    clearance = rig.tick.controller.motion.walls.clearance
+    rows: dict[str, list[int]] = {}
+    for r, k in enumerate(clearance.pair):
+        first, second = clearance.pairs[k]
+        if second.name == "plane":
+            rows.setdefault(first.name, []).append(r)
+    return list(rows.values())
+
+
+@pytest.mark.parametrize("by", ["go", "hand"])
+def test_an_arm_that_hangs_in_a_table_gets_out_of_it(by: str, hanging) -> None:
+    with lockstep_rig(hanging(TABLE)) as rig:
+        rig.enable()
+        rig.run(0.5)
+        rows = rows_beside_plane(rig)
+        q, least = np.array(rig.state().link_position), depths(rig, rows)
+        assert least.max() > 0.28
+        request, speed = rig.tick.controller.request, np.full(len(q), 0.3)
+        turned = PosePath("a pose", q, q + np.eye(len(q))[2], speed)  # lowers a corner of the hand
+        assert "deeper into" in request(Event.START, "a test", rig.time_s, turned)[0]
+        if by == "go":
+            up = PosePath("a pose", q, q - 1.4 * np.eye(len(q))[0], speed)
+            assert request(Event.START, "a test", rig.time_s, up) == []
+        else:
+            assert rig.permit() == []
+            rig.arm.external_torque[0] = -4.0
+        for _ in range(600):
+            rig.step()
+            now = depths(rig, rows)
+            assert np.all(now < least + 1e-3)  # links fall in their gaps when a hand comes
+            least = np.minimum(least, now)
+        assert least.max() == 0.0
+
+
+GUIDES = [
+    GuideAxes(),
+    GuideAxes(frame="base", stiff=("x", "y")),
+    GuideAxes(frame="base", held=("rx", "ry", "rz"), damped=("x",), redundant="held"),
+]
+
+
+@pytest.mark.parametrize("guide", GUIDES, ids=str)
+def test_a_hand_that_leads_on_a_guide_takes_nothing_into_a_wall(guide, hanging) -> None:
+    """It rests there after that, below every level, and the arm swings to find it."""
+    rng, least, slowed, swung, away = np.random.default_rng(3), 1.0, 0, 0, []
+    with lockstep_rig(hanging(FRONT)) as rig:
+        rig.enable()
+        rig.run(0.5)
+        joints = rig.robot.configuration.joints
+        level = np.array([joint.thresholds.collision for joint in joints])
+        controller, q = rig.tick.controller, np.array(rig.state().link_position)
+        path = PosePath("a pose", q, q + 0.3 * np.eye(len(q))[4], np.full(len(q), 0.01))
+        assert controller.request(Event.START, "a test", rig.time_s, path) == []
+        assert rig.permit() == []
+        assert controller.leading.set_guide(guide, "a test") == []
+        clearance, rows = controller.motion.walls.clearance, rows_beside_plane(rig)
+        wall = [row for of in rows for row in of]
+        for k in range(900):
+            clearance.at(np.array(rig.state().link_position))
+            gap = np.asarray(clearance.gap)
+            least = min(least, float(gap.min()))
+            if k % 40 == 0:
+                way = clearance.gradient[wall[int(np.argmin(gap[wall]))]]
+                way = -60.0 * np.array(way) + 0.2 * level * rng.uniform(-1.0, 1.0, len(level))
+                push = np.clip(way, -0.6 * level, 0.6 * level)
+            rig.arm.external_torque[:] = push if k < 600 else 0.05 * push
+            rig.step()
+            slowed += rig.state().near.slows
+            swung += controller.motion.probing.any()
+            away.append(gap[wall].min())
+    assert least > 0.003
+    assert min(away) < 0.009
+    assert slowed > 20
+    assert swung > 20

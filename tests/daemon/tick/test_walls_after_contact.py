@@ -6,7 +6,8 @@ import pytest
 
 from daemon.modes.contact_reactions import AfterQuiet, ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
-from estimator.clearance import Clearance, Plane
+from estimator.clearance import Clearance
+from estimator.shapes import Plane
 from estimator.walls import Walls
 from tests.daemon.motion.test_walls import ACCELERATION, links_of
 from tests.ideal_arm import IdealArm, holding_arm, tracking_arm

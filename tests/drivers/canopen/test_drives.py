@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from drivers.api import DriveCondition, Kind, PowerTarget
 from drivers.can.virtual import QueueWire
 from drivers.canopen.drives import CanopenDrives
-from drivers.canopen.event_queue import EVENTS_PER_TICK
 from drivers.canopen.events import Emergency, Fact
 from drivers.canopen.inbox import FRAMES_PER_PASS
+from drivers.event_queue import EVENTS_PER_TICK
 from tests.drivers.canopen.scripted_wire import (
     PERIOD_S,
     N,

@@ -352,3 +352,34 @@ def test_a_lost_frame_leaves_no_motor_that_lets_go_after_the_end(arm: Broken) ->
     with rig.lockstep.serving():
         rig.drives.let_go()
     assert [motor.parameters[m.TIMEOUT] for motor in rig.arm.motors] == [0] * len(rig.arm.motors)
+
+
+class Stubborn(dict[int, float]):
+    """Parameters of a motor that keeps its time-out."""
+
+    def __setitem__(self, parameter: int, value: float) -> None:
+        if parameter != m.TIMEOUT:
+            super().__setitem__(parameter, value)
+
+
+@pytest.mark.parametrize("model", ["says it", "says 0", "has no answer"])
+def test_a_time_out_that_stays_is_named_where_the_model_says_it(
+    arm: Broken, monkeypatch: pytest.MonkeyPatch, model: str
+) -> None:
+    rig = arm.rig
+    rig.enable()
+    motor = rig.arm.motors[2]
+    motor.parameters = Stubborn(motor.parameters)
+    if model == "says it":
+        monkeypatch.setattr(m, "_WRITE_ONLY", {m.ZERO_STA})
+    elif model == "has no answer":
+        monkeypatch.setattr(m.RobStrideMotor, "_on_read", lambda self, index: None)
+    with rig.lockstep.serving():
+        if model == "says it":
+            with pytest.raises(DriveError, match=r"joint3.*0x7028"):
+                rig.drives.let_go()
+        else:
+            rig.drives.let_go()
+    assert [motor.parameters[m.TIMEOUT] == 0 for motor in rig.arm.motors] == [
+        i != 2 for i in range(6)
+    ]

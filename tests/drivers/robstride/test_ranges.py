@@ -17,7 +17,12 @@ FOUND = "identified.yaml"
 
 @pytest.mark.parametrize(
     ("name", "register", "factor", "field"),
-    [("joint2", "T_MAX", TORQUE, "torque_max_Nm"), ("joint3", "V_MAX", VELOCITY, "velocity_max")],
+    [
+        ("joint1", "T_MAX", 14 / 17, "torque_max_Nm"),  # upright: gravity does not act
+        ("joint2", "T_MAX", TORQUE, "torque_max_Nm"),
+        ("joint3", "T_MAX", 17 / 14, "torque_max_Nm"),
+        ("joint3", "V_MAX", VELOCITY, "velocity_max"),
+    ],
 )
 def test_a_wrong_one_is_named(
     tmp_path: Path, name: str, register: str, factor: float, field: str

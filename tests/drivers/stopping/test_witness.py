@@ -111,6 +111,30 @@ def test_what_is_held_still_and_was_commanded_to_move_rests_with_a_position_that
     assert first_stands(held) is not None
 
 
+@pytest.mark.parametrize(
+    ("commanded", "way", "moved", "shown", "stands"),
+    [
+        (0.05, 0.015, True, 0.0, True),
+        (-0.09, 0.018, True, 0.0, True),
+        (0.05, 0.025, True, 0.0, False),
+        (0.05, 0.015, False, 0.0, False),  # its encoder never showed anything
+        (0.05, 0.015, True, 0.15, False),  # its velocity shows that it moves, and then a bias
+        (0.2, 0.015, True, 0.0, False),  # a motor does not stick that fast
+    ],
+)
+def test_a_motor_may_stick_before_its_slow_setpoints_end(
+    commanded, way, moved, shown, stands
+) -> None:
+    witness = Witness()
+    sticks, over = 50, 50 + round(way / abs(commanded) / T)
+    for k in range(over + 50):
+        speed = commanded if k < sticks else shown if k < over else shown / 3.0
+        link = commanded * T * min(k, sticks) if moved else 0.3
+        witness.take(k * T, speed + 1e-4 * (k % 5), 0.1, link)
+        witness.command(k * T, commanded if k < over else 0.0)
+    assert witness.stands(k * T, shown / 3.0) is stands
+
+
 @pytest.mark.parametrize("history_s", [0.0, 0.1, 0.5])
 def test_a_drive_that_stood_all_along_needs_no_more_than_a_rest(history_s: float) -> None:
     witness, k = Witness(), 0

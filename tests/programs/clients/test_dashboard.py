@@ -95,6 +95,16 @@ def test_a_stream_has_a_line_of_its_own(dashboard: Any) -> None:
     assert not any(line.startswith(" stream ") for line in text_of(dashboard(range(131)), 100, 30))
 
 
+def test_a_guide_has_a_line_of_its_own(dashboard: Any) -> None:
+    """Of a small terminal, too."""
+    plain, led = (text_of(dashboard(range(131), **{"guide": g} if g else {}), 80, 24)
+                  for g in ("", "stiff y z rx ry rz; frame tool"))  # fmt: skip
+    (line,) = [line for line in led if "guide" in line]
+    assert line == " led along a guide: stiff y z rx ry rz; frame tool"
+    assert len(led) <= 23
+    assert not any("guide" in line for line in plain)
+
+
 def test_how_far_the_arm_is_behind_its_target() -> None:
     assert quality_in_words(STREAM, [0.45, -1.19]).startswith("0.050 rad behind; 100 Hz")
     unknown = msgspec.structs.replace(STREAM, rate_hz=None, lost=0, bounded=0)

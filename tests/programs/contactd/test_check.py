@@ -304,3 +304,14 @@ def test_the_tables_of_the_arm_fit_into_80_columns():
     for title in ("wiring", "joints", travel):
         start = next(i for i, line in enumerate(lines) if line.strip() == title)
         assert max(len(line.rstrip()) for line in lines[start : start + 9]) <= 80
+
+
+def test_a_link_that_a_box_holds_in_all_poses_is_said(tmp_path):
+    folder = Path(shutil.copytree(ROMEO, tmp_path / "arm"))
+    around = "boxes: {post: {centre: [0, 0, 0], size: [0.4, 1, 1.2]}}"
+    (folder / "surroundings.yaml").write_text(f"version: 1\n{around}\n")
+    CliRunner().invoke(main, ["shapes", str(folder), "--single"], catch_exceptions=False)
+    lines = check(folder).output.splitlines()
+    (line,) = [line for line in lines if line.startswith("surroundings: post ")]
+    assert "LShoulderPitch, LShoulderYaw" in line
+    assert "LWristPitch" not in line

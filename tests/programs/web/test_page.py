@@ -236,6 +236,17 @@ def test_a_joint_that_senses_nothing_feels_nothing_that_it_felt_last(
     screen.until("document.querySelector('#felt').innerText.endsWith('no joint senses')")
 
 
+def test_a_guide_is_seen_by_who_leads_the_arm(
+    screens: Screens, arm: FakeDaemon, page: Page
+) -> None:
+    screen = screens.open(f"{page.url}?scene=off")
+    screen.live()
+    arm.changes = {"guide": "stiff y z; frame tool"}
+    screen.shows("#guide", "Led along a guide: stiff y z; frame tool")
+    arm.changes = {}
+    screen.until("document.querySelector('#guide').hidden")
+
+
 def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> None:
     screen = screens.open(f"{page.url}?scene=off")
     screen.live()

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rosbags.typesys import Stores, get_typestore
+from zenoh_ros2_sdk.service_client import ROS2ServiceClient
 from zenoh_ros2_sdk.subscriber import ROS2Subscriber
 
 from contactd_client.paths import view_socket_path
@@ -45,6 +46,26 @@ def joint_state(topic: str, port: int) -> Any:
     message = until(lambda: got and got[0])
     subscriber.close()
     return message
+
+
+def caller(
+    name: str,
+    port: int,
+    kind: str,
+    request: str = "uint8 structure_needs_at_least_one_member",
+    type_hash: str | None = None,
+) -> ROS2ServiceClient:
+    """Client of a service, as zenoh-ros2-sdk at the router of this port has one."""
+    return ROS2ServiceClient(
+        service_name=name,
+        srv_type=kind,
+        request_definition=request,
+        response_definition="bool success\nstring message",
+        type_hash=type_hash,
+        router_ip="127.0.0.1",
+        router_port=port,
+        timeout=LONGEST_S,
+    )
 
 
 class Bridge:

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 import zenoh
 from zenoh_ros2_sdk import discovery
-from zenoh_ros2_sdk.service_client import ROS2ServiceClient
 from zenoh_ros2_sdk.utils import compute_service_type_hash
 
 from programs.zenoh.arming import SET_BOOL
@@ -15,7 +14,7 @@ from programs.zenoh.holding import KNOCK_S, ONCE
 from programs.zenoh.names import attachment
 from programs.zenoh.services import TRIGGER, endpoint
 from programs.zenoh.type_hashes import TYPE_HASHES
-from tests.programs.zenoh.bridge import LONGEST_S, Bridge, until
+from tests.programs.zenoh.bridge import Bridge, caller, until
 
 ANSWER = "bool success\nstring message"
 REQUESTS = {TRIGGER: "uint8 structure_needs_at_least_one_member", SET_BOOL: "bool data"}
@@ -38,15 +37,7 @@ def test_another_arms_renews_and_disarms(fake_daemon: Any, sdk: int, start: Any)
     offered = {"arm": SET_BOOL, "disarm": TRIGGER, "reset": TRIGGER, "stop": TRIGGER}
     expected = {f"/left_arm/{name}": [kind] for name, kind in offered.items()}
     until(lambda: dict(discovery.get_service_names_and_types(*where)) == expected)
-    client = ROS2ServiceClient(
-        service_name="/left_arm/arm",
-        srv_type=SET_BOOL,
-        request_definition=REQUESTS[SET_BOOL],
-        response_definition=ANSWER,
-        router_ip="127.0.0.1",
-        router_port=sdk,
-        timeout=LONGEST_S,
-    )
+    client = caller("/left_arm/arm", sdk, SET_BOOL, REQUESTS[SET_BOOL])
     done: list[str] = []
 
     def call(armed: bool) -> str:

@@ -11,7 +11,6 @@ import zenoh
 from rosbags.typesys import Stores, get_typestore
 from zenoh import ext
 from zenoh_ros2_sdk import discovery
-from zenoh_ros2_sdk.service_client import ROS2ServiceClient
 
 from common.errors import ConfigurationError
 from daemon.protocol.state import State
@@ -19,7 +18,7 @@ from programs.zenoh.messages import outcome
 from programs.zenoh.names import Distro, Endpoint, Kind, Node, Qos, attachment, read_attachment
 from programs.zenoh.serve import Settings, serve
 from programs.zenoh.services import TRIGGER
-from tests.programs.zenoh.bridge import LONGEST_S, Bridge, joint_state, until
+from tests.programs.zenoh.bridge import Bridge, caller, joint_state, until
 from tests.programs.zenoh.zenoh_router import session_at
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -75,16 +74,8 @@ def test_joint_states_are_read_and_disarm_is_called(
     assert list(message.position) == state.link_position
     assert list(message.velocity) == state.link_velocity
     assert list(message.effort) == state.motor_torque
-    client = ROS2ServiceClient(
-        service_name="/left_arm/disarm",
-        srv_type="std_srvs/srv/Trigger",
-        request_definition="uint8 structure_needs_at_least_one_member",
-        response_definition="bool success\nstring message",
-        type_hash=service("disarm").rpartition("/")[2],
-        router_ip="127.0.0.1",
-        router_port=sdk,
-        timeout=LONGEST_S,
-    )
+    type_hash = service("disarm").rpartition("/")[2]
+    client = caller("/left_arm/disarm", sdk, "std_srvs/srv/Trigger", type_hash=type_hash)
     reply = until(lambda: client.call(structure_needs_at_least_one_member=0))
     client.close()
     assert (reply.success, reply.message) == (True, "stands")

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from zenoh_ros2_sdk.service_client import ROS2ServiceClient
 
 from contactd_client.paths import view_socket_path
-from tests.programs.zenoh.bridge import LONGEST_S, joint_state, until
+from tests.programs.zenoh.bridge import caller, joint_state, until
 
 ROOT = Path(__file__).parents[3]
 PAGE = "docs/ros.md"
@@ -75,15 +74,7 @@ def test_topic_echo(page: str, sdk: int) -> None:
 
 def test_service_call(page: str, sdk: int, fake_daemon: Any) -> None:
     name, kind = line(page, "ros2", "service", "call")
-    client = ROS2ServiceClient(
-        service_name=name,
-        srv_type=kind,
-        request_definition="uint8 structure_needs_at_least_one_member",
-        response_definition="bool success\nstring message",
-        router_ip="127.0.0.1",
-        router_port=sdk,
-        timeout=LONGEST_S,
-    )
+    client = caller(name, sdk, kind)
     reply = until(lambda: client.call(structure_needs_at_least_one_member=0))
     client.close()
     assert (reply.success, reply.message) == (True, "stands")
