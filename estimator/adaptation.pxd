@@ -16,7 +16,7 @@ from estimator.torques cimport Torques
 
 cdef double _SETS_OUT, _REST_VELOCITY
 cdef long long _GRAZED, _FRICTION
-cdef Py_ssize_t _THETA_DOT, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION
+cdef Py_ssize_t _THETA_DOT, _BETA, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION
 
 cdef class Adaptation:
     cdef bint _learns

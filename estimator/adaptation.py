@@ -24,7 +24,8 @@ from estimator.transmission import REST_VELOCITY
 
 _REST_VELOCITY = REST_VELOCITY
 _SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
-_THETA_DOT, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION = 3, 6, 7, 10  # `interval.TERMS`
+# Rows of `interval.TERMS`.
+_THETA_DOT, _BETA, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION = 3, 4, 6, 7, 10
 _GRAZED, _FRICTION = GRAZED, FRICTION
 
 
@@ -103,6 +104,7 @@ class Adaptation:
         if speed > _SETS_OUT and learning.stood(i):
             self.doubt.raise_all(i)
         doubt = self._doubted(i)
+        learning.needed.carry(i, self._interval.now[_BETA], levels.usual(i, speed))
         learning.learn(
             i, residual.values[0, i], level / (1.0 + self.doubt.margin[i]), levels.usual(i, speed),
             levels.friction[i], levels.raised[i], doubt, self.doubt.rubs[i] != 0,

@@ -31,6 +31,7 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("calm_s", "needed.quiet_s", "needed.loud_s", "still_s", "correction", "unknown"),
         *("needed.squares_s", "needed.moved_s", "needed.peak", "needed.crossing_peak"),
         *("needed.peak_seen", "needed.crossing_seen", "needed.lean", "settled", "needed.passing"),
+        *("needed.carried_s", "needed.reach"),
     ),
     "doubt": (
         *("value", "lasted_s", "upwards_owed_s", "downwards_owed_s"),
@@ -62,6 +63,8 @@ _RANGES = {
     "learning.still_s": (0.0, _LARGEST),
     "learning.squares_s": (0.0, _LARGEST),
     "learning.moved_s": (1e-6, _LARGEST),
+    "learning.carried_s": (0.0, _LARGEST),
+    "learning.reach": (1.0, _LARGEST),
     "learning.peak": (0.0, _LARGEST),
     "learning.crossing_peak": (0.0, _LARGEST),
     "learning.peak_seen": (0.0, _LARGEST),

@@ -6,16 +6,18 @@ cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
 cdef double _OF_RMS, _RMS_S, _AT_FIRST_S, _OF_PEAK, _PEAK_S, _LASTS_S, _LOUD, _QUIET_S
-cdef double _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _GROWS, _LEANS_S, _PASSES_S, _RESTS_S, _LARGEST
+cdef double _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING, _GROWS, _LEANS_S, _PASSES_S, _RESTS_S, _LARGEST, _OF_CARRIED, _OF_USUAL
 
 cdef class NeededLevel:
     cdef double[::1] _least
-    cdef readonly double[::1] squares_s, moved_s, peak, crossing_peak, peak_seen, crossing_seen, passing, lean, quiet_s, loud_s
+    cdef readonly double[::1] squares_s, moved_s, carried_s, carried, reach, peak, crossing_peak, peak_seen, crossing_seen, passing, lean, quiet_s, loud_s
 
     @cython.locals(share=double, peak=double)
     cpdef double level(self, Py_ssize_t i) noexcept
     @cython.locals(least=double)
     cpdef double crossing_level(self, Py_ssize_t i) noexcept
+    @cython.locals(shown=double)
+    cpdef void carry(self, Py_ssize_t i, double beta, double usual) noexcept
     cpdef void reset(self, Py_ssize_t i) noexcept
     @cython.locals(size=double, needed=double, quiet=bint)
     cpdef void note(

@@ -2,10 +2,11 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Contact level that each joint needs: share of the configured one, from residuals in motion.
 
-    share = max(2.9 rms, 1.5 peak, least), at most 1
+    share = reach max(2.9 rms, 1.6 peak, least), at most 1
 
-of the corrected residual over the configured level, in the last minutes of motion. A gap that is
-crossed has peaks of its own. What may be a person raises nothing: what is loud for long, what leans
+of the corrected residual over the configured level, in the last minutes of motion. reach is 1, and
+more in a pose in which the joint carries more than that motion has shown. A gap that is crossed has
+peaks of its own. What may be a person raises nothing: what is loud for long, what leans
 on the arm, and of one peak all but a tenth.
 
 Ordinary Python, which runs as it is; `needed_level.pxd` names the types for the compiler.
@@ -21,7 +22,7 @@ from common.arrays import Vector
 # _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud
 # for longer than _LASTS_S may be a person, and does not count.
 _OF_RMS, _RMS_S, _AT_FIRST_S = 2.9, 300.0, 10.0
-_OF_PEAK, _PEAK_S, _LASTS_S = 1.5, 300.0, 1.0
+_OF_PEAK, _PEAK_S, _LASTS_S = 1.6, 300.0, 1.0
 # Loud is what exceeds this share of the level in force; a peak counts after so much quiet.
 _LOUD, _QUIET_S = 0.5, 0.3
 # While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
@@ -35,6 +36,10 @@ _LEANS_S = 5.0
 _PASSES_S = 15.0
 # In so much rest the root mean square is forgotten.
 _RESTS_S = 7200.0
+# Wrong masses, or a load, put on a joint what grows with what it carries. Motion has shown it up to
+# _OF_CARRIED root mean squares of that, and _OF_USUAL configured levels; beyond, as much more is
+# needed.
+_OF_CARRIED, _OF_USUAL = 1.7, 0.5
 # Of the configured level: whatever is larger shows a sample that was none, and must not last.
 _LARGEST = 10.0
 
@@ -49,6 +54,8 @@ class NeededLevel:
         # over which that was integrated; and what of it no raise explained, at most.
         self.squares_s, self.moved_s = np.full(n, _AT_FIRST_S / _OF_RMS**2), np.full(n, _AT_FIRST_S)
         self.peak, self.crossing_peak = np.zeros(n), np.ones(n)
+        # The square of what the model says it carries, likewise; that of now, and its reach.
+        self.carried_s, self.carried, self.reach = np.zeros(n), np.zeros(n), np.ones(n)
         # Those that count when it was quiet after them: a contact begins below the level, too.
         self.peak_seen, self.crossing_seen = np.zeros((2, n))
         self.passing = np.zeros(n)  # peaks while friction is learned anew
@@ -59,12 +66,17 @@ class NeededLevel:
         """Share of the configured level that joint i needs in motion."""
         share = _OF_RMS * sqrt(self.squares_s[i] / self.moved_s[i])
         peak = max(self.peak[i], self.passing[i])
-        return float(min(max(share, _OF_PEAK * peak, self._least[i]), 1.0))
+        return float(min(self.reach[i] * max(share, _OF_PEAK * peak, self._least[i]), 1.0))
 
     def crossing_level(self, i: int) -> float:
         """Share of the configured level that joint i needs while it crosses its gap."""
         least = max(_LEAST_CROSSING, self._least[i])
         return float(min(max(_OF_CROSSING * self.crossing_peak[i], least), 1.0))
+
+    def carry(self, i: int, beta: float, usual: float) -> None:
+        """Let joint i be where it carries `beta`; usual: its configured level [Nm]."""
+        shown = _OF_CARRIED * sqrt(self.carried_s[i] / self.moved_s[i]) + _OF_USUAL * usual
+        self.carried[i], self.reach[i] = beta, max(abs(beta) / shown, 1.0)
 
     def reset(self, i: int) -> None:
         """Begin with r = 0 anew; what joint i needs stays."""
@@ -103,6 +115,7 @@ class NeededLevel:
         fade = dt / _RESTS_S
         self.squares_s[i] += fade * (_AT_FIRST_S / _OF_RMS**2 - self.squares_s[i])
         self.moved_s[i] += fade * (_AT_FIRST_S - self.moved_s[i])
+        self.carried_s[i] -= fade * self.carried_s[i]
 
     def _measure(
         self, i: int, corrected: float, usual: float, unknown: float, friction: float,
@@ -118,6 +131,7 @@ class NeededLevel:
             square = min(max(alone, min(size, known)) / usual, _LARGEST)
             self.squares_s[i] += dt * square * square - fade * self.squares_s[i]
             self.moved_s[i] += dt - fade * self.moved_s[i]
+            self.carried_s[i] += dt * self.carried[i] * self.carried[i] - fade * self.carried_s[i]
         self.peak[i] -= dt / _PEAK_S * self.peak[i]
         peak = max(alone, min(size, self.level(i) / _OF_PEAK * usual))
         self.peak_seen[i] = max(self.peak_seen[i], (peak - friction) / (usual + unknown))

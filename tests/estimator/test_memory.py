@@ -76,8 +76,9 @@ def test_what_was_learned_of_levels_is_in_force_again(make_estimator) -> None:
     memory["learning"]["peak"] = [0.5] * 7
     memory["learning"]["squares_s"] = [0.0] * 7
     memory["learning"]["crossing_peak"] = [0.4] * 7
+    memory["learning"]["reach"] = [1.1] * 7
     estimator.restore(memory)
-    np.testing.assert_allclose(estimator.detector.levels.share, 1.5 * 0.5)
+    np.testing.assert_allclose(estimator.detector.levels.share, 1.6 * 0.5 * 1.1)
     np.testing.assert_allclose(estimator.detector.levels.crossing, 1.8 * 0.4)
 
 
