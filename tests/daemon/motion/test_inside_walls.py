@@ -1,5 +1,5 @@
-"""Walls of an arm that stands inside a plane or a box: no pair gets deeper than by some millimetres,
-and what leads out is let through. Random arms of capsules and of bars' edges, in random places."""
+"""Walls of an arm that stands inside a plane or a box: no pair gets deeper than by millimetres, and
+what leads out is let through. Random arms of capsules and of bars' edges, in random places."""
 
 from dataclasses import replace
 
