@@ -8,14 +8,14 @@ cdef extern from "math.h":
     cpdef double sqrt(double x) noexcept
 
 cdef Py_ssize_t _SWEEPS
-cdef double _SLOWS, _TINY
+cdef double _SLOWS, _TINY, _UNKNOWN
 
 cdef class Walls:
     cdef readonly Clearance clearance
     cdef readonly Py_ssize_t nearest
     cdef readonly double distance
     cdef readonly bint slows
-    cdef double[::1] _acceleration, _most, _moved, _room, _deepest
+    cdef double[::1] _acceleration, _most, _moved, _room, _deepest, _floor
     cdef long long[::1] _active
     cdef double _reaction_s, _margin
 
@@ -24,10 +24,11 @@ cdef class Walls:
         self, const double[:] q, const double[:] moved, const double[:] wanted,
         const double[:, :] play, double[::1] out
     ) noexcept
+    cpdef void forget(self) noexcept
     @cython.locals(c=Clearance, active=Py_ssize_t, closing=double, used=double, gap=double,
-                   g=double, most=double, pair=Py_ssize_t)
+                   g=double, most=double)
     cdef Py_ssize_t _too_fast(self, const double[:, :] play, double[::1] out) noexcept
-    @cython.locals(c=Clearance, g=double, pair=Py_ssize_t)
+    @cython.locals(c=Clearance, g=double, pair=Py_ssize_t, sinks=double, now=double)
     cdef void _measure(self, const double[:, :] play) noexcept
     @cython.locals(slack=double)
     cdef double _funnel(self, double gap, double A) noexcept

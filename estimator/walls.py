@@ -16,8 +16,8 @@ that was kept: by -d there, it has to open, at d / (4 tau), as far as what close
 that.
 
 Shapes may be inside each other at the start: a file is wrong, or a keep-out where the arm stands.
-Their deepest place may only come out. d of the others counts from there, as a link that turns its
-way out lowers a corner.
+For these two d counts from a floor, `SINKS_M` below the deepest place, that rises with it: a link
+that turns its way out lowers a corner, and the deepest one by some millimetres.
 
 Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
 """
@@ -31,6 +31,9 @@ from estimator.clearance import Clearance
 
 _SWEEPS = 20
 _SLOWS = 1e-3  # [rad/s]
+_UNKNOWN = -1e300
+SINKS_M = 0.003
+"""Depth by which shapes that are inside each other may get deeper than they were."""
 _TINY = 1e-12
 
 
@@ -52,6 +55,7 @@ class Walls:
         self._active = np.zeros(rows, dtype=np.int64)
         self._most, self._moved = np.zeros(rows), np.zeros(clearance.n)
         self._room, self._deepest = np.zeros((2, rows))
+        self._floor = np.full(len(clearance.pairs), _UNKNOWN)
         self.nearest, self.distance, self.slows = -1, 1e300, False
 
     def bound(self, q: Vector, moved: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
@@ -84,6 +88,11 @@ class Walls:
         for i in range(c.n):
             self.slows = self.slows or abs(out[i] - wanted[i]) > _SLOWS
 
+    def forget(self) -> None:
+        """Begin anew at the next bound: the arm may be moved by hand meanwhile."""
+        for k in range(self._floor.shape[0]):
+            self._floor[k] = _UNKNOWN
+
     def touch(self, q: Vector) -> bool:
         """True if shapes overlap at q (n,) [rad]. It leaves the gaps of there in `clearance`."""
         self.clearance.at(q)
@@ -96,10 +105,7 @@ class Walls:
         self._measure(play)
         for row in range(c.gap.shape[0]):
             closing = used = 0.0
-            pair = c.whole[row]
-            gap = self._room[row]
-            if c.least[pair] < 0.0 and self._room[row] > self._deepest[pair]:
-                gap = self._room[row] - self._deepest[pair]
+            gap = self._room[row] - self._floor[c.whole[row]]
             for i in range(c.n):
                 g = c.gradient[row, i]
                 if g * out[i] < 0.0:
@@ -113,8 +119,8 @@ class Walls:
         return active
 
     def _measure(self, play: Matrix) -> None:
-        """Gap of each row, and the least of each pair, less margin and play [m]."""
-        c = self.clearance
+        """Gap of each row less margin and play [m], and floor of each pair."""
+        c, sinks = self.clearance, SINKS_M
         for row in range(c.gap.shape[0]):
             self._deepest[row] = 1e300
         for row in range(c.gap.shape[0]):
@@ -126,6 +132,12 @@ class Walls:
                 self._room[row] -= g * play[0, i] if g > 0.0 else -g * play[1, i]
             pair = c.whole[row]
             self._deepest[pair] = min(self._deepest[pair], self._room[row])
+        for k in range(self._floor.shape[0]):
+            if self._floor[k] == _UNKNOWN and c.least[k] >= 0.0:
+                self._floor[k] = 0.0
+            elif self._floor[k] < 0.0:
+                now = self._deepest[k] - sinks if c.least[k] < 0.0 else -self._margin
+                self._floor[k] = min(max(self._floor[k], now), 0.0)
 
     def _funnel(self, gap: float, A: float) -> float:
         """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2], straight on below 0."""

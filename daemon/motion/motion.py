@@ -198,6 +198,8 @@ class Motion:
                     self.hold(q)  # what it is held back from is no place to go to later
         else:
             self.velocity = desired
+            if self.walls is not None:
+                self.walls.forget()
 
     def _desired(
         self,

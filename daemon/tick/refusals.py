@@ -11,7 +11,7 @@ from daemon.motion.limits import Limits, all_finite
 from daemon.motion.path import ROUNDING, JointPath, Place, stands
 from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput
-from estimator.walls import Walls
+from estimator.walls import SINKS_M, Walls
 
 # Largest distance from its first sample at which a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
@@ -117,24 +117,30 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeti
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
     end = min(path.duration, s + ENDLESS_S)
     clearance.at(q)
-    least, origin = np.minimum(clearance.least, 0.0) - ROUNDING, q - path.offset(s)
+    least, origin = _floor(clearance.least, -np.inf), q - path.offset(s)
     for at_s in np.linspace(s, end, PLACES).tolist() if path.fastest(s).any() else []:
         there = origin + path.offset(at_s)
         clearance.at(there)
         gaps = np.asarray(clearance.least)
         pair = int(np.argmin(gaps - least))
         if (gap := gaps[pair]) >= least[pair]:
-            least = np.maximum(least, np.minimum(gaps, 0.0) - ROUNDING)
+            least = _floor(gaps, least)
             yield None
             continue
         names = [one.name for one in clearance.pairs[pair]]
         depth = f", {-1000.0 * gap:.0f} mm deep," if gap < -5e-4 else ""
         through, way = "through", "go there another way"
         if least[pair] < -ROUNDING:
-            through = f"from {-1000.0 * least[pair]:.0f} mm deeper into"
+            through = f"from {-1000.0 * (least[pair] + SINKS_M):.0f} mm deeper into"
             way = f"go first where it comes out, correct {SHAPES_FILES}, or move it without power"
         text = f"{path.name} leads {f' {through} '.join(names)}{depth} at {at_s:.1f} s: {way}"
         yield Meeting(pair=names, position=there.tolist(), text=text)
+
+
+def _floor(gaps: Vector, before: Vector | float) -> Vector:
+    """Least gap that each pair may have after these [m]."""
+    gaps = np.asarray(gaps)
+    return np.where(gaps < 0.0, np.maximum(before, gaps - SINKS_M), -ROUNDING)
 
 
 def way_to(joints: Sequence[str], there: Vector) -> str:

@@ -140,3 +140,25 @@ def test_parallel_segments_have_the_gaps_of_both_ends() -> None:
     ends = sorted(np.asarray(clearance.gap)[1:3])
     assert ends[0] == pytest.approx((1.5 + 0.1) / first - 0.2, abs=1e-9)
     assert ends[1] == pytest.approx((1.5 + 0.2) / first - 0.2, abs=1e-9)
+
+
+def test_the_gradient_of_a_segment_that_pierces_a_box_is_between_two_faces() -> None:
+    made, model, right = built()["clearance"], random_tree(), 0
+    x, step = np.eye(3)[0], 1e-6
+    link = made.Capsule("link", 8, -x, x, 0.01)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        q = rng.normal(size=N)
+        middle = placed(model, q, link)[1].getTranslation() + rng.uniform(-0.05, 0.05, 3)
+        box = made.Box("box", middle, rotation(rng), rng.uniform(0.05, 0.3, 3))
+        clearance = made.Clearance(_bodies(model), [link], [(link, box)])
+        gaps = []
+        for j in range(N):
+            for side in (step, -step):
+                clearance.at(q + side * np.eye(N)[j])
+                gaps.append(clearance.gap[0])
+        clearance.at(q)
+        assert clearance.gap[0] < -link.radius
+        numeric = -np.diff(np.reshape(gaps, (N, 2)))[:, 0] / (2.0 * step)
+        right += bool(np.abs(numeric - clearance.gradient[0]).max() < 1e-3)
+    assert right >= 38

@@ -1,5 +1,5 @@
-"""Walls of an arm that stands inside a plane or a box: no pair gets deeper, and what leads out is
-let through. Random arms of capsules and of bars' edges, in random places."""
+"""Walls of an arm that stands inside a plane or a box: no pair gets deeper than by millimetres, and
+what leads out is let through. Random arms of capsules and of bars' edges, in random places."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from daemon.tick.refusals import leads_through
 from estimator.clearance import Clearance
 from estimator.dynamics import Body
 from estimator.shapes import Box, Capsule, Plane
-from estimator.walls import Walls
+from estimator.walls import SINKS_M, Walls
 from tests.ideal_arm import MANNER
 
 DT, A = 0.01, 4.0
@@ -96,6 +96,7 @@ def moved(walls: Walls, q: np.ndarray, path: PosePath) -> Depths:
     law, gains = AdmittanceLaw(np.zeros(n), np.full(n, 0.5)), Gains(np.ones(n))
     motion = Motion(manner, limits, law, gains, follower, walls=walls)
     v = late = np.zeros(n)
+    walls.forget()
     motion.follow(q)
     for _ in range(500):
         mode = Mode.HOLDING if follower.finished else Mode.TRACKING
@@ -106,8 +107,8 @@ def moved(walls: Walls, q: np.ndarray, path: PosePath) -> Depths:
     return depths
 
 
-@pytest.mark.parametrize(("kind", "grown_m"), [("plane", 1e-4), ("box", 5e-4)])
-def test_a_straight_way_is_accepted_if_and_only_if_no_pair_gets_deeper(kind, grown_m) -> None:
+@pytest.mark.parametrize(("kind", "beyond_m"), [("plane", 1e-4), ("box", 1e-3)])
+def test_a_straight_way_is_accepted_if_and_only_if_no_pair_gets_deeper(kind, beyond_m) -> None:
     outs = arrived = 0
     for seed in range(60):
         walls, q, rng = scene(seed, kind)
@@ -116,22 +117,23 @@ def test_a_straight_way_is_accepted_if_and_only_if_no_pair_gets_deeper(kind, gro
             path = PosePath("a pose", q, goal, np.full(len(q), 0.3))
             true, met = straight(walls.clearance, q, goal), leads_through(walls, q, Place(path))
             if met is not None:
-                assert true.grown > 0.0
+                inside = "deeper into" in met.text
+                assert true.grown > (SINKS_M - 1e-3 if inside else 0.0)
                 continue
-            assert true.grown < 3e-3  # between two places that are looked at
+            assert true.grown < SINKS_M + 3e-3  # between two places that are looked at
             if true.now.min() == 0.0 and outs < 20:
                 found = moved(walls, q, path)
                 outs, arrived = outs + 1, arrived + (found.now.min() == 0.0)
-                assert found.grown < grown_m
+                assert found.grown < SINKS_M + beyond_m
     assert outs > 12
-    assert arrived >= 0.9 * outs
+    assert arrived >= 0.95 * outs, (arrived, outs)
 
 
-@pytest.mark.parametrize(("kind", "grown_m"), [("plane", 3e-4), ("box", 5e-3)])
-def test_setpoints_that_jump_take_no_pair_deeper(kind: str, grown_m: float) -> None:
+@pytest.mark.parametrize(("kind", "beyond_m"), [("plane", 1e-3), ("box", 3e-3)])
+def test_setpoints_that_jump_take_no_pair_deeper(kind: str, beyond_m: float) -> None:
     """The deepest place in a box may jump along a link that lies flat in it, by what the drives'
     lag lets through."""
-    beyond, slowed = [], 0
+    grown, slowed = [], 0
     for seed in range(30):
         walls, q, rng = scene(seed, kind)
         n, depths = len(q), Depths(walls.clearance, q)
@@ -145,7 +147,7 @@ def test_setpoints_that_jump_take_no_pair_deeper(kind: str, grown_m: float) -> N
             v = v + (late - v) * LAG
             q = q + v * DT
             depths.at(q)
-        beyond.append(depths.grown)
-    assert max(beyond) < grown_m
-    assert np.median(beyond) < 1e-4
+        grown.append(depths.grown)
+    assert max(grown) < SINKS_M + beyond_m
+    assert np.median(grown) < SINKS_M + 1e-4
     assert slowed > 1000

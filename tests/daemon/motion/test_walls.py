@@ -16,7 +16,7 @@ from daemon.tick.refusals import leads_through
 from estimator.clearance import Clearance
 from estimator.dynamics import Body
 from estimator.shapes import Box, Capsule, Plane
-from estimator.walls import Walls
+from estimator.walls import SINKS_M, Walls
 from tests.ideal_arm import MANNER
 
 DT, REACTION_S = 0.01, 0.025
@@ -162,11 +162,15 @@ def test_a_slide_that_sank_into_the_margin_comes_out_of_it() -> None:
 def test_inside_only_the_way_out_is_left() -> None:
     one = walls(TABLE)
     q = np.array([-1.5, 0.2, 0.1])
-    assert np.abs(bounded(one, q, np.array([-1.0, 0.0, 0.0]))).max() < 1e-12
-    assert one.distance < 0.0
+    assert bounded(one, q, np.array([1.0, 0.0, 0.0]))[0] == 1.0
+    began = one.distance
+    for _ in range(300):
+        q = q + DT * bounded(one, q, np.array([-1.0, 0.0, 0.0]))
     assert one.slows
-    out = bounded(one, q, np.array([1.0, 0.0, 0.0]))
-    assert out[0] == 1.0
+    assert began < 0.0
+    assert began - SINKS_M - 2e-4 < one.distance < began
+    one.forget()  # moved without power, it may hang further in
+    assert bounded(one, q, np.array([-1.0, 0.0, 0.0])).any()
 
 
 def test_play_of_the_gears_counts_as_gap() -> None:
