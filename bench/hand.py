@@ -131,7 +131,7 @@ def heavy(led: Sequence[Led]) -> list[Led]:
 
 
 def forbids(each: Led) -> str:
-    """What forbids a joint to set out at less; empty: neither level nor friction does."""
+    """Reason why a joint does not set out at less; empty: neither level nor friction."""
     if each.stated > SETS_OUT_N:
         return "stated level"
     return "friction" if each.stated + each.friction > SETS_OUT_N else ""

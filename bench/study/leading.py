@@ -107,7 +107,7 @@ class Led:
     joint: str
     sets_out: float
     stated: float  # of that, the configured level
-    friction: float  # and what friction holds at most, at rest
+    friction: float  # and at rest, twice: it holds the hand, and the level allows for it
     leads: float
     work: float
     leads_off: float
@@ -148,7 +148,7 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
         joint=on.robot.configuration.joint_names[joint],
         sets_out=force,
         stated=on.robot.configuration.joints[joint].thresholds.contact / lever,
-        friction=sticks / lever,
+        friction=2.0 * sticks / lever,
         leads=float(np.median(np.abs(torque[late]))) / lever,
         work=float(torque @ speed) * on.period_s,
         leads_off=float(np.median(np.abs(off[late]))) / lever,

@@ -76,6 +76,5 @@ class Guidance:
         if not self.sure:
             self._guide.forget()
         most, out = np.maximum(self._rate * room, 0.0), np.empty_like(asked)
-        springs = self.sure and pushed
-        self._guide.step(q, moved, sent, before, asked, share, gain, most, springs, out)
+        self._guide.step(q, moved, sent, before, asked, share, gain, most, pushed, out)
         return out

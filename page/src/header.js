@@ -69,7 +69,7 @@ export class Header {
     this.#drawLoad(words.load);
     this.#drawStream();
     show(at("guide"), Boolean(words.guide));
-    say(at("guide"), `${this.#stale ? "Then led" : "Led"} along a guide: ${words.guide}`);
+    say(at("guide"), `${this.#stale ? "Then: guide" : "Guide"} for a hand: ${words.guide}`);
     this.#drawFault(words);
   }
 

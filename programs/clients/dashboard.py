@@ -120,7 +120,7 @@ class Dashboard:
             not_seen_to_stand(state, " "),
             self._not_sensing(),
             Text(f" near: {near_words(state.near)}") if state.near else Text(),
-            Text(f" led along a guide: {state.guide}") if state.guide else Text(),
+            Text(f" guide for a hand: {state.guide}") if state.guide else Text(),
         ]
         doubt_lines = [
             line for doubt in doubts if doubt for line in doubt.wrap(console, options.max_width)

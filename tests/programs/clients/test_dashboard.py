@@ -96,11 +96,11 @@ def test_a_stream_has_a_line_of_its_own(dashboard: Any) -> None:
 
 
 def test_a_guide_has_a_line_of_its_own(dashboard: Any) -> None:
-    """Of a small terminal, too."""
+    """A small terminal has room for it, too."""
     plain, led = (text_of(dashboard(range(131), **{"guide": g} if g else {}), 80, 24)
                   for g in ("", "stiff y z rx ry rz; frame tool"))  # fmt: skip
     (line,) = [line for line in led if "guide" in line]
-    assert line == " led along a guide: stiff y z rx ry rz; frame tool"
+    assert line == " guide for a hand: stiff y z rx ry rz; frame tool"
     assert len(led) <= 23
     assert not any("guide" in line for line in plain)
 

@@ -242,7 +242,7 @@ def test_a_guide_is_seen_by_who_leads_the_arm(
     screen = screens.open(f"{page.url}?scene=off")
     screen.live()
     arm.changes = {"guide": "stiff y z; frame tool"}
-    screen.shows("#guide", "Led along a guide: stiff y z; frame tool")
+    screen.shows("#guide", "Guide for a hand: stiff y z; frame tool")
     arm.changes = {}
     screen.until("document.querySelector('#guide').hidden")
 
