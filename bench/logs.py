@@ -23,6 +23,7 @@ from typing import Any
 import click
 import msgspec
 import numpy as np
+import pinocchio as pin
 from click.testing import CliRunner
 
 from bench.options import JOBS, SEED, command
@@ -39,6 +40,7 @@ from programs.identify.log_names import beside
 STEPS = ("gap", "masses", "friction", "thresholds")
 SECONDS, LOAD_KG, LOADED = 60.0, 0.2, 0.25
 MASSES = 4  # logs for one whose masses are asked for: they take as long as all else
+PARAMETERS = {"mass": slice(0, 1), "first moment": slice(1, 4), "inertia": slice(4, 10)}
 LACKS = {
     "no torque": (Style(without=("cur",)), "a torque or current"),
     "no position": (Style(without=("pos", "motor_pos")), "has a position"),
@@ -118,7 +120,8 @@ def examine(job: tuple[int, int]) -> Found:
     found = Found(k, f"{style}, {load_kg} kg", lacks=lacks)
     with tempfile.TemporaryDirectory() as made:
         folder, number = Path(made), 1000 * seed + k
-        of = stranger(number, SECONDS, folder / "truth", load_kg=load_kg)
+        of = stranger(number, SECONDS, folder / "truth", load_kg=load_kg,
+                      by_urdf=k % (2 * MASSES) != 0)  # fmt: skip
         log, arm = write_csv(of, style, folder / "log.csv"), folder / "arm"
         begun = time.monotonic()
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
@@ -213,13 +216,19 @@ def score(found: Found, arm: Path, of: Stranger) -> None:
         if joint.friction is not None:
             error = friction_error(joint.friction, float(of.friction[i]))
             found.errors.append(("friction", name, error))
+        if joint.masses is not None:
+            body = joint.masses.body
+            inertia = pin.Inertia(body.mass, np.array(body.com), body.tensor())
+            errors = NORMAL_95 * np.array(joint.masses.errors)
+            off = (inertia.toDynamicParameters() - of.bodies[i]) / errors
+            found.errors += [(q, name, float(e)) for q, at in PARAMETERS.items() for e in off[at]]
         if joint.thresholds is not None:
             found.errors.append(("levels", name, 0.0))
 
 
 def shares(found: list[Found]) -> Iterator[Target]:
     """Targets over all logs."""
-    for quantity in ("gap", "friction"):
+    for quantity in ("gap", "friction", *PARAMETERS):
         sizes = np.abs([e for one in found for q, _, e in one.errors if q == quantity])
         inside = 100.0 * float((sizes <= 1.0).mean()) if len(sizes) else float("nan")
         yield Target(f"{quantity}: truths inside what is good", inside, 95.0, "%", "higher")

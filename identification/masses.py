@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from common.arrays import Matrix, Vector
 from estimator.body_inertia import BodyInertia
@@ -22,13 +23,20 @@ from identification.body_motion import (
     rows_of_joints,
     with_friction,
 )
-from identification.body_rows import BodiesFit, JointRows, fitted, unbent, without_bodies
+from identification.body_rows import (
+    CORRELATED_S,
+    BodiesFit,
+    JointRows,
+    fitted,
+    unbent,
+    without_bodies,
+)
 from identification.coupling import coupled
 from identification.friction_verdict import saturated, unexcited, wider
 from identification.gravity_errors import GravityErrors, gravity_errors
 from identification.log_intervals import Mask, play
 from identification.motion_log import MotionLog
-from identification.possible_bodies import possible, prior
+from identification.possible_bodies import off_center, possible, prior
 from identification.regression import GAIN, HELD_OUT
 from identification.touches import near
 
@@ -41,6 +49,7 @@ _NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses s
 _WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
+_LASTING_S = 1.0  # of gears that bend, encoders, late columns: about as long as a way
 _UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
 
 
@@ -71,6 +80,9 @@ class MassesFit:
     """None where the URDF has no mass between this joint and the next"""
     by_urdf: float
     by_this: float
+    errors: Vector | None = None
+    """Standard errors (10,) of the body's parameters, with those of the URDF where no motion shows
+    more"""
 
     @property
     def good(self) -> bool:
@@ -149,8 +161,11 @@ def identify_masses(
     gravity = gravity_errors(model, nominal, massive, limits, fit)
     reasons = _reasons(log, motion, joints, fit, known, gravity)
     found = {i: BodyInertia.of(x) for i, x in zip(massive.tolist(), fit.parameters, strict=True)}
+    fits = _judged(log.joints, joints, nominal, period_s, found, reasons, known.engaged_coulomb)
+    for i, error in zip(massive.tolist(), _errors(nominal, fit), strict=True):
+        fits[i] = replace(fits[i], errors=error)
     return Masses(
-        _judged(log.joints, joints, nominal, period_s, found, reasons, known.engaged_coulomb),
+        fits,
         _determined(nominal, fit),
         nominal.size,
         tuple(log.joints[i] for i in np.flatnonzero(touched.any(axis=0))),
@@ -261,6 +276,19 @@ def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tupl
         pairs = zip(joints, fit.friction, strict=True)
         by_found.append([one.rms(fit.difference, x, tested) for one, x in pairs])
     return np.array(by_nominal), np.array(by_found)
+
+
+def _errors(nominal: Matrix, fit: BodiesFit) -> Matrix:
+    """Standard errors (k, 10) by what no column explains, the pull, and what motion leaves of
+    centres that are off: of motion H, pull P, C = 1 / (H + P) and centres' change S, those of
+    C (t H + P) C and (1 - C H) S. The first lasts t times as long as the filter's noise."""
+    inverse = np.linalg.inv(fit.information)
+    lasting = (_LASTING_S / CORRELATED_S - 1.0) * fit.of_motion
+    covariance = inverse @ (fit.information + lasting) @ inverse
+    centers = block_diag(*map(off_center, nominal))
+    left = centers - inverse @ fit.of_motion @ centers
+    errors = np.sqrt(np.diag(covariance) + np.square(left).sum(axis=1))
+    return np.asarray(errors.reshape(nominal.shape))
 
 
 def _determined(nominal: Matrix, fit: BodiesFit) -> int:

@@ -9,6 +9,8 @@ towards a body that cannot exist. So it is both the pull and the constraint P > 
 solves it, and no semidefinite program is needed (decision 0054).
 """
 
+from itertools import combinations_with_replacement
+
 import numpy as np
 
 from common.arrays import Matrix, Vector
@@ -19,6 +21,9 @@ USUAL = 0.2
 PULL = 0.25 / USUAL**2
 """Weight of D: a mass that is off by that, tensor and all, costs what one standard deviation does
 (D is 4 x^2 / 2 for a share of x)."""
+_OFF_CENTER = 0.02
+"""Distance along each axis by which a URDF's centres are usually off [m]: one standard deviation.
+The pull of a slender body has less."""
 _THINNEST = 0.002  # [m]: radius of gyration that the URDF's point masses and rods get
 _STEPS = 300
 _DONE = 1e-6  # of the sum of squares, whose unit is one standard deviation
@@ -68,6 +73,16 @@ def prior(nominal: Matrix) -> Matrix:
     none = np.zeros((k, k))
     inverse = _inverted(nominal)
     return _derivatives(nominal, nominal, none, none[0], inverse)[1]
+
+
+def off_center(parameters: Vector) -> Matrix:
+    """Changes of ten parameters (10, 9) by a centre that is as far off along each axis as that of a
+    URDF usually is, and by the squares and products of these distances."""
+    P, ways = pseudo_inertia(parameters), np.zeros((3, 4, 4))
+    ways[[0, 1, 2], [0, 1, 2], 3] = _OFF_CENTER
+    changes = [way @ P + P @ way.T for way in ways]
+    changes += [a @ P @ b.T + b @ P @ a.T for a, b in combinations_with_replacement(ways, 2)]
+    return np.stack([parameters_of(change) for change in changes], axis=1)
 
 
 def _inverted(parameters: Matrix) -> Matrix:

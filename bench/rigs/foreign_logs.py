@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.rigs.arm_batch import Push, record_fleet
 from bench.rigs.generated_arms import URDF, GeneratedArm, generate
-from bench.study.masses import EXACT, along, carrying
+from bench.study.masses import EXACT, along, carrying, wrongly_weighed
 from common.arrays import Matrix, Vector
 from daemon.config.load import load_robot
 from estimator.payload import Payload
@@ -33,6 +33,8 @@ class Stranger:
     arm: GeneratedArm
     log: MotionLog
     truth: PlantParameters
+    bodies: Matrix
+    """(n, 10) parameters of what the joints move, without a load"""
 
     @property
     def friction(self) -> Vector:
@@ -66,10 +68,12 @@ class Style:
 
 
 def stranger(
-    seed: int, seconds: float, folder: Path, push: Push | None = None, load_kg: float = 0.0
-) -> Stranger:
+    seed: int, seconds: float, folder: Path, push: Push | None = None, load_kg: float = 0.0,
+    *, by_urdf: bool = True,
+) -> Stranger:  # fmt: skip
     """Arm of a seed, moved for some seconds, without contact unless pushed, with a load at its tool
-    point; its files go to a folder. Its gears are softer than its data sheets have it, or not."""
+    point; its files go to a folder; its masses are those of its URDF, or not. Its
+    gears are softer than its data sheets have it, or not."""
     arm = generate(seed)
     robot = load_robot(arm.write(folder))
     description = replace(describe(robot, read_simulation(robot)), period_s=FINE_S)
@@ -77,6 +81,9 @@ def stranger(
     truth = true_parameters(description, settings)
     softer = np.random.default_rng((seed, 37)).uniform(0.25, 1.0, len(truth.stiffness))
     truth = replace(truth, stiffness=truth.stiffness * softer)
+    if not by_urdf:
+        truth = wrongly_weighed(truth, np.random.default_rng((seed, 41)))
+    bodies = np.array([body.toDynamicParameters() for body in truth.model.inertias[1:]])
     if load_kg:
         load = Payload.of(load_kg, robot.model.tool_place.tolist())
         truth = carrying(truth, robot.model, load)
@@ -85,7 +92,7 @@ def stranger(
     ((log,),) = record_fleet(
         description, [truth], along(path, FINE_S), len(path) * FINE_S, settings, push=push
     )
-    return Stranger(arm, log, truth)
+    return Stranger(arm, log, truth, bodies)
 
 
 def write_csv(of: Stranger, style: Style, path: Path) -> Path:

@@ -88,8 +88,7 @@ class GapEntry(Entry, frozen=True):
 
 
 class MassesEntry(Entry, frozen=True):
-    """Body that the joint moves, and |r| (rms) [Nm] on held-out motion, with the URDF's body and
-    with this one."""
+    """Body that the joint moves, |r| on held-out motion by the URDF's and by it, and its errors."""
 
     depends = Dependence.MASSES
     optional = True
@@ -97,6 +96,7 @@ class MassesEntry(Entry, frozen=True):
     body: BodyInertia
     by_urdf: NotNegative
     by_this: NotNegative
+    errors: tuple[float, ...] = ()  # standard, of the PARAMETERS of `estimator.body_inertia`
 
 
 class FrictionEntry(Entry, frozen=True):

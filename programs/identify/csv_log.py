@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.arrays import Matrix, Vector
 from common.errors import LogError, ShortLogError
@@ -20,6 +21,7 @@ from programs.identify.mcap_log import of_one_sender, read_rows
 COLUMNS = ("current", "link_position", "motor_velocity", "motor_position", "setpoint")
 _SIDES = COLUMNS[2:4]
 _ALSO = "torque"
+Lines = NDArray[np.int64]
 
 
 def read_csv(
@@ -103,9 +105,11 @@ def _table(path: Path, joints: Sequence[str]) -> dict[str, Vector]:
     if twice := [name for name in columns if header.count(name) > 1]:
         raise LogError(f"{path}: two columns {printable(', '.join(twice)[:100])}")
     time = conversions["time"].column if "time" in conversions else ""
-    table = _values(path, header, rows, columns, time)
+    table, lines = _values(path, header, rows, columns, time)
     if which is not None:
-        table = table[(table[:, -1] >= which.least) & (table[:, -1] <= which.most)]
+        counts = (table[:, -1] >= which.least) & (table[:, -1] <= which.most)
+        table, lines = table[counts], lines[counts]
+    _refuse_rows(path, table, lines, columns, time)
     return {
         name: one.offset + one.factor * table[:, columns.index(one.column)]
         if one.column
@@ -128,13 +132,11 @@ def header_of(path: Path) -> list[str]:
 def numbers_of(path: Path, columns: Sequence[str], time: str, topic: str = "") -> dict[str, Vector]:
     """Columns of a log as they stand there; `time` names the one that may be times of day. Raises
     LogError, also for too few rows, or one that has no number."""
-    table = _values(path, *_rows(path, topic), columns, time)
+    table, lines = _values(path, *_rows(path, topic), columns, time)
     if len(table) < SHORTEST:
         raise ShortLogError(f"{path}: the log is too short: {len(table)} samples, at least "
                             f"{SHORTEST} are needed")  # fmt: skip
-    if len(bad := np.argwhere(~np.isfinite(table))):
-        k, i = bad[0]
-        raise LogError(f"{path}: {columns[i]} is {table[k, i]} at sample {k}: no number")
+    _refuse_rows(path, table, lines, columns, time)
     return dict(zip(columns, table.T, strict=True))
 
 
@@ -144,12 +146,34 @@ def _values(
     rows: Iterable[tuple[int, Sequence[str | float]]],
     columns: Sequence[str],
     time: str,
-) -> Matrix:
+) -> tuple[Matrix, Lines]:
+    """Rows (N, k) of these columns, and their lines or messages (N,)."""
     at = [header.index(name) for name in columns]
     stamp = columns.index(time) if time in columns else -1
-    values = [_numbers(path, line, [row[k] for k in at], columns, stamp) for line, row in rows]
-    table = np.array(values, dtype=np.float64).reshape(-1, len(at))
-    return of_one_sender(path, table, columns, stamp) if is_mcap(path) else table
+    values, lines = list[list[float]](), list[int]()
+    for line, row in rows:
+        values.append(_numbers(path, line, [row[k] for k in at], columns, stamp))
+        lines.append(line)
+    table, numbers = np.array(values, dtype=np.float64).reshape(-1, len(at)), np.array(lines)
+    if is_mcap(path):
+        ours = of_one_sender(path, table, columns, stamp)
+        return table[ours], numbers[ours]
+    return table, numbers
+
+
+def _refuse_rows(
+    path: Path, table: Matrix, lines: Lines, columns: Sequence[str], time: str
+) -> None:
+    """Raises LogError, which names the row, for what is no number, and a time before another."""
+    place = f"{path}: message " if is_mcap(path) else f"{path}:"
+    if len(bad := np.argwhere(~np.isfinite(table))):
+        k, i = bad[0]
+        raise LogError(f"{place}{lines[k]}: {printable(columns[i])} is {table[k, i]}, not a "
+                       f"number ({len(bad)} such in the log)")  # fmt: skip
+    if time in columns:
+        back = np.diff(table[:, columns.index(time)], prepend=-np.inf) < 0.0
+        if back.any():
+            raise LogError(f"{place}{lines[np.argmax(back)]}: time is before that of the row above")
 
 
 def is_mcap(path: Path) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from scipy.stats import binom
 
 from daemon.assembly import build_transmission
 from daemon.config.load import Robot
@@ -50,12 +51,14 @@ def law_of(robot: Robot, i: int) -> Law:
 
 def disagreement(law: Law, found: Sequence[Point], level: float, per_speed: float) -> str:
     """Sentence about points that are off the law, and what the worst takes of the contact level
-    [Nm], which grows per_speed [Nm s/rad]; empty where none is."""
+    [Nm], which grows per_speed [Nm s/rad]; empty where no more are than 95 % intervals leave out,
+    none by two of them."""
     worst = max(found, key=lambda point: law.misses(point)[1])
     (more, beyond), (friction, half) = law.misses(worst), law.at(worst.load, worst.speed)
-    if not beyond:
-        return ""
     off = [point for point in found if law.misses(point)[1]]
+    by_chance = beyond <= worst.scatter + half and len(off) <= binom.ppf(0.95, len(found), 0.05)
+    if not off or by_chance:
+        return ""
     share = abs(more) / (level + per_speed * worst.speed)
     takes = "contacts without a touch" if share >= 1.0 else "a hand one way must press harder"
     return (
@@ -69,8 +72,9 @@ def disagreement(law: Law, found: Sequence[Point], level: float, per_speed: floa
 def _figures(found: Sequence[Point]) -> str:
     rows = np.array([(abs(p.load), p.speed, p.friction, p.scatter) for p in found])
     loads, speeds, friction, scatter = rows.T
-    text = (f"{friction.min():.3g} to {friction.max():.3g} Nm, +- {np.median(scatter):.2g}, at "
-            f"loads of {loads.min():.2f} to {loads.max():.2f} Nm")  # fmt: skip
+    text = (f"{len(found)} points, {friction.min():.3g} to {friction.max():.3g} Nm, "
+            f"+- {np.median(scatter):.2g}, at loads of {loads.min():.2f} to {loads.max():.2f} "
+            "Nm")  # fmt: skip
     if np.ptp(loads) < _VARIES * friction.mean():
         return text
     columns = np.stack([np.ones_like(loads), speeds, loads], axis=1) / scatter[:, None]

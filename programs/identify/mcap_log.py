@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from mcap.decoder import DecoderFactory
 from mcap.records import Channel, Message, Schema
+from numpy.typing import NDArray
 
 from common.arrays import Matrix
 from common.errors import LogError
@@ -42,16 +43,18 @@ def read_rows(path: Path, topic: str) -> tuple[list[str], Iterator[tuple[int, li
     return header, enumerate(rows, start=1)
 
 
-def of_one_sender(path: Path, table: Matrix, columns: Sequence[str], stamp: int) -> Matrix:
-    """Rows (M, k) of these columns without those of other senders, which have none of them but
-    `stamp`. Raises LogError for a row that lacks one."""
+def of_one_sender(
+    path: Path, table: Matrix, columns: Sequence[str], stamp: int
+) -> NDArray[np.bool_]:
+    """Rows (N,) of a table (N, k) of these columns that are not of other senders, which have none
+    of them but `stamp`. Raises LogError for a row that lacks one."""
     lacking = np.isnan(table)
     others = np.delete(lacking, stamp, axis=1).all(axis=1)
     if (short := lacking.any(axis=1) & ~others).any():
         number = int(np.argmax(short))
         lacks = columns[int(np.argmax(lacking[number]))]
         raise LogError(f"{path}: message {number + 1} has no number {printable(lacks)}")
-    return table[~others]
+    return ~others
 
 
 def headers(path: Path) -> dict[str, list[str]]:

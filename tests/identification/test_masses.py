@@ -115,6 +115,22 @@ def test_masses_that_are_worse_on_held_out_motion_are_not_good(
     assert found.fits[2].verdict is verdict
 
 
+@pytest.mark.parametrize("wobble", [0.0, 0.0015])
+def test_intervals_hold_true_bodies(subjects, log, wobble) -> None:
+    """Also by encoders that are eccentric, of which the model knows nothing."""
+    q = log.link_position
+    found = identified(subjects, replace(log, link_position=q + wobble * np.cos(3.0 * q)))
+    true = true_model(subjects).parameters()
+    bodies = {fit.joint: fit.body for fit in found.fits}
+    by_this = Model(subjects.robot.urdf, subjects.c.joint_names, bodies).parameters()
+    off = np.abs(by_this - true) / (1.96 * np.array([fit.errors for fit in found.fits]))
+    assert (off < 1.0).mean() > 0.95, off
+    assert off.max() < 2.0, (np.argwhere(off > 1.0), off[off > 1.0])
+    errors, mass = found.fits[1].errors, subjects.model.parameters()[1, 0]
+    assert errors[0] > 0.1 * mass  # no motion of a shoulder shows its mass
+    assert errors[1:4].min() < 0.05 * mass
+
+
 def test_right_masses_stay(subjects, log) -> None:
     again = identified(subjects, log, true_model(subjects))
     assert not again.usable

@@ -2,6 +2,7 @@
 # ruff: noqa: PLC0415 - what a step needs is imported when it runs, so that `--help` starts at once
 
 import math
+from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -32,20 +33,24 @@ def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool
     from programs.identify.live_strokes import UnobservableError
 
     live = gap_by_hand if by_hand else gap_by_strokes
-    outcomes = []
-    for name in identification.due("gap", joints):
+
+    def found(name: str) -> Outcome:
         try:
             measured = identification.measured(partial(live, joint=name), gap_of=name)
         except UnobservableError as error:
-            outcome = Outcome(lines=[Line(name, "by hand", good=False, reason=str(error))])
-        else:
-            with identification.busy(f"fitting the gap of {name} to it"):
-                stroked = identification.arm is not None and not by_hand
-                how = {"by_hand": by_hand, "stroked": stroked}
-                outcome = _outcome(identification.robot, measured, name, now(), **how)
-        recordings = f"{'gap' if by_hand else 'strokes'}-{name}"
-        outcomes.append(identification.conclude("gap", outcome, recordings))
-    return all(outcomes)
+            return Outcome(lines=[Line(name, "by hand", good=False, reason=str(error))])
+        with identification.busy(f"fitting the gap of {name} to it"):
+            stroked = identification.arm is not None and not by_hand
+            how = {"by_hand": by_hand, "stroked": stroked}
+            return _outcome(identification.robot, measured, name, now(), **how)
+
+    names, kind = identification.due("gap", joints), "gap" if by_hand else "strokes"
+    outcomes: Iterable[Outcome] = map(found, names)
+    if identification.arm is None:
+        outcomes = list(outcomes)  # a log that cannot be read for one joint writes none
+    good = [identification.conclude("gap", outcome, f"{kind}-{name}")
+            for name, outcome in zip(names, outcomes, strict=True)]  # fmt: skip
+    return all(good)
 
 
 def _outcome(

@@ -89,6 +89,7 @@ def masses_outcome(
             body=fit.body,
             by_urdf=float(f"{fit.by_urdf:.4g}"),
             by_this=float(f"{fit.by_this:.4g}"),
+            errors=() if fit.errors is None else tuple(float(f"{e:.3g}") for e in fit.errors),
         )
         for fit in found.fits
         if found.usable and fit.body is not None
@@ -98,9 +99,12 @@ def masses_outcome(
 
 
 def _figures(fit: "MassesFit", nominal: "BodyInertia | None") -> str:
+    from identification.regression import NORMAL_95
+
     parts = [f"|r| {fit.by_urdf:.3g} Nm by the URDF, {fit.by_this:.3g} by this, held out"]
     if fit.body is not None and nominal is not None:
-        parts.append(f"{fit.body.mass:.3g} kg of {nominal.mass:.3g}")
+        half = "" if fit.errors is None else f" +- {NORMAL_95 * fit.errors[0]:.2g}"
+        parts.append(f"{fit.body.mass:.3g}{half} kg of {nominal.mass:.3g}")
         parts.append(f"centre moved {1e3 * dist(fit.body.com, nominal.com):.0f} mm")
     return ", ".join(parts)
 

@@ -164,7 +164,7 @@ ALL = tuple(f".{name}" for name in load_robot(ROMEO).configuration.joint_names)
     [
         (lambda d: {k: v[:900] for k, v in d.items()}, 65, "too short: 9.0 s, at least 20 s"),
         (lambda d: {**d, "current.LElbowYaw": np.full(len(d["time"]), np.nan)}, 65,
-         "current of LElbowYaw is nan at sample 0"),
+         ":2: current.LElbowYaw is nan, not a number"),
         (lambda d: {k: v for k, v in d.items() if "LWristYaw" not in k}, 65,
          "no column current.LWristYaw"),
         (lambda d: {k.replace("LWrist", "RWrist"): v for k, v in d.items()}, 65,

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from mcap.writer import Writer
 
-from bench.rigs.lockstep import SINGLE_JOINT
+from bench.rigs.lockstep import ROMEO, SINGLE_JOINT
 from common.errors import ConfigurationError, LogError
 from daemon.config.identified import GapEntry
 from daemon.config.load import load_robot, refuse_unreadable
@@ -136,6 +136,21 @@ def test_times_of_day_are_times(tmp_path: Path, zone: str) -> None:
     log, notes = read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)
     assert notes == ()
     np.testing.assert_allclose(log.time_s - log.time_s[0], columns["time"], atol=1e-5)
+
+
+def test_gaps_of_a_log_that_lacks_one_joint_are_not_written(tmp_path: Path) -> None:
+    """The first joint has all it needs; its answer alone would be half of what was asked."""
+    arm = shutil.copytree(ROMEO, tmp_path / "arm")
+    first, second = load_robot(arm).configuration.joint_names[:2]
+    before = (arm / "identified.yaml").read_bytes()
+    columns = {name.replace("joint", first): rows for name, rows in pressed(0.02).items()}
+    path = save(tmp_path / "log.csv", columns)
+    words = ["identify", "gap", first, second, "--config", str(arm), "--log", str(path)]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 65, result.output
+    assert f"no column current.{second}" in " ".join(result.output.split())
+    assert "alpha" not in result.output
+    assert (arm / "identified.yaml").read_bytes() == before
 
 
 def test_other_joints_need_not_be_in_the_log_of_a_gap(tmp_path: Path) -> None:
@@ -453,10 +468,10 @@ def test_fields_that_no_comma_parts_are_refused(tmp_path: Path, other: str, show
 
 @pytest.mark.parametrize(
     ("change", "reported"),
-    [(lambda c: c["time"].__setitem__(500, 2.0), "time does not grow at sample 500"),
-     (lambda c: c["link_position.joint"].__setitem__(7, np.nan), "link_position of joint is"),
-     (lambda c: c.update({k: v[:50] for k, v in c.items()}), "too short: 50 samples"),
-     (lambda c: c.update({k: 500.0 * v for k, v in c.items() if k[0] == "l"}), "in degrees")],
+    [(lambda c: c["time"].__setitem__(500, 2.0), ":502: time is before that of the row above"),
+     (lambda c: c["link_position.joint"].__setitem__(7, np.nan), ":9: link_position.joint is nan"),
+     (lambda c: c.update({k: v[:50] for k, v in c.items()}), ": .*too short: 50 samples"),
+     (lambda c: c.update({k: 500.0 * v for k, v in c.items() if k[0] == "l"}), ": .*in degrees")],
 )  # fmt: skip
 def test_what_a_log_has_wrong_is_said_with_its_name(
     tmp_path: Path, change: Callable[[dict[str, np.ndarray]], None], reported: str
@@ -464,5 +479,5 @@ def test_what_a_log_has_wrong_is_said_with_its_name(
     columns = pressed(0.02)
     change(columns)
     path = save(tmp_path / "log.csv", columns)
-    with pytest.raises(LogError, match=f"log.csv: .*{reported}"):
+    with pytest.raises(LogError, match=f"log.csv{reported}"):
         read_csv(path, ["joint"], {"joint": 2.0}, of_gap=True)

@@ -11,11 +11,11 @@ from bench.rigs.arm_without_bus import Course, Push, Scenario, Subject, record
 from bench.rigs.lockstep import ROMEO
 from daemon.config.load import load_robot
 from daemon.config.schema import Levels
-from identification.direct_friction import points, to_and_fro
+from identification.direct_friction import Point, points, to_and_fro
 from identification.motion_log import MotionLog
 from programs.contactd.contactd import main
 from programs.identify.direct_motion import direct_motion
-from programs.identify.direct_outcome import direct_outcome, law_of
+from programs.identify.direct_outcome import direct_outcome, disagreement, law_of
 from programs.identify.measured import Measured
 from programs.identify.motions import SHARE, bounds_of
 from programs.simulate.simulated_robot import describe, read_simulation
@@ -100,6 +100,20 @@ def test_a_law_that_is_wrong_is_named_and_stays(log, load, coulomb, level, says)
     friction = coulomb + 0.035 + 0.165 * 0.4 + (0.12 * 2.0 if load else 0.0)
     half = 0.04 if load else 0.0
     assert law_of(robot, 3).at(-2.0, 0.4) == pytest.approx((friction, half), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("count", "off", "by", "agrees"),
+    [(19, 2, 1.5, True), (19, 4, 1.5, False), (19, 1, 2.5, False), (4, 1, 1.5, True),
+     (4, 2, 1.5, False)],
+)  # fmt: skip
+def test_as_many_points_may_be_off_as_intervals_leave_out(count, off, by, agrees) -> None:
+    """By less than two of them, of however many speeds and loads were reached."""
+    law, scatter = law_of(ROBOT, 3), 0.02
+    friction, half = law.at(0.5, 0.3)
+    beyond = [by * (scatter + half) * (k < off) for k in range(count)]
+    found = [Point(0.5, 0.3, friction + more, scatter) for more in beyond]
+    assert bool(disagreement(law, found, 0.3, 0.0)) is not agrees
 
 
 def test_it_goes_on_after_a_stop_and_changes_nothing(tmp_path) -> None:

@@ -114,8 +114,8 @@ def test_a_log_of_a_hand_is_judged_as_one_on_request(folder):
     ("change", "says"),
     [(lambda c: {k: v[:50] for k, v in c.items()}, "too short"),
      (lambda c: {k: v for k, v in c.items() if k != "time"}, "no column time"),
-     (lambda c: {**c, "current.joint": np.full(len(c["time"]), np.nan)}, "is nan at sample 0"),
-     (lambda c: {**c, "time": c["time"][::-1]}, "time does not grow"),
+     (lambda c: {**c, "current.joint": np.full(len(c["time"]), np.nan)}, "bad.csv:2: current"),
+     (lambda c: {**c, "time": c["time"][::-1]}, ".csv:3: time is before"),
      (lambda c: {**c, "current.joint": ["x"] * len(c["time"])}, "not a number")],
 )  # fmt: skip
 def test_bad_logs_write_nothing(folder, change, says):
