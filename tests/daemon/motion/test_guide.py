@@ -335,6 +335,9 @@ def test_a_strong_hand_moves_nothing_against_itself(
         out = steady(Led(model, gain, SHAPES[shape]), q, np.zeros(model.n), push, 0.5)
         assert push @ out > -1e-9
         assert np.abs(out).max() <= MOST + 1e-12
+        first = steady(Led(model, gain, SHAPES[shape]), q, np.zeros(model.n), push, DT)
+        fastest = np.full(model.n, MOST / 6.0)  # by the virtual mass
+        assert first / gain @ first <= fastest / gain @ fastest + 1e-9
 
 
 def test_a_damped_way_is_led_at_a_fifth_of_the_speed(
