@@ -78,12 +78,12 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 68_665, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 15_145, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 16_560, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 68_735, 45_000),
+        Measure("lines of the product", lines(PRODUCT, root), 68_950, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 15_170, 12_500),
+        Measure("lines of bench/", lines(["bench"], root), 16_590, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 69_300, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
-        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 57_270, 50_000),
+        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 50_500, 50_000),
         Measure("decision records", decisions, 28, 28),
         Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
         Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in written), 10, 10),
