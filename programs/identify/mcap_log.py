@@ -49,7 +49,7 @@ def of_one_sender(
     """Rows (N,) of a table (N, k) of these columns that are not of other senders, which have none
     of them but `stamp`. Raises LogError for a row that lacks one."""
     lacking = np.isnan(table)
-    others = np.delete(lacking, stamp, axis=1).all(axis=1)
+    others = np.asarray(np.delete(lacking, stamp, axis=1).all(axis=1))
     if (short := lacking.any(axis=1) & ~others).any():
         number = int(np.argmax(short))
         lacks = columns[int(np.argmax(lacking[number]))]
