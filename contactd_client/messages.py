@@ -12,7 +12,7 @@ from contactd_client.requests import GuideAxes as GuideAxes
 from contactd_client.requests import Header as Header
 from contactd_client.requests import Request as Request
 
-STATE_FORMAT: Final = 6
+STATE_FORMAT: Final = 7
 Mode = Literal[
     "off", "enabling", "holding", "tracking", "admittance", "retracting", "returning", "releasing",
     "stopping", "faulted",

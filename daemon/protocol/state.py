@@ -161,7 +161,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     guide: str | msgspec.UnsetType = msgspec.UNSET
 
 
-STATE_FORMAT = 6
+STATE_FORMAT = 7
 """Version of State and Snapshot. It rises when a field changes its name or its meaning; a new field
 with a default needs no new version. Recordings of every version from 1 on stay readable."""
 

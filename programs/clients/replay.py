@@ -17,7 +17,7 @@ from estimator.estimator import Estimator
 from programs.clients.columns import Columns, Layout, first_difference
 from programs.clients.log_reader import read_batches
 
-SAME_ESTIMATOR = 6
+SAME_ESTIMATOR = 7
 """Format from which on the estimator computes what it does now: those before believed something
 else of friction near rest, or learned otherwise."""
 
@@ -25,11 +25,8 @@ _UNKNOWN: Final = object()  # payload before the first State
 
 
 def same_estimator(snapshot: Snapshot) -> bool:
-    """True if the present estimator goes on from the snapshot's memory, or would with it. Within
-    format 6 the force at the tool came to remember how residuals had moved."""
-    wrench = snapshot.memory.get("wrench")
-    older = isinstance(wrench, dict) and "lag" not in wrench
-    return snapshot.format >= SAME_ESTIMATOR and not older
+    """True if the present estimator goes on from the snapshot's memory, or would with it."""
+    return snapshot.format >= SAME_ESTIMATOR
 
 
 def incomparable(snapshot: Snapshot) -> str:

@@ -125,7 +125,7 @@ def test_the_archive_has_what_tests_and_install_need_and_nothing_that_was_built(
     there = names(archive)
     for name in ("Makefile", "systemd/contactd.service", "docs/installing.md", "requirements.lock"):
         assert name in there
-    assert "tests/programs/clients/format_6.mcap" in there
+    assert "tests/programs/clients/format_7.mcap" in there
     strange = re.compile(r"\.so$|__pycache__|node_modules|^build/|^\.venv|compiled\.json$")
     assert not [name for name in there if strange.search(name)]
 

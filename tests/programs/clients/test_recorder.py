@@ -25,7 +25,7 @@ from programs.clients.viewer_schema import viewer_schema
 from tests.examples import scaled
 
 MakeState = Callable[..., State]
-FORMATS = {version: Path(__file__).with_name(f"format_{version}.mcap") for version in range(1, 7)}
+FORMATS = {version: Path(__file__).with_name(f"format_{version}.mcap") for version in range(1, 8)}
 """Some ticks of configs/single_joint in lockstep, recorded by a contactd of that format, of 4 by
 the last that did not write `level_share`. In 2 the joint is pushed. They never change."""
 

@@ -20,7 +20,7 @@ from programs.contactd import contactd
 from programs.recordings import lerobot
 from programs.recordings.lerobot import Frames, cameras_of, frame
 
-RECORDING = Path(__file__).parents[1] / "clients/format_6.mcap"
+RECORDING = Path(__file__).parents[1] / "clients/format_7.mcap"
 ENVIRONMENT = Path(os.environ.get("CONTACTD_LEROBOT", "build/lerobot")).resolve()
 NOT_BUILT = not (ENVIRONMENT / "bin" / lerobot.WRITER).exists()
 needs_lerobot = pytest.mark.skipif(NOT_BUILT, reason="NOT TRIED: no LeRobot here (make lerobot)")
