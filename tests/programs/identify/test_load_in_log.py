@@ -47,7 +47,7 @@ def test_a_load_that_is_not_stated_is_recognised_as_at_work(folder: Path) -> Non
     states = foreign_states(loaded(folder, ""), robot)[1]
     found = [one.recognised.mass for one in states if one.recognised]
     assert len(found) > 0.1 * len(states)
-    assert found[-1] == pytest.approx(LOAD_KG, rel=0.1)
+    assert found[-1] == pytest.approx(LOAD_KG, rel=0.15)  # as docs state for a load
     news = [n.text for s in states for n in s.notices if "looks like a load" in n.text]
     assert any("`contactctl payload 0.4" in text for text in news)
     assert not any(s.recognised for s in foreign_states(folder / "empty.csv", robot)[1])
