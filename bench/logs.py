@@ -40,6 +40,10 @@ from programs.identify.log_names import beside
 STEPS = ("gap", "masses", "friction", "thresholds")
 SECONDS, LOAD_KG, LOADED = 60.0, 0.2, 0.25
 MASSES = 4  # logs for one whose masses are asked for: they take as long as all else
+COEFFICIENTS = {
+    "friction": "K_theta_s", "viscous friction": "K_theta_v", "rotor": "B",
+    "load friction": "K_load",
+}  # fmt: skip
 PARAMETERS = {"mass": slice(0, 1), "first moment": slice(1, 4), "inertia": slice(4, 10)}
 LACKS = {
     "no torque": (Style(without=("cur",)), "a torque or current"),
@@ -192,15 +196,26 @@ def examine_real(data: Path) -> Found:
                     error = (joint.gap.half_gap - true) / joint.gap.confidence
                     found.errors.append(("gap", name, float(np.nan_to_num(error, nan=9.0))))
                 if one.quantity == "friction" and joint and joint.friction:
-                    found.errors.append(("friction", name, friction_error(joint.friction, true)))
+                    found.errors += [
+                        (q, name, e) for q, e in friction_errors(joint.friction, K_theta_s=true)
+                    ]
     found.commands = 0
     return found
 
 
-def friction_error(entry: FrictionEntry, true: float) -> float:
-    """Error of Coulomb friction over its interval."""
-    total = entry.friction.motor_coulomb + entry.friction.link_coulomb - true
-    return float(total / (NORMAL_95 * entry.errors["K_theta_s"]))
+def friction_errors(entry: FrictionEntry, **true: float) -> Iterator[tuple[str, float]]:
+    """Quantities of `COEFFICIENTS` that were identified, and their errors over their intervals."""
+    f, off = entry.friction, entry.errors
+    found = {
+        "K_theta_s": (f.motor_coulomb + f.link_coulomb, NORMAL_95 * off.get("K_theta_s", 0.0)),
+        "K_theta_v": (f.motor_viscous + f.link_viscous, NORMAL_95 * off.get("K_theta_v", 0.0)),
+        "B": (entry.rotor_inertia or 0.0, NORMAL_95 * off.get("B", 0.0)),
+        "K_load": (0.5 * sum(f.load or (0.0,)), 0.5 * float(np.ptp(f.load or 0.0))),
+    }
+    for quantity, name in COEFFICIENTS.items():
+        value, interval = found[name]
+        if interval > 0.0 and name in true:
+            yield quantity, float((value - true[name]) / interval)
 
 
 def score(found: Found, arm: Path, of: Stranger) -> None:
@@ -214,8 +229,10 @@ def score(found: Found, arm: Path, of: Stranger) -> None:
             error = (joint.gap.half_gap - of.truth.half_gap[i]) / joint.gap.confidence
             found.errors.append(("gap", name, float(error)))
         if joint.friction is not None:
-            error = friction_error(joint.friction, float(of.friction[i]))
-            found.errors.append(("friction", name, error))
+            viscous = of.truth.viscous.reshape(2, -1).sum(axis=0)
+            true = {"K_theta_s": of.friction[i], "K_theta_v": viscous[i], "K_load": 0.0,
+                    "B": of.truth.rotor_inertia[i]}  # fmt: skip
+            found.errors += [(q, name, e) for q, e in friction_errors(joint.friction, **true)]
         if joint.masses is not None:
             body = joint.masses.body
             inertia = pin.Inertia(body.mass, np.array(body.com), body.tensor())
@@ -228,9 +245,11 @@ def score(found: Found, arm: Path, of: Stranger) -> None:
 
 def shares(found: list[Found]) -> Iterator[Target]:
     """Targets over all logs."""
-    for quantity in ("gap", "friction", *PARAMETERS):
+    for quantity in ("gap", *COEFFICIENTS, *PARAMETERS):
         sizes = np.abs([e for one in found for q, _, e in one.errors if q == quantity])
-        inside = 100.0 * float((sizes <= 1.0).mean()) if len(sizes) else float("nan")
+        if not len(sizes):  # no log gave it
+            continue
+        inside = 100.0 * float((sizes <= 1.0).mean())
         yield Target(f"{quantity}: truths inside what is good", inside, 95.0, "%", "higher")
         yield Target(f"{quantity}: good, and off by two intervals", float((sizes > 2.0).sum()), 0)
     whole = [one for one in found if not one.lacks and one.log >= 0]

@@ -13,6 +13,7 @@ from common.regular_file import read_text
 from daemon.config.load import load_robot
 from estimator.urdf import JointRange, joint_ranges
 from identification.skew import without_skew
+from identification.torque_columns import refuse_other_torques
 from programs.command_line.sentences import say
 from programs.contactd.drafts.configuration import guesses
 from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, scales
@@ -97,6 +98,7 @@ def _write(
     drafted([(1.0, "")] * len(names))
     robot = load_robot(folder)
     aligned, _ = without_skew(log, robot.model, robot.configuration.estimator)
+    refuse_other_torques(aligned, robot.model, robot.configuration.estimator)
     found = scales(aligned, robot.model)
     shown = [one for one in found if one.constant]
     usual = float(np.median([abs(one.constant) for one in shown] or [1.0]))

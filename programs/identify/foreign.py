@@ -20,6 +20,7 @@ from estimator.model import Model
 from estimator.payload import Payload
 from identification.motion_log import MotionLog
 from identification.skew import without_skew
+from identification.torque_columns import refuse_other_torques
 from identification.vibration import without_vibration
 from programs.identify.csv_log import COLUMNS, read_csv
 from programs.identify.log_names import beside, read_names
@@ -53,6 +54,7 @@ def read_aligned(path: Path, c: Configuration, model: Model) -> tuple[MotionLog,
         log = _carrying(log, load, c, model, -1.0)
         notes += (f"the hand carries {load}",)
     log, skew = without_skew(log, model, c.estimator)
+    refuse_other_torques(log, model, c.estimator)
     log, shakes = without_vibration(log, model, c.estimator, row(c, lambda j: j.torque_constant))
     return log, notes + skew.notes(log.joints) + shakes
 

@@ -240,6 +240,25 @@ def test_friction_of_a_log_whose_columns_are_late(tmp_path: Path, arm: Stranger)
     assert found[0] == pytest.approx(arm.friction[1:4].tolist(), rel=0.08)
 
 
+def test_exchanged_columns_are_named_by_every_step(tmp_path: Path, arm: Stranger) -> None:
+    """They came out as torque constants that are off."""
+    assert drafted(tmp_path, arm, Style()).exit_code == 0
+    log, folder = tmp_path / "log.csv", str(tmp_path / "arm")
+    header, rows = log.read_text().split("\n", 1)
+    columns = {"shoulder_cur": "elbow_cur", "elbow_cur": "shoulder_cur"}
+    exchanged = ",".join(columns.get(name, name) for name in header.split(","))
+    log.write_text(f"{exchanged}\n{rows}")
+    asked = [["identify", step, "--config", folder, "--log", str(log)]
+             for step in ("friction", "masses", "thresholds")]  # fmt: skip
+    asked.append(
+        ["new", f"{folder}2", "--log-only", "--urdf", str(urdf_of(arm, tmp_path)), str(log)]
+    )
+    for words in asked:
+        result = CliRunner().invoke(main, words)
+        assert result.exit_code == 65, result.output
+        assert re.search(r"shoulder\s+and\s+elbow.*\sexchange\s", result.output, re.DOTALL)
+
+
 def test_a_constant_that_is_off_everywhere_is_no_surer_where_gravity_is_none(
     tmp_path: Path, arm: Stranger
 ) -> None:

@@ -1,0 +1,65 @@
+"""Currents of a log that are not those of its motion: exchanged between joints, or low-passed.
+
+Each is fitted as x = s tau + c sign(v) + d v + B a + b to a part of a log, and judged by the rest:
+else they come out as torque constants, masses and friction.
+"""
+
+import itertools
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Matrix, Vector
+from common.errors import LogError
+from estimator.model import Model
+from estimator.settings import EstimatorSettings
+from identification.log_intervals import Intervals, intervals, low_pass
+from identification.motion_log import MotionLog
+from identification.regression import HELD_OUT
+
+_ROWS: Final = 20_000  # of a log, that are looked at
+_GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
+_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
+_LAGS_S: Final = (0.02, 0.05, 0.1, 0.2)  # of low-passes of the first order
+_LONG_S: Final = 0.04  # beyond, it is no filter of a drive
+_CLEARLY: Final = 0.5  # times the squares that are left
+_FITS: Final = 0.2  # of the variance: more is left of motion that the first part does not show
+
+
+def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettings) -> None:
+    """Raises LogError where two joints' currents fit clearly better when exchanged, or those of
+    most after a lag."""
+    rows = intervals(log.select(slice(0, _ROWS)), model, settings)
+    columns = [_columns(rows, i) for i in range(log.n)]
+    x = low_pass(rows.current, rows, _GAIN)
+    left = np.array([[_left(low_pass(c, rows, _GAIN), each) for each in x.T] for c in columns])
+    bound = np.minimum(_CLEARLY * left.diagonal(), _FITS)
+    for i, j in itertools.combinations(range(log.n), 2):
+        if left[i, j] < bound[j] and left[j, i] < bound[i]:
+            raise LogError(f"currents (or torques) of {log.joints[i]} and {log.joints[j]} fit the "
+                           "motion of each other: exchange these two columns")  # fmt: skip
+    lagged = [
+        [_left(low_pass(low_pass(c, rows, 1.0 / lag), rows, _GAIN), each)
+         for c, each in zip(columns, x.T, strict=True)] for lag in _LAGS_S
+    ]  # fmt: skip
+    best = np.array(_LAGS_S)[np.argmin(lagged, axis=0)]
+    late = (best > _LONG_S) & (np.min(lagged, axis=0) < bound)
+    if late.sum() > 0.5 * log.n:
+        lag = 1e3 * float(np.median(best[late]))
+        raise LogError(f"currents lag behind the motion as after a low-pass of about {lag:.0f} ms: "
+                       "log them unfiltered")  # fmt: skip
+
+
+def _columns(rows: Intervals, i: int) -> Matrix:
+    """Parts of a motor's torque (N, 5)."""
+    v = rows.theta_dot[:, i]
+    slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
+    return np.stack([rows.inertial[:, i], np.tanh(v / slow), v, rows.theta_ddot[:, i],
+                     np.ones_like(v)], axis=1)  # fmt: skip
+
+
+def _left(columns: Matrix, x: Vector) -> float:
+    """Mean square of what columns (N, 5) leave of x (N,) in its last part, over its variance."""
+    k = round((1.0 - HELD_OUT) * len(x))
+    found, *_ = np.linalg.lstsq(columns[:k], x[:k], rcond=None)
+    return float(np.square(x[k:] - columns[k:] @ found).mean() / max(np.var(x), 1e-12))
