@@ -28,6 +28,8 @@ LAG_S: Final = 0.05
 #: A motor that a soft loop no longer drives against friction may stick so far before the end of
 #: setpoints slower than MOVES [rad].
 STICKS_RAD: Final = 0.02
+#: What was seen to move before a longer pause of its setpoints may be dead since [s].
+BREAK_S: Final = 0.5
 #: So many equal readings in a row while the motor moves were not measured.
 FROZEN_READINGS: Final = 10
 #: So many changed positions in a row are a motion, not counts of a coarse encoder.
@@ -132,7 +134,7 @@ class Witness:
         self._same = 0  # readings since, of a motor that was to move or reported motion
         self._moved_s = -math.inf  # when its velocity last was a motion
         self._commanded_s = -math.inf  # when it was last commanded to move
-        self._began_s = math.inf  # when that motion began
+        self._began_s = math.inf  # when that motion, with its short pauses, began
         # Way that it was commanded since a position last changed, and when it last was a command.
         self._commanded_rad, self._command_s = 0.0, -math.inf
 
@@ -146,7 +148,7 @@ class Witness:
         """Take the target velocity [rad/s] in force from now on."""
         elapsed_s, self._command_s = min(abs(now - self._command_s), LAG_S), now
         if abs(velocity) >= STANDS:
-            self._began_s = self._began_s if now - self._commanded_s <= LAG_S else now
+            self._began_s = self._began_s if now - self._commanded_s <= BREAK_S else now
             self._commanded_s = now
             slow = abs(velocity) < MOVES
             self._commanded_rad += abs(velocity) * elapsed_s if slow else math.inf

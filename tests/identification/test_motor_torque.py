@@ -51,7 +51,9 @@ def test_the_ratio_lies_within_its_error(ratio, phase, load):
     assert 0.01 < error < 0.06, "neither tick alone"
 
 
-@pytest.mark.parametrize(("friction", "noise"), [(0.0, 0.002), (0.005, 0.002), (0.6, 0.6), (0.25, 0.1)])
+@pytest.mark.parametrize(
+    ("friction", "noise"), [(0.0, 0.002), (0.005, 0.002), (0.6, 0.6), (0.25, 0.1)]
+)
 def test_a_motor_that_works_against_nothing_or_is_not_heard_shows_none(friction, noise):
     log = motor(1.0, 0.5, friction, 0.3, noise)
     found = reported_by_asked(log, 0, STIFFNESS, DAMPING, Nm_per_A)

@@ -140,9 +140,9 @@ def test_a_motor_may_stick_before_its_slow_setpoints_end(
     [
         (0, 18, 0, 0.09, 1),  # its encoder was dead all along
         (1, 18, 0, 0.09, 1),  # and flickered once
-        (50, 3, 10, 0.09, 1),  # dead between bursts of setpoints that are too short to show it
+        (50, 18, 60, 0.09, 1),  # it died in a pause; in a short one it looks as one that sticks
         (50, 18, 0, 0.0, 1),  # nor was a velocity ever seen
-        (50, 120, 0, 0.09, 30),  # ticks that are late by more than a setpoint takes to show
+        (50, 240, 0, 0.09, 60),  # ticks that are late by more than such a pause
     ],
 )
 def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
@@ -157,6 +157,16 @@ def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
         witness.take(k * T, shown, 0.1 + 1e-3 * (k % 5), link)
         witness.command(k * T, 0.09 if moves else 0.0)
     assert not witness.stands(k * T, 0.0)
+
+
+@pytest.mark.parametrize(("pause", "stands"), [(27, True), (60, False)])
+def test_it_may_stick_after_a_short_pause_of_its_setpoints(pause: int, stands: bool) -> None:
+    witness, k = Witness(), 0
+    for k in range(120 + pause):
+        speed = 0.05 if k < 50 else 0.0
+        witness.take(k * T, speed + 1e-4 * (k % 5), 0.1, 0.05 * T * min(k, 50))
+        witness.command(k * T, speed - (0.05 if 50 + pause <= k < 75 + pause else 0.0))
+    assert witness.stands(k * T, 0.0) is stands
 
 
 @pytest.mark.parametrize("history_s", [0.0, 0.1, 0.5])
