@@ -76,7 +76,7 @@ class NeededLevel:
     def carry(self, i: int, beta: float, usual: float) -> None:
         """Let joint i be where it carries `beta`; usual: its configured level [Nm]."""
         shown = _OF_CARRIED * sqrt(self.carried_s[i] / self.moved_s[i]) + _OF_USUAL * usual
-        self.carried[i], self.reach[i] = beta, max(abs(beta) / shown, 1.0)
+        self.carried[i], self.reach[i] = beta, max(1.0, abs(beta) / shown)  # NaN is 1
 
     def reset(self, i: int) -> None:
         """Begin with r = 0 anew; what joint i needs stays."""

@@ -18,6 +18,7 @@ cdef class Walls:
     cdef double[::1] _acceleration, _most, _moved, _room, _deepest, _floor
     cdef long long[::1] _active
     cdef double _reaction_s, _margin
+    cdef bint _anew
 
     @cython.locals(c=Clearance, known=double, moves=double, active=Py_ssize_t, over=bint)
     cpdef void bound(

@@ -55,7 +55,7 @@ class Walls:
         self._active = np.zeros(rows, dtype=np.int64)
         self._most, self._moved = np.zeros(rows), np.zeros(clearance.n)
         self._room, self._deepest = np.zeros((2, rows))
-        self._floor = np.full(len(clearance.pairs), _UNKNOWN)
+        self._floor, self._anew = np.full(len(clearance.pairs), _UNKNOWN), False
         self.nearest, self.distance, self.slows = -1, 1e300, False
 
     def bound(self, q: Vector, moved: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
@@ -89,9 +89,9 @@ class Walls:
             self.slows = self.slows or abs(out[i] - wanted[i]) > _SLOWS
 
     def forget(self) -> None:
-        """Begin anew at the next bound: the arm may be moved by hand meanwhile."""
-        for k in range(self._floor.shape[0]):
-            self._floor[k] = _UNKNOWN
+        """Begin anew at the next bound what is deeper then by more than drives may sink: the arm
+        may be moved by hand meanwhile."""
+        self._anew = True
 
     def touch(self, q: Vector) -> bool:
         """True if shapes overlap at q (n,) [rad]. It leaves the gaps of there in `clearance`."""
@@ -133,11 +133,16 @@ class Walls:
             pair = c.whole[row]
             self._deepest[pair] = min(self._deepest[pair], self._room[row])
         for k in range(self._floor.shape[0]):
+            if self._anew and self._deepest[k] < self._floor[k] - sinks:
+                self._floor[k] = _UNKNOWN
             if self._floor[k] == _UNKNOWN and c.least[k] >= 0.0:
                 self._floor[k] = 0.0
             elif self._floor[k] < 0.0:
-                now = self._deepest[k] - sinks if c.least[k] < 0.0 else -self._margin
+                now = self._deepest[k] - sinks
+                if c.least[k] >= 0.0:  # out; its margin comes back as it gets clear of it
+                    now = max(now, -self._margin)
                 self._floor[k] = min(max(self._floor[k], now), 0.0)
+        self._anew = False
 
     def _funnel(self, gap: float, A: float) -> float:
         """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2], straight on below 0."""

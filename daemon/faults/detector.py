@@ -140,7 +140,7 @@ class FaultDetector:
         late = False
         if not all(samples.fresh.tolist()):
             found += self._of_samples(samples)
-            late = bool(samples.came.all())
+            late = bool(samples.came.any()) and not samples.fresh.any()
         elif any(self._missing.tolist()):
             np.maximum(self._missing - 1, 0, out=self._missing)
         found += self._of_lateness(late=late)

@@ -23,7 +23,7 @@ cdef class Guide:
     cdef readonly bint begun
     cdef readonly double[::1] off
     cdef long long[::1] _kind, _bound
-    cdef double[::1] _moved, _sent, _presses, _out
+    cdef double[::1] _moved, _sent, _presses, _free, _out
     cdef double[::1] _most, _q, _rest, _v, _spring, _x, _d, _to
     cdef double[:, ::1] _N, _G, _M, _along
 
@@ -40,6 +40,8 @@ cdef class Guide:
     cdef void _frame_alone(self, const double[:] gain) noexcept
     @cython.locals(share=double, fastest=double)
     cdef double _bounded(self) noexcept
+    @cython.locals(along=double, square=double)
+    cdef double _with_the_hand(self, const double[:] gain, double[::1] out) noexcept
     @cython.locals(square=double, most=double, way=double, share=double, gentle=double)
     cdef double _gentle(self) noexcept
     @cython.locals(f=Frame)

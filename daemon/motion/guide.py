@@ -65,7 +65,7 @@ class Guide:
         self._turned, self._redundant = turned, redundant
         self._kind = np.array(kinds, dtype=np.int64)
         self._q, self._rest, self._v, self._spring, self._moved, self._out = np.zeros((6, n))
-        self._sent, self._presses = np.zeros((2, n))
+        self._sent, self._presses, self._free = np.zeros((3, n))
         self._bound = np.zeros(n, dtype=np.int64)
         # Axes, in columns; where it began along them, orientations N and M, then and now.
         self._x = np.zeros(3)
@@ -120,6 +120,7 @@ class Guide:
         bounded = self._bounded()
         for i in range(self._n):
             self._v[i] = before[i] + share[i] * (bounded * self._out[i] - before[i])
+            self._free[i] = before[i] + share[i] * (bounded * wanted[i] - before[i])
         self._frame_alone(gain)
         rows = self._choose(_HOLDING)
         self._rows.factor(rows, gain)
@@ -135,7 +136,7 @@ class Guide:
             self._rows.factor(rows, gain)
         self._rows.push(rows, gain, self._rows.back, self._spring)
         gentle = self._gentle()
-        slowed, whole = self._slowed(pivot, gain, out), 1.0
+        slowed, whole = self._with_the_hand(gain, out) * self._slowed(pivot, gain, out), 1.0
         for i in range(self._n):
             if slowed * abs(out[i]) > self._most[i]:  # all alike, so that the guide is kept
                 slowed = self._most[i] / abs(out[i])
@@ -162,6 +163,17 @@ class Guide:
             if share * fastest > self._most[i]:
                 share = self._most[i] / fastest
         return share
+
+    def _with_the_hand(self, gain: Vector, out: Vector) -> float:
+        """Share of the velocity at which it is not against the one without a guide, `_free`, nor
+        more than that has along it, in the metric K^-1: 1 for a projection, less where dampers and
+        joints at their ends do not agree."""
+        along = square = 0.0
+        for i in range(self._n):
+            if gain[i] > 0.0:
+                along += out[i] * self._free[i] / gain[i]
+                square += out[i] * out[i] / gain[i]
+        return 1.0 if along >= square else max(along / square, 0.0)
 
     def _gentle(self) -> float:
         """Share of the spring's velocity at which joints and tool are no faster than it may be, and

@@ -28,6 +28,8 @@ LAG_S: Final = 0.05
 #: A motor that a soft loop no longer drives against friction may stick so far before the end of
 #: setpoints slower than MOVES [rad].
 STICKS_RAD: Final = 0.02
+#: What was seen to move before a longer pause of its setpoints may be dead since [s].
+BREAK_S: Final = 0.5
 #: So many equal readings in a row while the motor moves were not measured.
 FROZEN_READINGS: Final = 10
 #: So many changed positions in a row are a motion, not counts of a coarse encoder.
@@ -101,6 +103,7 @@ class Witness:
     """History of one drive's motion sensors and of its last setpoint that was a motion."""
 
     __slots__ = (
+        "_began_s",
         "_changed_s",
         "_command_s",
         "_commanded_rad",
@@ -131,6 +134,7 @@ class Witness:
         self._same = 0  # readings since, of a motor that was to move or reported motion
         self._moved_s = -math.inf  # when its velocity last was a motion
         self._commanded_s = -math.inf  # when it was last commanded to move
+        self._began_s = math.inf  # when that motion, with its short pauses, began
         # Way that it was commanded since a position last changed, and when it last was a command.
         self._commanded_rad, self._command_s = 0.0, -math.inf
 
@@ -142,8 +146,9 @@ class Witness:
 
     def command(self, now: float, velocity: float) -> None:
         """Take the target velocity [rad/s] in force from now on."""
-        elapsed_s, self._command_s = min(now - self._command_s, LAG_S), now
+        elapsed_s, self._command_s = min(abs(now - self._command_s), LAG_S), now
         if abs(velocity) >= STANDS:
+            self._began_s = self._began_s if now - self._commanded_s <= BREAK_S else now
             self._commanded_s = now
             slow = abs(velocity) < MOVES
             self._commanded_rad += abs(velocity) * elapsed_s if slow else math.inf
@@ -213,11 +218,15 @@ class Witness:
 
     @property
     def _follow(self) -> bool:
-        """True if one of its positions has changed for as long as it moved, or was to, but for the
-        last of the way."""
-        sticks = self._commanded_rad <= STICKS_RAD
-        to_move_s = (self._moved_s if sticks else max(self._moved_s, self._commanded_s)) - LAG_S
-        return any(each.changed_s >= to_move_s for each in self._positions)
+        """True if one of its positions has changed for as long as it moved, or was to; but for the
+        last of the way, if its velocity and that position were seen to move before."""
+        sticks = self._commanded_rad <= STICKS_RAD and self._fast_s >= self._began_s
+        for each in self._positions:
+            forgiven = sticks and each.before_s >= self._began_s
+            moved_s = self._moved_s if forgiven else max(self._moved_s, self._commanded_s)
+            if each.changed_s >= moved_s - LAG_S:
+                return True
+        return False
 
     @property
     def _positions(self) -> list[Position]:

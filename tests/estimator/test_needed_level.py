@@ -271,6 +271,20 @@ def test_more_is_needed_where_a_joint_carries_more_than_motion_has_shown() -> No
     assert learning.needed.reach[0] == 1.0
 
 
+@pytest.mark.parametrize("beta", [0.0, -9.0, 1e300, np.inf, np.nan])
+@pytest.mark.parametrize("usual", [LEVEL, 0.0])
+def test_whatever_is_carried_lowers_no_level_nor_raises_it_beyond(
+    beta: float, usual: float
+) -> None:
+    learning = shown(600.0, 0.1)
+    before = learning.needed.level(0)
+    learning.needed.carry(0, beta, usual)
+    assert before <= learning.needed.level(0) <= 1.0
+    shown(10.0, 0.1, learning)
+    learning.needed.carry(0, 0.0, LEVEL)
+    assert 0.9 * before < learning.needed.level(0) <= 1.0
+
+
 def test_in_doubt_nothing_is_measured() -> None:
     learning = shown(600.0, 0.1, flips=True)
     before = (learning.needed.squares_s[0], learning.needed.moved_s[0], learning.needed.peak[0])

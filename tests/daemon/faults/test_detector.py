@@ -209,6 +209,30 @@ def test_an_arm_that_senses_nothing_somewhere_holds(
     assert all(these == [(Condition.DEAF, "elbow")] for these in found if these)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "holds"),
+    [("l.", True), ("b.", True), ("lb.", True), ("l..", False), ("m.", False)],
+)
+def test_late_answers_of_which_one_is_missing_are_late(
+    detector: FaultDetector, pattern: str, holds: bool
+) -> None:
+    """l: all late; b: late, and one missing; m: one missing, the other prompt."""
+    taken = {
+        "l": samples(fresh=(False, False)),
+        "b": samples(fresh=(False, False), age=(1, 0)),
+        "m": samples(fresh=(False, True), age=(1, 0)),
+        ".": samples(),
+    }
+    found = [detect(detector, taken[one]) for one in pattern * 250]
+    deaf = [any(condition is Condition.DEAF for condition, _ in each) for each in found]
+    assert any(deaf) is holds
+    assert deaf == sorted(deaf), "it does not come and go"
+    if holds:
+        for _ in range(198):
+            assert detect(detector, taken["."])
+        assert not detect(detector, taken["."]), "it is lifted"
+
+
 def test_a_residual_that_begins_anew_again_and_again_is_deaf(detector: FaultDetector) -> None:
     """Three ticks of sixteen without samples, the others on their way up from zero."""
     found = [

@@ -340,6 +340,23 @@ def test_a_strong_hand_moves_nothing_against_itself(
         assert first / gain @ first <= fastest / gain @ fastest + 1e-9
 
 
+def test_joints_at_their_ends_and_dampers_turn_nothing_against_the_hand(
+    arm: tuple[Model, Vector, Vector, Vector],
+) -> None:
+    """Nor is it led more easily than without a guide, whatever is held."""
+    model, gain, middle, half = arm
+    rng, none = np.random.default_rng(7), np.zeros(model.n)
+    for _ in range(500):
+        kinds, q = rng.integers(0, 4, 6), middle + half * rng.uniform(-1.0, 1.0, model.n)
+        push = 10.0 ** rng.uniform(-2.0, 1.0) * rng.normal(size=model.n)
+        rooms = rng.uniform(0.0, 2.0, (2, model.n)) * (rng.random((2, model.n)) > 0.2)
+        led, out = Led(model, gain, tuple(kinds), redundant=bool(rng.integers(2))), none + np.nan
+        moved = 0.3 * rng.normal(size=model.n)
+        led.guide.step(q, moved, none, none, gain * push, none + 0.2, gain, rooms, False, out)
+        assert push @ out >= -1e-9 * np.abs(push).max() * np.abs(out).max()
+        assert out / gain @ out <= 0.2 * (push @ out) + 1e-12
+
+
 def test_a_damped_way_is_led_at_a_fifth_of_the_speed(
     arm: tuple[Model, Vector, Vector, Vector],
 ) -> None:

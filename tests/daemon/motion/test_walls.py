@@ -169,8 +169,24 @@ def test_inside_only_the_way_out_is_left() -> None:
     assert one.slows
     assert began < 0.0
     assert began - SINKS_M - 2e-4 < one.distance < began
+    for _ in range(900):
+        one.forget()  # power that comes and goes is no way further in
+        q = q + DT * bounded(one, q, np.array([-1.0, 0.0, 0.0]))
+    assert began - SINKS_M - 2e-4 < one.distance < began
+    q = np.array([-1.5, 0.0, 0.0])  # 13 mm deeper
+    assert not bounded(one, q, np.array([-1.0, 0.0, 0.0])).any()
     one.forget()  # moved without power, it may hang further in
     assert bounded(one, q, np.array([-1.0, 0.0, 0.0])).any()
+
+
+@pytest.mark.parametrize("cleared", [0.0085, 0.1])
+def test_what_came_out_keeps_its_margin_again(cleared: float) -> None:
+    one, q = walls(TABLE), np.array([-1.5, 0.2, 0.1])
+    while one.distance < cleared or one.distance > 1e9:
+        q = q + DT * bounded(one, q, np.array([0.5, 0.0, 0.0]))
+    for _ in range(400):
+        q = q + DT * bounded(one, q, np.array([-0.5, 0.0, 0.0]))
+    assert one.distance == pytest.approx(0.005, abs=4e-4)
 
 
 def test_play_of_the_gears_counts_as_gap() -> None:

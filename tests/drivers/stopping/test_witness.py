@@ -135,6 +135,40 @@ def test_a_motor_may_stick_before_its_slow_setpoints_end(
     assert witness.stands(k * T, shown / 3.0) is stands
 
 
+@pytest.mark.parametrize(
+    ("seen", "burst", "rest", "velocity", "every"),
+    [
+        (0, 18, 0, 0.09, 1),  # its encoder was dead all along
+        (1, 18, 0, 0.09, 1),  # and flickered once
+        (50, 18, 60, 0.09, 1),  # it died in a pause; in a short one it looks as one that sticks
+        (50, 18, 0, 0.0, 1),  # nor was a velocity ever seen
+        (50, 240, 0, 0.09, 60),  # ticks that are late by more than such a pause
+    ],
+)
+def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
+    seen, burst, rest, velocity, every
+) -> None:
+    """It runs on: neither sensor shows that, and its drive heeds no setpoint of 0."""
+    witness, k = Witness(), 0
+    for k in [*range(50), *range(50, 100 + rest + burst, every)]:
+        moves = 50 - seen <= k < 50 or 50 + rest <= k < 50 + rest + burst
+        link = 0.3 + 9e-4 * max(min(k, 50) - 50 + seen, 0)
+        shown = velocity if 50 - seen <= k < 50 else 0.0
+        witness.take(k * T, shown, 0.1 + 1e-3 * (k % 5), link)
+        witness.command(k * T, 0.09 if moves else 0.0)
+    assert not witness.stands(k * T, 0.0)
+
+
+@pytest.mark.parametrize(("pause", "stands"), [(27, True), (60, False)])
+def test_it_may_stick_after_a_short_pause_of_its_setpoints(pause: int, stands: bool) -> None:
+    witness, k = Witness(), 0
+    for k in range(120 + pause):
+        speed = 0.05 if k < 50 else 0.0
+        witness.take(k * T, speed + 1e-4 * (k % 5), 0.1, 0.05 * T * min(k, 50))
+        witness.command(k * T, speed - (0.05 if 50 + pause <= k < 75 + pause else 0.0))
+    assert witness.stands(k * T, 0.0) is stands
+
+
 @pytest.mark.parametrize("history_s", [0.0, 0.1, 0.5])
 def test_a_drive_that_stood_all_along_needs_no_more_than_a_rest(history_s: float) -> None:
     witness, k = Witness(), 0

@@ -35,6 +35,7 @@ def test_done_is_one_line(run: Run, fake_daemon: Any, command: str) -> None:
 )
 def test_refusal_lists_every_reason(run: Run, fake_daemon: Any, command: str) -> None:
     fake_daemon.refusals[command] = ["first reason", "second reason"]
+    fake_daemon.mode = "faulted"  # and still the refusal is what is said
     result = run(command)
     assert result.exit_code == 1
     assert result.stdout == ""
