@@ -131,7 +131,8 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeti
         depth = f", {-1000.0 * gap:.0f} mm deep," if gap < -5e-4 else ""
         through, way = "through", "go there another way"
         if least[pair] < -ROUNDING:
-            through = f"from {-1000.0 * (least[pair] + SINKS_M):.0f} mm deeper into"
+            before = -1000.0 * (least[pair] + SINKS_M)
+            through, depth = "deeper into", f", from {before:.0f} to {-1000.0 * gap:.0f} mm,"
             way = f"go first where it comes out, correct {SHAPES_FILES}, or move it without power"
         text = f"{path.name} leads {f' {through} '.join(names)}{depth} at {at_s:.1f} s: {way}"
         yield Meeting(pair=names, position=there.tolist(), text=text)

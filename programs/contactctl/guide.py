@@ -59,6 +59,7 @@ def guide(
     Also while the arm is led. It begins where it is led next, and anew there once the arm moved by
     itself. The configuration is not changed.
     """
+    refuse_none_left(shape, along, (*stiff, *held))
     stiff = (*stiff, *shape_axes(shape, along), *(("rx", "ry", "rz") if no_turn else ()))
     with options.connect() as client:
         if not (shape or stiff or held or damped or joints_held):
@@ -91,3 +92,9 @@ def shape_axes(shape: str | None, along: str | None) -> tuple["Axis", ...]:
         named = "off" if shape == "off" else f"a {shape}"
         raise click.UsageError(f"{named} {wanted}, not {along or 'none'}")
     return tuple(axis for axis in _XYZ if axis not in given) if shape in SHAPES else ()
+
+
+def refuse_none_left(shape: str | None, along: str | None, kept: tuple["Axis", ...]) -> None:
+    """Raises UsageError for an axis that a line or plane runs along and that is held."""
+    if both := sorted({*(along or "")} & {*kept}):
+        raise click.UsageError(f"the {shape} runs along {', '.join(both)}, which cannot be held")

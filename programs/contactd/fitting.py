@@ -86,8 +86,21 @@ def fitted(
         surroundings=digest_of_surroundings(around),
     )  # fmt: skip
     shapes, kept = _with_added(shapes, before, robot.configuration.joint_names)
+    _named_apart(robot.folder, shapes, around)
     left_out, report = _left_out(robot, Walls(shapes=shapes, surroundings=around))
     return structs.replace(shapes, left_out=left_out), [*kept, *report]
+
+
+def _named_apart(folder: Path, shapes: Shapes, around: Surroundings) -> None:
+    """Raises ConfigurationError for a plane or box of a link's name."""
+    links = {one.name for one in shapes.capsules}
+    for key, names in (("planes", around.planes), ("boxes", around.boxes)):
+        for name in links & set(names):
+            source = read_yaml(folder / SURROUNDINGS)
+            raise ConfigurationError(
+                f"{source.path}:{source.line([key, name])}: {key}.{name}: the name of a link's "
+                "capsule: give it another"
+            )
 
 
 def _before(path: Path) -> Shapes | None:
@@ -242,8 +255,8 @@ def _left_out(robot: Robot, walls: Walls) -> tuple[list[LeftOut], list[str]]:
         one, other = first.body, getattr(second, "body", -2)
         near = other in _carriers(bodies, one) or one in _carriers(bodies, other)
         why = found.why(neighbours=near)
-        if other == -2 and why != "always":
-            why = None  # poses through a table are no evidence, and it may be moved in its file
+        if other == -2:  # poses through a table are no evidence, and it may be moved in its file
+            why = "always" if found.touching == 1.0 else None
         report.append(f"{'left out' if why else 'guarded':9} {first.name} - {second.name}: "
                       f"{_in_words(found)}")  # fmt: skip
         if why:

@@ -56,7 +56,8 @@ def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
     steps = ["masses", "friction", "thresholds"]
     if "half_gap: 0.002" in draft:
         steps.insert(0, "gap")
-    click.echo("next, once the columns are right:")
+    also = ", without logs in which the arm is touched" if len(logs) > 1 else ""
+    click.echo(f"next, once the columns are right{also}:")
     for step in steps:
         click.echo(f"  contactd identify {step} --config {folder} {all_of}")
     click.echo(f"  contactd plot {logs[0]} --config {folder}")

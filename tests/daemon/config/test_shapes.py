@@ -14,6 +14,8 @@ from daemon.assembly import build_walls
 from daemon.config.files import Files
 from daemon.config.load import load_robot
 from daemon.config.shapes import SHAPES, SURROUNDINGS, clearance_of, obstacles_of
+from identification.capsules import PairGaps
+from programs.contactd import fitting
 from programs.contactd.contactd import main
 
 TABLE = "version: 1\nplanes:\n  table: {point: [0, 0, -0.2], normal: [0, 0, 2]}\n"
@@ -136,6 +138,28 @@ def test_what_is_out_of_reach_or_often_in_the_way_is_guarded(folder: Path, wall:
     walls = load_robot(folder).walls
     assert walls is not None
     assert frozenset(("swing", "table")) not in walls.left_out
+
+
+def test_a_wall_of_a_links_name_is_refused(folder: Path) -> None:
+    (folder / SURROUNDINGS).write_text(TABLE.replace("table:", "swing:"))
+    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    assert run.exit_code == 78
+    assert "planes.swing: the name of a link's capsule" in run.output
+
+
+def test_a_link_that_is_free_of_a_wall_in_few_poses_is_guarded(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The arm may stand in one of these, and move from there into the wall."""
+    pairs = [("column", "table"), ("swing", "table"), ("swing", "column")]
+    nearly = dict.fromkeys(pairs, PairGaps(-0.1, 0.96))
+    monkeypatch.setattr(fitting, "gaps_over_poses", lambda *_: nearly)
+    (folder / SURROUNDINGS).write_text(TABLE)
+    run = CliRunner().invoke(main, ["shapes", str(folder), "--force"])
+    assert run.exit_code == 0, run.output
+    walls = load_robot(folder).walls
+    assert walls is not None
+    assert not [one for one in walls.shapes.left_out if "table" in one.pair]
 
 
 def test_both_files_count_as_changed(folder: Path) -> None:

@@ -52,6 +52,8 @@ def test_a_guide_is_changed_and_read_back(
         ("circle", 2, "'line', 'plane', 'point', 'off'"),
         ("line", 2, "a line runs along one of x, y, z, not none"),
         ("line xy", 2, "a line runs along one of x, y, z, not xy"),
+        ("line x --stiff x", 2, "the line runs along x, which cannot be held"),
+        ("plane xy --held y", 2, "the plane runs along y, which cannot be held"),
         ("plane xx", 2, "a plane has two of x, y, z, not xx"),
         ("point x", 2, "a point takes no axes, not x"),
         ("off x", 2, "Error: off takes no axes, not x"),

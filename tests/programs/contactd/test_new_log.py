@@ -102,6 +102,17 @@ def test_a_motor_that_swings_through_its_gap_has_no_gear(rate_Hz: float, noise: 
         assert (its["elbow"][name].unit, its["elbow"][name].scale) == (unit, 1.0)
 
 
+def test_what_is_next_names_no_log_in_which_the_arm_is_touched(
+    tmp_path: Path, arm: Stranger
+) -> None:
+    assert "once the columns are right:" in drafted(tmp_path, arm, Style()).output
+    touched = tmp_path / "touched.csv"
+    shutil.copy(tmp_path / "log.csv", touched)
+    given = ["--urdf", str(urdf_of(arm, tmp_path)), str(tmp_path / "log.csv"), str(touched)]
+    result = CliRunner().invoke(main, ["new", str(tmp_path / "two"), "--log-only", *given])
+    assert "without logs in which the arm is touched:" in result.output
+
+
 def test_torques_need_no_constant(tmp_path: Path, arm: Stranger) -> None:
     result = drafted(tmp_path, arm, Style(torque=True, without=("vel", "motor_pos")))
     assert result.exit_code == 0, result.output
