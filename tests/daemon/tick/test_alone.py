@@ -67,6 +67,7 @@ class Watched:
         learned["coulomb_left"][ELBOW] = 0.1
         learned["moved_s"][ELBOW] = 300.0
         learned["squares_s"][ELBOW] = 300.0 * (share / 2.9) ** 2
+        learned["carried_s"][ELBOW] = 300.0 * 9.0  # in motion that carried 3 Nm
         learned["peak"][ELBOW] = 0.0
         self.on.tick.estimator.restore(memory)
 
