@@ -21,8 +21,8 @@ _ROWS: Final = 20_000  # of a log, that are looked at
 _GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
 _SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 _LAGS_S: Final = (0.02, 0.05, 0.1, 0.2)  # of low-passes of the first order
-_LONG_S: Final = 0.04  # beyond, it is no filter of a drive
-_CLEARLY: Final = 0.5  # times the squares that are left
+_LONG_S, _SHOWN = 0.04, 1.5  # beyond, it is no filter of a drive, and no part of a period
+_CLEARLY, _LATER = 0.5, 0.7  # times the squares that are left: exchanged, after a lag
 _FITS: Final = 0.2  # of the variance: more is left of motion that the first part does not show
 
 
@@ -42,12 +42,11 @@ def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettin
         [_left(low_pass(low_pass(c, rows, 1.0 / lag), rows, _GAIN), each)
          for c, each in zip(columns, x.T, strict=True)] for lag in _LAGS_S
     ]  # fmt: skip
-    best = np.array(_LAGS_S)[np.argmin(lagged, axis=0)]
-    late = (best > _LONG_S) & (np.min(lagged, axis=0) < bound)
-    if late.sum() > 0.5 * log.n:
-        lag = 1e3 * float(np.median(best[late]))
-        raise LogError(f"currents lag behind the motion as after a low-pass of about {lag:.0f} ms: "
-                       "log them unfiltered")  # fmt: skip
+    least, lag = np.min(lagged, axis=0), np.median(np.array(_LAGS_S)[np.argmin(lagged, axis=0)])
+    better = float(np.median(least / left.diagonal()))
+    if lag > max(_LONG_S, _SHOWN * rows.period_s) and better < _LATER and np.median(least) < _FITS:
+        raise LogError(f"currents lag behind the motion as after a low-pass of about "
+                       f"{1e3 * lag:.0f} ms: log them unfiltered")  # fmt: skip
 
 
 def _columns(rows: Intervals, i: int) -> Matrix:
