@@ -22,7 +22,7 @@ _GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
 _SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 _LAGS_S: Final = (0.02, 0.05, 0.1, 0.2)  # of low-passes of the first order
 _LONG_S, _SHOWN = 0.04, 1.5  # beyond, it is no filter of a drive, and no part of a period
-_CLEARLY, _LATER = 0.5, 0.7  # times the squares that are left: exchanged, after a lag
+_CLEARLY, _LATER = 0.5, 0.45  # times the squares that are left: exchanged, after a lag
 _FITS: Final = 0.2  # of the variance: more is left of motion that the first part does not show
 
 
