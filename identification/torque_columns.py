@@ -13,6 +13,7 @@ from common.arrays import Matrix, Vector
 from common.errors import LogError
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
+from identification.friction_verdict import unexcited
 from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
 from identification.regression import HELD_OUT
@@ -30,14 +31,18 @@ def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettin
     """Raises LogError where two joints' currents fit clearly better when exchanged, or those of
     most after a lag."""
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
-    columns = [_columns(rows, i) for i in range(log.n)]
-    x = low_pass(rows.current, rows, _GAIN)
+    moved = [i for i in range(log.n) if not unexcited(rows.theta_dot[:, i])]
+    columns = [_columns(rows, i) for i in moved]
+    x = low_pass(rows.current[:, moved], rows, _GAIN)
+    if not moved:
+        return
     left = np.array([[_left(low_pass(c, rows, _GAIN), each) for each in x.T] for c in columns])
     bound = np.minimum(_CLEARLY * left.diagonal(), _FITS)
-    for i, j in itertools.combinations(range(log.n), 2):
+    for i, j in itertools.combinations(range(len(moved)), 2):
         if left[i, j] < bound[j] and left[j, i] < bound[i]:
-            raise LogError(f"currents (or torques) of {log.joints[i]} and {log.joints[j]} fit the "
-                           "motion of each other: exchange these two columns")  # fmt: skip
+            raise LogError(f"currents (or torques) of {log.joints[moved[i]]} and "
+                           f"{log.joints[moved[j]]} fit the motion of each other: exchange "
+                           "these two columns")  # fmt: skip
     lagged = [
         [_left(low_pass(low_pass(c, rows, 1.0 / lag), rows, _GAIN), each)
          for c, each in zip(columns, x.T, strict=True)] for lag in _LAGS_S
