@@ -78,7 +78,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 68_991, 44_000),
+        Measure("lines of the product", lines(PRODUCT, root), 68_992, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 15_170, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_600, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 69_360, 45_000),
