@@ -31,8 +31,8 @@ def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettin
     """Raises LogError where two joints' currents fit clearly better when exchanged, or those of
     most after a lag."""
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
-    moved = [i for i in range(log.n)
-             if np.ptp(rows.current[:, i]) > 0.0 and not unexcited(rows.theta_dot[:, i])]  # fmt: skip
+    there = np.ptp(rows.current, axis=0) > 0.0
+    moved = [i for i in range(log.n) if there[i] and not unexcited(rows.theta_dot[:, i])]
     columns = [_columns(rows, i) for i in moved]
     x = low_pass(rows.current[:, moved], rows, _GAIN)
     if not moved:
