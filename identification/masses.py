@@ -37,7 +37,7 @@ from identification.gravity_errors import GravityErrors, gravity_errors
 from identification.log_intervals import Mask, play
 from identification.motion_log import MotionLog
 from identification.possible_bodies import off_center, possible, prior
-from identification.regression import GAIN, HELD_OUT
+from identification.regression import GAIN, HELD_OUT, NORMAL_95
 from identification.touches import near
 
 SHORTEST_S = 20.0
@@ -46,7 +46,7 @@ _ROUNDS = 3
 _WORSE = 1.02  # times |r| by the URDF, held out, that is not good: less is noise
 _NOTHING = 0.001  # of Coulomb friction, by which |r| may grow, too
 _NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses stay
-_WORTH = 0.9  # times the same, of some joint, for which other masses are worth it
+_WORTH, _AS_SURE = 0.9, 0.5  # times the same of some joint: beyond two intervals, or none
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
 _LASTING_S = 1.0  # of gears that bend, encoders, late columns: about as long as a way
@@ -161,8 +161,11 @@ def identify_masses(
     gravity = gravity_errors(model, nominal, massive, limits, fit)
     reasons = _reasons(log, motion, joints, fit, known, gravity)
     found = {i: BodyInertia.of(x) for i, x in zip(massive.tolist(), fit.parameters, strict=True)}
-    fits = _judged(log.joints, joints, nominal, period_s, found, reasons, known.engaged_coulomb)
-    for i, error in zip(massive.tolist(), _errors(nominal, fit), strict=True):
+    errors = _errors(nominal, fit)
+    others = (np.abs(fit.parameters - nominal) > 2.0 * NORMAL_95 * errors).any()
+    fits = _judged(log.joints, joints, nominal, period_s, found, reasons, known.engaged_coulomb,
+                   _WORTH if others else _AS_SURE)  # fmt: skip
+    for i, error in zip(massive.tolist(), errors, strict=True):
         fits[i] = replace(fits[i], errors=error)
     return Masses(
         fits,
@@ -230,13 +233,13 @@ def _judged(
     bodies: dict[int, BodyInertia],
     reasons: list[Reason],
     coulomb: Vector,
+    least: float,
 ) -> list[MassesFit]:
     """Fits with their verdicts, by the errors at the end of the motion, which was not fitted, and
-    by those at its beginning; coulomb (n,) [Nm]."""
+    by those at its beginning; coulomb (n,) [Nm]; least: times |r| by the URDF that is worth it."""
     by_urdf, by_this = _held_out(joints, nominal, period_s)
-    worth = bool((_rms(by_this) < _WORTH * _rms(by_urdf)).any())
-    most = _WORSE if worth else _NO_FIT
-    fits = []
+    worth = bool((_rms(by_this) < least * _rms(by_urdf)).any())
+    most, fits = _WORSE if worth else _NO_FIT, []
     for i, against in enumerate(reasons):
         verdict, reason = against
         bound = np.maximum(most * by_urdf[:, i], by_urdf[:, i] + _NOTHING * coulomb[i])

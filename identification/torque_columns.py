@@ -13,6 +13,7 @@ from common.arrays import Matrix, Vector
 from common.errors import LogError
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
+from identification.friction_verdict import unexcited
 from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
 from identification.regression import HELD_OUT
@@ -21,8 +22,8 @@ _ROWS: Final = 20_000  # of a log, that are looked at
 _GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
 _SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 _LAGS_S: Final = (0.02, 0.05, 0.1, 0.2)  # of low-passes of the first order
-_LONG_S: Final = 0.04  # beyond, it is no filter of a drive
-_CLEARLY: Final = 0.5  # times the squares that are left
+_LONG_S, _SHOWN = 0.04, 1.5  # beyond, it is no filter of a drive, and no part of a period
+_CLEARLY, _LATER = 0.5, 0.45  # times the squares that are left: exchanged, after a lag
 _FITS: Final = 0.2  # of the variance: more is left of motion that the first part does not show
 
 
@@ -30,24 +31,28 @@ def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettin
     """Raises LogError where two joints' currents fit clearly better when exchanged, or those of
     most after a lag."""
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
-    columns = [_columns(rows, i) for i in range(log.n)]
-    x = low_pass(rows.current, rows, _GAIN)
+    there = np.ptp(rows.current, axis=0) > 0.0
+    moved = [i for i in range(log.n) if there[i] and not unexcited(rows.theta_dot[:, i])]
+    columns = [_columns(rows, i) for i in moved]
+    x = low_pass(rows.current[:, moved], rows, _GAIN)
+    if not moved:
+        return
     left = np.array([[_left(low_pass(c, rows, _GAIN), each) for each in x.T] for c in columns])
     bound = np.minimum(_CLEARLY * left.diagonal(), _FITS)
-    for i, j in itertools.combinations(range(log.n), 2):
+    for i, j in itertools.combinations(range(len(moved)), 2):
         if left[i, j] < bound[j] and left[j, i] < bound[i]:
-            raise LogError(f"currents (or torques) of {log.joints[i]} and {log.joints[j]} fit the "
-                           "motion of each other: exchange these two columns")  # fmt: skip
+            raise LogError(f"currents (or torques) of {log.joints[moved[i]]} and "
+                           f"{log.joints[moved[j]]} fit the motion of each other: exchange "
+                           "these two columns")  # fmt: skip
     lagged = [
         [_left(low_pass(low_pass(c, rows, 1.0 / lag), rows, _GAIN), each)
          for c, each in zip(columns, x.T, strict=True)] for lag in _LAGS_S
     ]  # fmt: skip
-    best = np.array(_LAGS_S)[np.argmin(lagged, axis=0)]
-    late = (best > _LONG_S) & (np.min(lagged, axis=0) < bound)
-    if late.sum() > 0.5 * log.n:
-        lag = 1e3 * float(np.median(best[late]))
-        raise LogError(f"currents lag behind the motion as after a low-pass of about {lag:.0f} ms: "
-                       "log them unfiltered")  # fmt: skip
+    least, lag = np.min(lagged, axis=0), np.median(np.array(_LAGS_S)[np.argmin(lagged, axis=0)])
+    better = float(np.median(least / left.diagonal()))
+    if lag > max(_LONG_S, _SHOWN * rows.period_s) and better < _LATER and np.median(least) < _FITS:
+        raise LogError(f"currents lag behind the motion as after a low-pass of about "
+                       f"{1e3 * lag:.0f} ms: log them unfiltered")  # fmt: skip
 
 
 def _columns(rows: Intervals, i: int) -> Matrix:

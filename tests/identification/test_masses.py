@@ -115,6 +115,18 @@ def test_masses_that_are_worse_on_held_out_motion_are_not_good(
     assert found.fits[2].verdict is verdict
 
 
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(0.8, MassesVerdict.AS_GOOD), (0.4, MassesVerdict.GOOD)]
+)
+def test_the_urdf_stays_where_intervals_hold_it_and_little_is_better(
+    subjects, short, monkeypatch: pytest.MonkeyPatch, share, verdict
+) -> None:
+    before = np.ones((2, short.n))
+    monkeypatch.setattr("identification.masses._held_out", lambda *_: (before, share * before))
+    found = identified(subjects, short, true_model(subjects), shortest_s=10.0)
+    assert set(verdicts(found)) == {verdict}
+
+
 @pytest.mark.parametrize("wobble", [0.0, 0.0015])
 def test_intervals_hold_true_bodies(subjects, log, wobble) -> None:
     """Also by encoders that are eccentric, of which the model knows nothing."""

@@ -119,7 +119,7 @@ def _notes(found: "Masses") -> tuple[str, ...]:
         notes.append(f"masses are those of the whole arm: none is used while {', '.join(bad)} is "
                      "not good")  # fmt: skip
     elif not found.usable:
-        notes.append("no joint is better by other masses: the URDF's stay. Where friction is not "
+        notes.append("no joint is clearly better by others: the URDF's stay. Where friction is not "
                      "known well, `contactd identify friction` reports how long a motion it "
                      "needs")  # fmt: skip
     else:
