@@ -12,6 +12,7 @@ so that torques, alignment and gap are those of the estimator.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from common.arrays import Matrix, Vector
 from common.errors import LogError
@@ -19,7 +20,7 @@ from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from estimator.transmission import Transmission, resting
 from identification.body_rows import JointRows
-from identification.log_intervals import Intervals, Mask, intervals, locate, low_pass
+from identification.log_intervals import Intervals, Mask, intervals, locate, low_pass, memory
 from identification.motion_log import MotionLog
 from identification.regression import GAIN, regression, weights_of
 from identification.sticking import held
@@ -27,6 +28,10 @@ from identification.touches import near, touches
 
 OFFSET = 5
 """Column of `JointRows.friction` that a current adds which is off all the time."""
+
+
+_MORE = 2
+_NOISE = 0.005  # of an acceleration's square: beyond, inertias come out too small, masses too large
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,8 @@ class BodyMotion:
     """z - s of `sticking.held`"""
     cut: Mask
     """current at its limit"""
+    more: int
+    """times that all is filtered again, for encoders that are coarse"""
 
     def touched(self, joints: list[JointRows], d: Vector, friction: list[Vector]) -> Mask:
         """(N, n) where something else acted than a fit explains."""
@@ -70,7 +77,29 @@ def body_motion(
     Y = np.array([model.regressor(*each) for each in moving])
     sticking, _ = held(rows, sign_width)
     cut = np.abs(rows.current) > 0.98 * max_current
-    return BodyMotion(rows, low_pass(Y, rows, GAIN), sticking, cut)
+    more = _MORE * (float(np.median(_noise(rows, q_ddot))) > _NOISE)
+    return BodyMotion(rows, _smooth(low_pass(Y, rows, GAIN), rows, more), sticking, cut, more)
+
+
+def _noise(rows: Intervals, q_ddot: Matrix) -> Vector:
+    """Square of what is noise of the filtered accelerations, over that of all (n,): white noise of
+    positions is what their third differences show."""
+    within = ~(rows.first[1:-2] | rows.first[2:-1] | rows.first[3:])
+    of_position = np.diff(rows.q, 3, axis=0)[within].var(axis=0) / 20.0
+    back = float(np.median(memory(rows, GAIN)))
+    pulse = np.zeros(256)
+    pulse[:3] = np.array([1.0, -2.0, 1.0]) / rows.period_s**2
+    answer = lfilter([1.0 - back], [1.0, -back], pulse)
+    whole = np.square(low_pass(q_ddot, rows, GAIN)).mean(axis=0)
+    return np.asarray(of_position * np.square(answer).sum() / np.maximum(whole, 1e-12))
+
+
+def _smooth(values: Matrix, rows: Intervals, more: int) -> Matrix:
+    """Rows (N, ...) through the filter again: counts of coarse encoders are noise of the regressor,
+    by whose square inertias would come out too small."""
+    for _ in range(more):
+        values = low_pass(values, rows, GAIN)
+    return values
 
 
 def rows_of_joints(
@@ -91,14 +120,17 @@ def rows_of_joints(
     # Friction, rotor, the link's friction in the gap, an offset of the current, and what is held
     # after a reversal.
     beside = found.nuisance[:, :, 1:] * np.stack([offset, np.ones_like(offset)], axis=1)
-    friction = -np.concatenate([found.columns[:, :, :5], beside], axis=2)
+    friction = -_smooth(
+        np.concatenate([found.columns[:, :, :5], beside], axis=2), rows, motion.more
+    )
+    torque = -_smooth(found.r_nl, rows, motion.more)
     joints = []
     for i in range(len(t.joints)):
         rest = resting(rows.theta_dot[:, i])
         clean = weights_of(rows, i, where, motion.cut[:, i], rest)
         joints.append(
             JointRows(
-                -found.r_nl[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt,
+                torque[:, i], friction[:, i], bodies[:, i], clean, clean * ~spoilt,
                 late=float(where.late[i]),
             )
         )  # fmt: skip

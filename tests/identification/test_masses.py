@@ -89,6 +89,18 @@ def test_gravity_is_that_of_the_true_arm_in_poses_that_were_not_seen(subjects, m
     assert (gravity_off(subjects, masses) < 0.05 * gravity_off(subjects)).all()
 
 
+def test_coarse_encoders_make_no_inertia_smaller_nor_a_mass_larger(subjects) -> None:
+    """By 14 bits the regressor's own noise had been a share of its square."""
+    moved = subjects.moved(subjects.arms, 24.0, seed=3)[0]
+    count = 2.0 * np.pi / 2**13
+    coarse = replace(moved, link_position=count * np.round(moved.link_position / count))
+    found = identified(subjects, coarse)
+    for fit, true in zip(found.fits, true_bodies(subjects.arms[0]).values(), strict=True):
+        assert abs(fit.body.mass - true.mass) < 1.96 * fit.errors[0], fit
+    off = gravity_off(subjects, found) / gravity_off(subjects)
+    assert off.max() < 0.2
+
+
 def test_what_is_shown_says_how_much_better_it_is(masses) -> None:
     for fit in masses.fits:
         assert fit.reason == ""
