@@ -38,6 +38,7 @@ _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), sli
 LOAD = slice(9, 10)
 LOAD_SURE = 0.03
 """Standard error of friction per transmitted torque above which it counts as unknown."""
+_LOADED = 0.1  # of Coulomb friction: less gravity shows no share of load
 _SLOW = 0.1  # [rad/s] up to which friction may be more than Coulomb's, as Stribeck's is
 _OFFSET = 1  # of the nuisance
 _WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
@@ -141,9 +142,8 @@ def solve_joint(
     those near a touch, which are not fitted; unknown (N, n): how far what is held near rest is not
     known, 0 to 1.
 
-    Columns of the gap are used where the joint was in its gap at all; those of the relative
-    friction K_phi, of the spring and of load only if motion that was not fitted is explained
-    better, and that of load if its share is sure.
+    Columns of the gap are used where the joint was in its gap; those of K_phi, the spring and load
+    only if motion that was not fitted is explained better, that of load if its share is sure, too.
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
     gap = where.gap[:, i]
@@ -177,7 +177,8 @@ def solve_joint(
     r2 = _held_out(A, N, y, weight, used, train, mean=max(1, round(LASTS_S / rows.period_s)))
     coefficients, errors, condition = solve(A, N, y, weight, more, rows.time_s)
     load_bound = float(coefficients[-1] + NORMAL_95 * errors[-1])
-    if not used[LOAD] or not errors[LOAD] < LOAD_SURE:
+    loaded = rows.gravity[:, i].std() > _LOADED * coefficients[0]
+    if not (used[LOAD] and loaded and errors[LOAD] < LOAD_SURE):
         used[LOAD] = False
         coefficients, errors, condition = solve(A, N, y, weight, used, rows.time_s)
     falling, _ = _lsq(A, np.column_stack([N, found.slow[:, i]]), y, weight, used)
@@ -195,8 +196,7 @@ def solve_joint(
         coefficients=coefficients, errors=errors, r2=r2, condition=condition,
         gravity=1.0 - float(beside[0]), offset=float(beside[_OFFSET]), touched=touched,
         stiction=stiction, stiction_error=stiction_error, load_bound=load_bound,
-        falls=np.abs(falling - coefficients),
-        left=left, weight=weight,
+        falls=np.abs(falling - coefficients), left=left, weight=weight,
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.rigs.arm_without_bus import Course, Scenario, Subject, record
+from identification import regression
 from identification.excitation import fourier_within, trajectory
 from identification.friction import identify_friction
 from identification.friction_fit import FrictionFit, adopt
@@ -107,3 +108,11 @@ def test_friction_that_ripples_is_averaged_within_the_interval(arm, course) -> N
             off = np.abs([fit.values[name] for fit in fits] - of.reshape(2, -1).sum(axis=0))
             within += (off < [fit.half_interval(name) for fit in fits]).tolist()
     assert np.mean(within) >= 0.95
+
+
+def test_a_joint_that_gravity_hardly_loads_shows_no_share(arm, course, monkeypatch) -> None:
+    """What accelerates its link looks alike: an upright base was good at 2.5 intervals."""
+    monkeypatch.setattr(regression, "_LOADED", 1.0)
+    fits, _ = identified(arm, course, geared(GearSettings(load_driving=0.2, load_driven=0.25)))
+    shown = {fit.joint for fit in fits if fit.load is not None}
+    assert set() < shown < set(arm.configuration.joint_names)
