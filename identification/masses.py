@@ -49,7 +49,7 @@ _NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses s
 _WORTH, _AS_SURE = 0.9, 0.5  # times the same of some joint: beyond two intervals, or none
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
-_LASTING_S = 1.0  # of gears that bend, encoders, late columns: about as long as a way
+_LASTING_S = 1.5  # of gears that bend, encoders, late columns: about as long as a way
 _UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
 
 
