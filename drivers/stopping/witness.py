@@ -222,7 +222,7 @@ class Witness:
         last of the way, if its velocity and that position were seen to move before."""
         sticks = self._commanded_rad <= STICKS_RAD and self._fast_s >= self._began_s
         for each in self._positions:
-            forgiven = sticks and each.before_s >= self._began_s
+            forgiven = sticks and each.here_s >= self._began_s
             moved_s = self._moved_s if forgiven else max(self._moved_s, self._commanded_s)
             if each.changed_s >= moved_s - LAG_S:
                 return True
