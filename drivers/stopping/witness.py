@@ -219,8 +219,10 @@ class Witness:
     @property
     def _follow(self) -> bool:
         """True if one of its positions has changed for as long as it moved, or was to; but for the
-        last of the way, if its velocity and that position were seen to move before."""
-        sticks = self._commanded_rad <= STICKS_RAD and self._fast_s >= self._began_s
+        last of the way, if that position left its place in this motion, and its velocity was
+        seen in it or just before."""
+        seen = self._fast_s >= self._began_s - BREAK_S
+        sticks = self._commanded_rad <= STICKS_RAD and seen
         for each in self._positions:
             forgiven = sticks and each.here_s >= self._began_s
             moved_s = self._moved_s if forgiven else max(self._moved_s, self._commanded_s)

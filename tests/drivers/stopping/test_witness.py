@@ -159,6 +159,18 @@ def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
     assert not witness.stands(k * T, 0.0)
 
 
+@pytest.mark.parametrize(("left", "stands"), [(18, True), (5, False)])
+def test_it_may_stick_in_a_motion_too_slow_for_its_velocity(left: int, stands: bool) -> None:
+    """It coasted before, and went on by half a milliradian a tick for so many ticks, then stuck."""
+    witness, link, k = Witness(), 0.0, 0
+    for k in range(200):
+        coasts, creeps = k < 80, 110 <= k < 110 + left
+        link += 5e-4 * coasts - 5e-4 * creeps
+        witness.take(k * T, 0.05 * coasts + 1e-4 * (k % 5), 0.1, link)
+        witness.command(k * T, 0.05 * (k < 50) - 0.05 * (110 <= k < 110 + left + 30))
+    assert witness.stands(k * T, 0.0) is stands
+
+
 @pytest.mark.parametrize(("pause", "stands"), [(27, True), (60, False)])
 def test_it_may_stick_after_a_short_pause_of_its_setpoints(pause: int, stands: bool) -> None:
     witness, k = Witness(), 0
