@@ -36,8 +36,8 @@ def main(path, stop=False):
     """Print every contact, and stop at the first collision if asked to."""
     states, commands = connect(path), connect(path)
     snapshot = ask(states, command="subscribe")["snapshot"]
-    if snapshot["format"] != 6:
-        sys.exit(f"its States are of format {snapshot['format']}, not 6")
+    if snapshot["format"] != 7:
+        sys.exit(f"its States are of format {snapshot['format']}, not 7")
     last = snapshot["tick"]
     while packet := states.recv(LARGEST):
         state = json.loads(packet)

@@ -219,12 +219,13 @@ class Witness:
     @property
     def _follow(self) -> bool:
         """True if one of its positions has changed for as long as it moved, or was to; but for the
-        last of the way, if that position left its place in this motion, and its velocity was
-        seen in it or just before."""
-        seen = self._fast_s >= self._began_s - BREAK_S
-        sticks = self._commanded_rad <= STICKS_RAD and seen
+        last of the way, if that position changed in this motion, and left its place in it or just
+        before, as its velocity was seen."""
+        began_s, recent_s = self._began_s, self._began_s - BREAK_S
+        sticks = self._commanded_rad <= STICKS_RAD and self._fast_s >= recent_s
         for each in self._positions:
-            forgiven = sticks and each.here_s >= self._began_s
+            left = each.before_s <= each.here_s >= recent_s  # not its first place
+            forgiven = sticks and left and each.changed_s >= began_s
             moved_s = self._moved_s if forgiven else max(self._moved_s, self._commanded_s)
             if each.changed_s >= moved_s - LAG_S:
                 return True

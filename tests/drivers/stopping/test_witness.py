@@ -159,7 +159,7 @@ def test_a_sensor_that_dies_in_slow_setpoints_proves_nothing(
     assert not witness.stands(k * T, 0.0)
 
 
-@pytest.mark.parametrize(("left", "stands"), [(18, True), (5, False)])
+@pytest.mark.parametrize(("left", "stands"), [(18, True), (5, True), (0, False)])
 def test_it_may_stick_in_a_motion_too_slow_for_its_velocity(left: int, stands: bool) -> None:
     """It coasted before, and went on by half a milliradian a tick for so many ticks, then stuck."""
     witness, link, k = Witness(), 0.0, 0

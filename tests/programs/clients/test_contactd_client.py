@@ -157,8 +157,8 @@ ANSWERS = [
     (b'{"ok": false, "message": 3}', "speaks another version: its `message` is 3"),
     (b'{"ok": "yes"}', "speaks another version: its `ok` is 'yes'"),
     (b'{"ok":true}', "^refused$"),
-    (b'{"ok":true,"snapshot":{"format":99}}', "are of format 99, this client reads 6"),
-    (b'{"ok":true,"snapshot":{}}', "are of format 0, this client reads 6"),
+    (b'{"ok":true,"snapshot":{"format":99}}', "are of format 99, this client reads 7"),
+    (b'{"ok":true,"snapshot":{}}', "are of format 0, this client reads 7"),
 ]
 
 

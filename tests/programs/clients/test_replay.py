@@ -20,8 +20,6 @@ from programs.clients.log_reader import PROFILE, read_log
 from programs.clients.log_writer import CHUNK_BYTES
 from programs.clients.recorder import record
 from programs.clients.replay import Replay, replay
-from programs.recordings.question import Question
-from programs.recordings.whatif import ask
 
 Messages = list[Snapshot | State]
 SECONDS = 3.0
@@ -97,22 +95,6 @@ def test_the_first_difference_is_found_in_batches_of_any_size(
     found = result.difference
     assert (found.tick, found.field, found.recorded) == (first.tick, "phi", [0.5])
     assert found.replayed == first.phi
-
-
-def test_a_memory_of_before_lag_was_remembered_is_refused_not_compared(
-    messages: Messages, tmp_path: Path
-) -> None:
-    snapshot = messages[0]
-    assert isinstance(snapshot, Snapshot)
-    wrench = {name: value for name, value in snapshot.memory["wrench"].items() if name != "lag"}
-    before = msgspec.structs.replace(snapshot, memory={**snapshot.memory, "wrench": wrench})
-    path = written(tmp_path / "a.mcap", [before, *messages[1:]])
-    result = replay(path)
-    assert result == Replay(0, len(messages) - 1, 0, None, "", result.older)
-    assert before.program in result.older
-    replayed = ask(path, Question(changes=(("estimator.gain", "20"),)))
-    assert "another version; --fresh begins without" in replayed.failed
-    assert not ask(path, Question(fresh=True)).failed
 
 
 @pytest.mark.usefixtures("_batch")
