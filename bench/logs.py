@@ -124,8 +124,8 @@ def examine(job: tuple[int, int]) -> Found:
     found = Found(k, f"{style}, {load_kg} kg", lacks=lacks)
     with tempfile.TemporaryDirectory() as made:
         folder, number = Path(made), 1000 * seed + k
-        of = stranger(number, SECONDS, folder / "truth", load_kg=load_kg,
-                      by_urdf=k % (2 * MASSES) != 0)  # fmt: skip
+        right = "masses" not in STEPS or k % (2 * MASSES) != 0
+        of = stranger(number, SECONDS, folder / "truth", load_kg=load_kg, by_urdf=right)
         log, arm = write_csv(of, style, folder / "log.csv"), folder / "arm"
         begun = time.monotonic()
         said = typed(found, "new", arm, "--log-only", "--urdf", urdf_of(of, folder), log)
