@@ -83,8 +83,9 @@ def stale(root: Path = ROOT) -> list[str]:
 def refuse_stale(root: Path = ROOT) -> None:
     """Raise ProgramError if a compiled extension does not match its source."""
     if wrong := stale(root):
+        others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
         raise ProgramError(
-            f"{', '.join(wrong)}: the extension was not built from the source beside it; build it "
+            f"{wrong[0]}{others}: the extension was not built from the source beside it; build it "
             "anew by `make compiled` (a service: `make install`), or run plain after "
             "`hatch_build.py --clean`"
         )

@@ -221,7 +221,7 @@ def explain(field: str) -> dict[str, Explanation]:
     there = f"Did you mean {' or '.join(like)}?" if like else f"There are: {', '.join(known)}."
     raise ConfigurationError(
         f"--explain {field}: no such field is explained. {there} All others are in "
-        "docs/configuration.md."
+        "docs/configuration.md, those of surroundings.yaml in docs/surroundings.md."
     )
 
 

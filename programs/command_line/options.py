@@ -126,6 +126,8 @@ class InOrder(click.Group):
     """Group that lists its commands in the order in which a person needs them."""
 
     command_class = Signed
+    others = ""
+    """End of the message that lists the commands: the program that has others."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Commands in the order in which they were defined."""
@@ -135,7 +137,7 @@ class InOrder(click.Group):
         """Resolve the command that is named first. Raises UsageError with those that there are."""
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             known = ", ".join(self.list_commands(ctx))
-            raise click.UsageError(f"no command {args[0]!r}; there are: {known}", ctx)
+            raise click.UsageError(f"no command {args[0]!r}; there are: {known}{self.others}", ctx)
         return super().resolve_command(ctx, args)
 
 
@@ -143,6 +145,7 @@ class Group(InOrder):
     """Group that turns an error of ours into one line on stderr and its exit status."""
 
     command_class = Command
+    others = "; identify, check, plot and more are commands of `contactd`"
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; an error of ours sets the exit status."""

@@ -87,7 +87,7 @@ def read_view(
         contents=contents,
         signals=gatherer.signals(),
         half_gap=half_gap,
-        joints=_chosen(path, contents.joints, joints),
+        joints=_chosen(contents.joints, joints),
         from_s=max(from_s, 0.0),
         until_s=min(until_s, contents.duration_s),
         at_s=at_s,
@@ -110,7 +110,7 @@ def _gatherer(
     path: Path, snapshot: Snapshot, joints: Sequence[str], from_s: float, until_s: float
 ) -> SignalGatherer:
     """Gatherer with as many buckets as a page has room for."""
-    shown = len(_chosen(path, tuple(snapshot.joints), joints))
+    shown = len(_chosen(tuple(snapshot.joints), joints))
     points = POINTS_BYTES // (_VALUE_BYTES * len(DRAWN) * shown + 8)
     return SignalGatherer(len(snapshot.joints), points // 4, from_s, until_s)
 
@@ -122,7 +122,7 @@ def _latest(states: Sequence[State], contents: Contents, at_s: float) -> State |
     return until[-1] if until and at_s <= contents.duration_s + 1.0 else None
 
 
-def _chosen(path: Path, known: tuple[str, ...], asked: Sequence[str]) -> tuple[int, ...]:
+def _chosen(known: tuple[str, ...], asked: Sequence[str]) -> tuple[int, ...]:
     """Columns of the joints asked for, by name or by number from 1."""
     found = []
     for name in asked or known:
@@ -131,7 +131,7 @@ def _chosen(path: Path, known: tuple[str, ...], asked: Sequence[str]) -> tuple[i
         elif name.isdecimal() and 1 <= int(name) <= len(known):
             found.append(int(name) - 1)
         else:
-            raise LogError(f"{path} has no joint {name!r}; there are: {', '.join(known)}")
+            raise LogError(f"--joint {name}: no such joint; there are: {', '.join(known)}")
     return tuple(dict.fromkeys(found))
 
 
@@ -144,7 +144,7 @@ def _time_of(path: Path, around: str) -> float:
     times = [one.time_s for one in (contents.contacts if kind == "contact" else contents.faults)]
     if len(times) < (which := int(number or 1)):
         has = f"{len(times)} {kind}{'s' if len(times) != 1 else ''}" if times else f"no {kind}"
-        raise LogError(f"{path} has {has}: there is no {kind}:{which}")
+        raise LogError(f"--around {kind}:{which}: the recording has {has}")
     return times[which - 1]
 
 

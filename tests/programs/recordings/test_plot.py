@@ -133,10 +133,10 @@ def test_around_shows_a_window_and_says_what_was_there(
 @pytest.mark.parametrize(
     ("arguments", "status", "said"),
     [
-        (["--around", "contact:2"], 65, "has 1 contact: there is no contact:2"),
+        (["--around", "contact:2"], 65, "--around contact:2: the recording has 1 contact"),
         (["--around", "99"], 65, "has nothing at 99 s: it lasts 2.09 s"),
         (["--around", "contact:0"], 2, "is not a time in seconds"),
-        (["--joint", "LElbow"], 65, "has no joint 'LElbow'; there are: LShoulderPitch"),
+        (["--joint", "LElbow"], 65, "--joint LElbow: no such joint; there are: LShoulderPitch"),
         (["-o", "a.pdf"], 65, "must end in .html, .png or .svg"),
         (["-o", "/nonexistent/a.html"], 65, "cannot write /nonexistent/a.html"),
     ],
