@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -15,7 +16,7 @@ from daemon.config.explanations import explain
 from daemon.config.identified import Identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, frames_of
-from daemon.config.shapes import Walls
+from daemon.config.shapes import Walls, clearance_of
 from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
 from drivers.can.load import HIGHEST_LOAD, FrameLoad, bus_load
@@ -34,6 +35,8 @@ TRAVEL_WORDS = (
     "until that is detected, and its quick stop from there. daemon dies: master missed and quick "
     "stop; falls: it lets go instead"
 )
+
+_POSES = 100  # between the limits, in which a link is held by a plane or box
 
 
 def print_check(config: Path) -> None:
@@ -67,7 +70,7 @@ def print_check(config: Path) -> None:
     if robot.walls is not None:
         say(robot.walls.in_words)
         _say_places(robot)
-        _say_inside(robot.walls)
+        _say_inside(robot, robot.walls)
     _print_bus(console, c)
     # At the end, where it is not overlooked.
     for joint, asked in zip(c.joints, loads, strict=True):
@@ -101,10 +104,23 @@ def _say_places(robot: Robot) -> None:
         )
 
 
-def _say_inside(walls: Walls) -> None:
-    """Say which links are in a plane or box in all poses."""
+def _say_inside(robot: Robot, walls: Walls) -> None:
+    """Say which links are in a plane or box in all poses: left out by `contactd shapes`, or since a
+    place was edited."""
+    joints, bodies = robot.configuration.joints, robot.model.bodies()
+    clearance = clearance_of(walls, bodies, robot.configuration.joint_names)
+    most = np.full(len(clearance.pairs), -np.inf)
+    lower, upper = np.array([(j.limits.lower, j.limits.upper) for j in joints]).T
+    for q in np.random.default_rng(1).uniform(lower, upper, (_POSES, len(joints))):
+        clearance.at(q)
+        most = np.maximum(most, clearance.least)
+    held = {one.pair for one in walls.shapes.left_out}
+    for number in np.unique(clearance.whole).tolist():
+        if most[number] < 0.0:
+            first, second = clearance.pairs[number]
+            held.add((first.name, second.name))
     for name in (*walls.surroundings.planes, *walls.surroundings.boxes):
-        if links := [one.pair[0] for one in walls.shapes.left_out if one.pair[1] == name]:
+        if links := sorted(first for first, second in held if second == name):
             say(f"surroundings: {name} holds {', '.join(links)} in all poses: is its place right?")
 
 

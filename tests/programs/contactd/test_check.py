@@ -315,3 +315,13 @@ def test_a_link_that_a_box_holds_in_all_poses_is_said(tmp_path):
     (line,) = [line for line in lines if line.startswith("surroundings: post ")]
     assert "LShoulderPitch, LShoulderYaw" in line
     assert "LWristPitch" not in line
+
+
+def test_a_plane_that_was_turned_after_the_fit_is_said(tmp_path):
+    folder = Path(shutil.copytree(ROMEO, tmp_path / "arm"))
+    for normal, held in ((1, False), (-1, True)):
+        plane = f"planes: {{table: {{point: [0, 0, -0.6], normal: [0, 0, {normal}]}}}}"
+        (folder / "surroundings.yaml").write_text(f"version: 1\n{plane}\n")
+        if not held:
+            CliRunner().invoke(main, ["shapes", str(folder), "--single"], catch_exceptions=False)
+        assert ("surroundings: table holds LElbowRoll" in check(folder).output) is held
