@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.arrays import Vector
+from daemon.arming.checks import ArmingChecks
 from daemon.config.evidence import objections, parameters_known, parameters_missing
 from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
@@ -26,7 +27,6 @@ from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.replies import Check
-from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControllerSettings
 from daemon.tick.tick import Tick
@@ -50,14 +50,19 @@ def build_tick(robot: Robot, drives: Drives, identification: Check) -> Tick:
         build_estimator(c, robot.model),
         build_controller(robot, links_trusted=identification.passed),
         build_fault_detector(c),
-        ArmingChecks(
-            drives.names,
-            limits_of(c),
-            c.period_s,
-            (identification, check_parameters(robot)),
-            row(c, lambda j: j.thresholds.contact),
-        ),
         c.period_s,
+    )
+
+
+def build_arming_checks(robot: Robot, tick: Tick, identification: Check) -> ArmingChecks:
+    """Arming checks of `robot` on its tick; identification: `check_identification`."""
+    c = robot.configuration
+    return ArmingChecks(
+        tick,
+        limits_of(c),
+        c.period_s,
+        (identification, check_parameters(robot)),
+        row(c, lambda j: j.thresholds.contact),
     )
 
 

@@ -3,6 +3,7 @@
 import logging
 from dataclasses import InitVar, dataclass, field
 
+from daemon.arming.checks import ArmingChecks
 from daemon.modes.table import Mode
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.text import printable
@@ -37,6 +38,7 @@ class Service:
 
     process: Process
     loop: Loop
+    checks: ArmingChecks
     control: ControlSocket
     notifier: Notifier
     drives: InitVar[BootableDrives]
@@ -53,7 +55,8 @@ class Service:
             lambda: self.notifier.ticked(self.loop.now_s),
             self.loop.resume,
         )
-        self.commands = Commands(self.process, self.loop, self.control, set_up, self.trends)
+        parts = self.process, self.loop, self.checks, self.control
+        self.commands = Commands(*parts, set_up, self.trends)
         self.control.answers.on_mishap = self._on_mishap
 
     def doors(self) -> None:

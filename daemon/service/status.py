@@ -9,6 +9,7 @@ from msgspec import to_builtins
 from msgspec.structs import replace
 
 from common.errors import ControlError
+from daemon.arming.checks import ArmingChecks
 from daemon.assembly import seen_motion
 from daemon.config.files import Files
 from daemon.config.load import Robot
@@ -70,6 +71,7 @@ class Process:
 def status_of(
     process: Process,
     loop: Loop,
+    checks: ArmingChecks,
     identities: Sequence[str],
     permit: Permit | None,
     readers: int,
@@ -96,7 +98,7 @@ def status_of(
         advice=_advice(tick, unproved, attended=attended),
         trajectory=_trajectory(tick.controller, attended=attended),
         stream=last.stream if last else None,
-        checks=list(tick.check_arming(loop.time_s).checks),
+        checks=list(checks.run(loop.time_s).checks),
         ticks=tick.number + 1,
         missed=loop.missed,
         lateness_max_us=loop.lateness_max_s * 1e6,
