@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from msgspec.structs import replace
 
 from common.errors import ModelError, TrajectoryError
-from daemon.arming.checks import ArmingChecks
 from daemon.arming.permission import Answer, Permission, owner_of
 from daemon.config.vectors import limits_of, stream_settings_of
 from daemon.modes.machine import ModeMachine
@@ -47,21 +46,19 @@ class Commands:
 
     process: Process
     loop: Loop
-    checks: ArmingChecks
     control: ControlSocket
+    permission: Permission
     set_up: SetUp
     trends: TrendLine | None = None
     ending: bool = False  # the arm is being brought to rest for good, or for newer files
     reloading: bool = False  # the latter was requested
     upload: TrajectoryUpload = field(init=False)
-    permission: Permission = field(init=False)
     streams: Streams = field(init=False)
     attendance: Attendance = field(default_factory=Attendance)
 
     def __post_init__(self) -> None:
         c = self.process.robot.configuration
         self.upload = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
-        self.permission = Permission(self.loop.tick, self.checks)
         self.streams = Streams(c.joint_names, limits_of(c), stream_settings_of(c))
         self.control.on_close = self._on_close
 
@@ -182,7 +179,7 @@ class Commands:
         # All warnings, before the arm starts.
         seen, way = self._beyond_what_was_seen(Place(path)), poses.way(path)
         warnings = [*seen, *poses.short_of(path)]
-        reasons = self.checks.unsettled()
+        reasons = self.permission.checks.unsettled()
         if request.plan:
             reasons = reasons or self.loop.tick.controller.refusals(Event.START, path)
         if request.plan or reasons:
@@ -273,10 +270,8 @@ class Commands:
     def _status(self) -> Status:
         self._newer()
         identities, readers = self.set_up.drives.identities, len(self.control.readers)
-        permit, attended = self.permission.permit(self.loop.time_s), self.attendance.attended
-        status = status_of(
-            self.process, self.loop, self.checks, identities, permit, readers, attended=attended
-        )
+        parts, attended = (self.process, self.loop, self.permission), self.attendance.attended
+        status = status_of(*parts, identities, readers, attended=attended)
         return replace(status, gears=self.trends.warnings) if self.trends else status
 
     def _load(self, request: requests.Load, peer: Peer) -> Reply:
