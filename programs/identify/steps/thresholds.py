@@ -39,6 +39,7 @@ def _quality(entry: "ThresholdsEntry") -> str:
     click.option("--it-was-me", is_flag=True,
                  help="Confirm that every stretch left out as a touch was you."),
     quality=_quality,
+    order=8,
 )  # fmt: skip
 def thresholds(
     identification: "Identification", seconds: float, per_hour: float, it_was_me: bool
