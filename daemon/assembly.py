@@ -14,7 +14,8 @@ from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from daemon.config.shapes import clearance_of
-from daemon.config.vectors import guide_of, limits_of, row, sinusoids_of, virtual_mass_of
+from daemon.config.trajectories import path_of
+from daemon.config.vectors import guide_of, limits_of, row, virtual_mass_of
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
@@ -217,13 +218,12 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
     law = AdmittanceLaw(
         virtual_mass_s=virtual_mass_of(c), velocity=np.full(len(c.joints), c.admittance.velocity)
     )
-    path = robot.trajectory or sinusoids_of(c)
     motion = Motion(
         manner=manner,
         limits=limits_of(c),
         law=law,
         gains=Gains(row(c, lambda j: j.admittance_gain)),
-        follower=Follower(Place(path), c.trajectory.ramp_s),
+        follower=Follower(Place(path_of(c, robot.trajectory)), c.trajectory.ramp_s),
         blind=not links_trusted,
         walls=build_walls(robot),
         model=robot.model,
