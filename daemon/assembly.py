@@ -8,12 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from common.arrays import Vector
+from daemon.arming.checks import ArmingChecks
 from daemon.config.evidence import objections, parameters_known, parameters_missing
 from daemon.config.identified import ThresholdsEntry, used_entries
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration
 from daemon.config.shapes import clearance_of
-from daemon.config.vectors import guide_of, limits_of, row, sinusoids_of, virtual_mass_of
+from daemon.config.trajectories import path_of
+from daemon.config.vectors import guide_of, limits_of, row, virtual_mass_of
 from daemon.faults.detector import DetectorSettings, FaultDetector, patience_deaf
 from daemon.faults.following import Following, FollowingSettings
 from daemon.faults.ignored_setpoints import IgnoredSetpoints
@@ -26,7 +28,6 @@ from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.replies import Check
-from daemon.tick.arming_checks import ArmingChecks
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControllerSettings
 from daemon.tick.tick import Tick
@@ -50,14 +51,19 @@ def build_tick(robot: Robot, drives: Drives, identification: Check) -> Tick:
         build_estimator(c, robot.model),
         build_controller(robot, links_trusted=identification.passed),
         build_fault_detector(c),
-        ArmingChecks(
-            drives.names,
-            limits_of(c),
-            c.period_s,
-            (identification, check_parameters(robot)),
-            row(c, lambda j: j.thresholds.contact),
-        ),
         c.period_s,
+    )
+
+
+def build_arming_checks(robot: Robot, tick: Tick, identification: Check) -> ArmingChecks:
+    """Arming checks of `robot` on its tick; identification: `check_identification`."""
+    c = robot.configuration
+    return ArmingChecks(
+        tick,
+        limits_of(c),
+        c.period_s,
+        (identification, check_parameters(robot)),
+        row(c, lambda j: j.thresholds.contact),
     )
 
 
@@ -212,13 +218,12 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
     law = AdmittanceLaw(
         virtual_mass_s=virtual_mass_of(c), velocity=np.full(len(c.joints), c.admittance.velocity)
     )
-    path = robot.trajectory or sinusoids_of(c)
     motion = Motion(
         manner=manner,
         limits=limits_of(c),
         law=law,
         gains=Gains(row(c, lambda j: j.admittance_gain)),
-        follower=Follower(Place(path), c.trajectory.ramp_s),
+        follower=Follower(Place(path_of(c, robot.trajectory)), c.trajectory.ramp_s),
         blind=not links_trusted,
         walls=build_walls(robot),
         model=robot.model,

@@ -15,7 +15,12 @@ import numpy as np
 from common import compiled
 from common.errors import BusError, ContactdError, DriveError
 from contactd_client.paths import default_socket_path
-from daemon.assembly import build_estimator, build_tick, check_identification
+from daemon.assembly import (
+    build_arming_checks,
+    build_estimator,
+    build_tick,
+    check_identification,
+)
 from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.drives import (
@@ -136,11 +141,13 @@ def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: N
 
     drives.boot_up(progress)
     serials = list(drives.serials)
-    tick = build_tick(robot, drives, check_identification(robot, serials))
+    identification = check_identification(robot, serials)
+    tick = build_tick(robot, drives, identification)
+    checks = build_arming_checks(robot, tick, identification)
     _warm_up(robot)
     process = Process(robot, os.getpid(), _realtime(), serials, basis.not_taken_up, basis.files)
     loop = Loop(tick, Clock(time.monotonic, sleep_until, time.time), c.period_s)
-    service = Service(process, loop, control, notifier, drives, black_box, trends)
+    service = Service(process, loop, checks, control, notifier, drives, black_box, trends)
     return _Arm(basis, drives, tick, loop, service, black_box)
 
 

@@ -7,11 +7,15 @@ one (docs/decisions/0006-the-house.md). The goal is where it has to get.
 
 import ast
 import re
+import statistics
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+sys.path.insert(0, str(Path(__file__).parent))
+from house_walk import Walk
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PRODUCT: Final = (
@@ -55,6 +59,41 @@ def constructors(of: str, text: str) -> int:
     return sum(isinstance(call, ast.Name) and call.id == of for call in calls)
 
 
+def named(text: str) -> set[str]:
+    """Names that a source lists: fields that it declares, keywords that it passes, keys of its
+    tables, and modules that it imports."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.AnnAssign):
+            found.add(ast.unparse(node.target))
+        elif isinstance(node, ast.keyword):
+            found.add(node.arg or "")
+        elif isinstance(node, ast.Dict):
+            found |= {str(key.value) for key in node.keys if isinstance(key, ast.Constant)}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {each.name for each in node.names}
+    return found
+
+
+def fields_of(name: str, text: str) -> list[str]:
+    """Fields that a class declares."""
+    classes = [n for n in ast.parse(text).body if isinstance(n, ast.ClassDef) and n.name == name]
+    declared = [each for one in classes for each in one.body if isinstance(each, ast.AnnAssign)]
+    return [ast.unparse(each.target) for each in declared]
+
+
+def files_for_field(fields: Iterable[str], texts: Iterable[str]) -> int:
+    """Median, over the fields, of the number of sources that list one."""
+    lists = [named(text) for text in texts]
+    return round(statistics.median(sum(name in each for each in lists) for name in fields))
+
+
+def files_that_list(names: Iterable[str], texts: Iterable[str]) -> int:
+    """Number of sources that list more than half of the names."""
+    wanted = set(names)
+    return sum(2 * len(wanted & named(text)) > len(wanted) for text in texts)
+
+
 def words_of_docs(root: Path = ROOT) -> int:
     """Number of words of README, CONTRIBUTING and all pages below docs/."""
     pages = [root / "README.md", root / "CONTRIBUTING.md", *(root / "docs").rglob("*.md")]
@@ -77,6 +116,14 @@ def measures(root: Path = ROOT) -> list[Measure]:
     written = [path.read_text() for path in sources((*PRODUCT, "bench", "docs", "tests"), root)]
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
+    daemon = {str(p.relative_to(root)): p.read_text() for p in sources(["daemon"], root)
+              if p.suffix == ".py"}  # fmt: skip
+    walk = Walk(daemon, "daemon/tick/controller.py")
+    walk.enter("Controller", "step", {"observed"})
+    # A field that Status has as well goes through its files, too.
+    status = set(fields_of("Status", daemon["daemon/protocol/replies.py"]))
+    state = set(fields_of("State", daemon["daemon/protocol/state.py"])) - status
+    steps = {path.stem for path in (root / "programs/identify/steps").glob("[a-z]*.py")}
     return [
         Measure("lines of the product", lines(PRODUCT, root), 69_100, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 15_190, 12_500),
@@ -89,6 +136,19 @@ def measures(root: Path = ROOT) -> list[Measure]:
         Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in written), 10, 10),
         Measure("docstrings without a noun", sum(len(_NO_NOUN.findall(t)) for t in written), 0, 0),
         Measure("constructors of State", sum(constructors("State", t) for t in python), 1, 1),
+        # That a start calls it once is a test of tests/daemon/service/test_reload.py.
+        Measure(
+            "constructors of Model in daemon/",
+            sum(constructors("Model", text) for text in daemon.values()),
+            1,
+            1,
+        ),
+        Measure("returns in the walk of Controller.step:observed", walk.returns, 4, 5),
+        Measure(
+            "files for a field of State (median)", files_for_field(state, daemon.values()), 3, 3
+        ),
+        # Its mathematics, its Step, and what lists all steps.
+        Measure("files for a step of the identification", 2 + files_that_list(steps, python), 3, 3),
     ]
 
 

@@ -41,3 +41,39 @@ def test_long_files_are_named_and_made_ones_are_not_counted(tmp_path: Path) -> N
         '"""Made from the code by `make reference`."""\n' + lines
     )
     assert HOUSE["long_files"](tmp_path) == ("daemon/long.py: 301 lines",)
+
+
+LISTS = {
+    "fields": "class State:\n    tick: int\n    mode: int\n    side: int\n",
+    "keywords": "State(tick=1, mode=2)\n",
+    "keys": "NAMES = {'side': 1, 'tick': 2}\n",
+    "modules": "from steps import tick, mode\n",
+    "reader": "print(state.tick, state.mode, 'side')\n",
+}
+
+
+def test_sources_that_list_a_field_are_counted_and_those_that_read_it_are_not() -> None:
+    fields = HOUSE["fields_of"]("State", LISTS["fields"])
+    assert fields == ["tick", "mode", "side"]
+    assert HOUSE["files_that_list"](fields, LISTS.values()) == 4
+    assert HOUSE["files_for_field"](fields, LISTS.values()) == 3  # of 4, 3 and 2
+
+
+def test_a_walk_counts_the_stays_in_a_file_that_was_left() -> None:
+    home = """
+class Controller:
+    def __init__(self, own: Own | None) -> None:
+        self._own = own
+    def step(self, observed: Input, dt: float) -> None:
+        q, f = observed.q, dt
+        f2(f)
+        self._own.trigger(q)
+        self._follow(observed)
+    def _follow(self, seen: Input) -> None:
+        f2(seen)
+"""
+    own, other = "class Own:\n    def trigger(self, q): ...\n", "def f2(x): ...\n"
+    walk = HOUSE["Walk"]({"home": home, "own": own, "other": other}, "home")
+    walk.enter("Controller", "step", {"observed"})
+    assert walk.stays == ["home", "own", "home", "other"]
+    assert walk.returns == 1

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bench.rigs.arm_without_bus import Harness, Subject
 from bench.rigs.lockstep import TRUSTED, WALL_S, Ticking
 from common.arrays import Vector
-from daemon.assembly import build_tick
+from daemon.assembly import build_arming_checks, build_tick
 from daemon.config.load import Robot
 from daemon.modes.table import Event
 from daemon.motion.path import JointPath
@@ -110,6 +110,7 @@ class ArmInTheLoop(Ticking):
         self.harness.energise()
         self.drives = IdealDrives(self.harness, c.joint_names, c.period_s)
         self.tick = build_tick(robot, self.drives, TRUSTED)
+        self.arming = build_arming_checks(robot, self.tick, TRUSTED)
         self.ticks = 0
 
     def step(self) -> None:

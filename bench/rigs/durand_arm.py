@@ -18,7 +18,7 @@ from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import SINGLE_JOINT, TRUSTED, Rig
 from bench.rigs.sync_clock import Lockstep
 from common.arrays import Vector
-from daemon.assembly import build_tick
+from daemon.assembly import build_arming_checks, build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.drives import build_boot, build_canopen
@@ -160,6 +160,7 @@ def durand_rig(
         bus.hand_over()
         drives = build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
         tick = build_tick(robot, drives, TRUSTED)
+        checks = build_arming_checks(robot, tick, TRUSTED)
         drives.start(0.0)
         arm = DurandArm(drive, c.period_s)
         arm.pump()
@@ -167,8 +168,9 @@ def durand_rig(
             robot,
             drives,
             tick,
+            checks,
             cast(SimulatedArm, arm),
             cast(Lockstep, arm),
             bus,
-            lambda _: (drives, tick),
+            lambda _: (drives, tick, checks),
         )

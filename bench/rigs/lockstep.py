@@ -11,7 +11,8 @@ from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.lines import Line, LockstepBus, OpenLine, virtual_line
 from bench.rigs.sync_clock import AnsweredWire, Lockstep, at_request, at_sync
 from common.errors import DriveError
-from daemon.assembly import build_tick
+from daemon.arming.checks import ArmingChecks
+from daemon.assembly import build_arming_checks, build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.drives import ARMS, build_boot, build_canopen
@@ -54,6 +55,7 @@ class Ticking:
 
     robot: Robot
     tick: Tick
+    arming: ArmingChecks
     ticks: int
 
     @property
@@ -90,7 +92,7 @@ class Ticking:
 
     def permit(self, who: str = "the bench") -> list[str]:
         """Arm as the daemon does for a client; returns every reason why not."""
-        reasons = self.tick.check_arming(self.time_s).reasons
+        reasons = self.arming.run(self.time_s).reasons
         return list(reasons) or self.tick.controller.arm(who)
 
 
@@ -101,10 +103,11 @@ class Rig(Ticking):
     robot: Robot
     drives: Any  # CanopenArm, or an arm of motors
     tick: Tick
+    arming: ArmingChecks
     arm: SimulatedArm
     lockstep: Lockstep
     line: Line
-    build: Callable[[Robot], tuple[Any, Tick]]  # drives set up, and their tick
+    build: Callable[[Robot], tuple[Any, Tick, ArmingChecks]]  # drives set up, their tick
     ticks: int = 0
     before_s: float = 0.0  # time of the ticks that were built before this one
     guard: Callable[[], None] = lambda: None  # a turn of the guardian, where there is one
@@ -120,7 +123,7 @@ class Rig(Ticking):
             self.drives.let_go()
         self.drives.end()
         self.before_s, self.ticks = self.before_s + self.time_s, 0
-        self.drives, self.tick = self.build(robot)
+        self.drives, self.tick, self.arming = self.build(robot)
         self.robot = robot
 
     def step(self, wall_s: float | None = None) -> None:
@@ -260,12 +263,13 @@ def lockstep_rig(
             bus.hand_over()
             return drives
 
-        def build(robot: Robot) -> tuple[Any, Tick]:
+        def build(robot: Robot) -> tuple[Any, Tick, ArmingChecks]:
             drives = canopen(robot) if is_canopen else motors(robot)
-            tick = build_tick(robot, drives, identification(robot, drives.serials))
+            check = identification(robot, drives.serials)
+            tick = build_tick(robot, drives, check)
             drives.start(0.0)
             lockstep.pump()
-            return drives, tick
+            return drives, tick, build_arming_checks(robot, tick, check)
 
         guardian = guardian_of(robot.configuration.joint_drives)
         if guardian is None:

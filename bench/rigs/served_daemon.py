@@ -208,7 +208,7 @@ def serve(
     loop = Loop(rig.tick, rig.clock(), rig.robot.configuration.period_s)
     rig.run(0.1)
     process = Process(rig.robot, 1, [], rig.drives.serials, not_taken_up, files)
-    service = Service(process, loop, control, notifier, rig.drives)
+    service = Service(process, loop, rig.arming, control, notifier, rig.drives)
     service.commands.set_up.asking = rig.by_sdo
     # Here a second may pass while a client is not given a turn.
     service.commands.attendance.silent_s = math.inf

@@ -154,7 +154,9 @@ def _service(rig: Rig, control: ControlSocket, notifier: Notifier) -> Service:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     # The clock of the rig starts at zero, as the loop's does.
-    service = Service(Process(rig.robot, os.getpid(), []), loop, control, notifier, rig.drives)
+    service = Service(
+        Process(rig.robot, os.getpid(), []), loop, rig.arming, control, notifier, rig.drives
+    )
     service.commands.set_up.asking = rig.by_sdo
     return service
 

@@ -24,7 +24,7 @@ import numpy as np
 from can.interfaces.virtual import VirtualBus
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, TRUSTED, lockstep_rig
-from daemon.assembly import build_tick
+from daemon.assembly import build_arming_checks, build_tick
 from daemon.config.load import Robot
 from daemon.config.schema import Configuration, Sinusoid
 from daemon.drives import build_boot, build_canopen
@@ -187,7 +187,9 @@ def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]
         realtime = go_realtime()
         process = Process(robot, os.getpid(), realtime)
         loop = Loop(tick, clock, 1.0 / hz)
-        service = Service(process, loop, control, Notifier(), arm)
+        service = Service(
+            process, loop, build_arming_checks(robot, tick, TRUSTED), control, Notifier(), arm
+        )
         figures: list[tuple[float, ...]] = []
         begun = time.thread_time()
 

@@ -14,7 +14,7 @@ from daemon.config.identified import Identified, used_entries
 from daemon.config.mistakes import likely_mistakes
 from daemon.config.problem import Problem, at, figure
 from daemon.config.schema import NO_PAYLOAD, Configuration, Joint, JointLimits
-from daemon.config.trajectory_checks import trajectory
+from daemon.config.trajectories import trajectory_checks
 from daemon.config.vectors import guide_of
 from daemon.config.worst_loads import Carrying
 from daemon.motion.guidance import guide_place
@@ -43,7 +43,7 @@ def cross_checks(
         *_estimator(c),
         *profiles(c, folder),
         *counts(meant),
-        *trajectory(meant),
+        *trajectory_checks(meant),
         *_poses(meant),
         *_urdf(meant, urdf, model),
         *_guide(c, model),

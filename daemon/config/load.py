@@ -19,7 +19,7 @@ from daemon.config.identified import Identified, applied, identified_keys, ident
 from daemon.config.problem import Keys, Problem
 from daemon.config.schema import Configuration
 from daemon.config.shapes import Walls, read_walls
-from daemon.config.vectors import trajectory_of
+from daemon.config.trajectories import trajectory_of
 from daemon.motion.sampled_path import SampledPath
 from drivers.makes import USUAL
 from estimator.model import Model

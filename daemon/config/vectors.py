@@ -1,18 +1,13 @@
-"""Limits and trajectories of a configuration, as arrays and paths."""
+"""Values of a configuration as arrays, and as the settings of what moves the arm."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from common.arrays import Vector
-from common.errors import TrajectoryError
 from daemon.config.schema import Configuration, Joint
 from daemon.motion.limits import Limits
-from daemon.motion.path import Sinusoids
-from daemon.motion.sampled_path import PathBuilder, SampledPath
 from daemon.motion.target_stream import StreamSettings
-from daemon.motion.trajectory_file import read_trajectory
 from daemon.protocol.guide import GuideAxes
 
 
@@ -43,36 +38,6 @@ def limits_of(c: Configuration) -> Limits:
 def stream_settings_of(c: Configuration) -> StreamSettings:
     """Behaviour of streams of targets."""
     return StreamSettings(c.stream.after_contact, c.stream.reach, c.stream.join_velocity)
-
-
-def sinusoids_of(c: Configuration) -> Sinusoids:
-    """Configured sinusoids; joints without one hold."""
-    waves = [c.trajectory.sinusoids.get(joint.name) for joint in c.joints]
-    return Sinusoids(
-        amplitude=np.array([wave.amplitude if wave else 0.0 for wave in waves]),
-        omega=np.array([2.0 * np.pi * wave.frequency_Hz if wave else 0.0 for wave in waves]),
-    )
-
-
-def trajectory_of(c: Configuration, folder: Path) -> SampledPath | None:
-    """Trajectory of `trajectory.file`, or None without one. Raises TrajectoryError, with the line
-    and the reason, if it cannot be run."""
-    if c.trajectory.file is None:
-        return None
-    file = read_trajectory(folder / c.trajectory.file, c.joint_names)
-    try:
-        builder = PathBuilder(
-            file.path.name,
-            c.joint_names,
-            file.joints,
-            limits_of(c),
-            c.trajectory.ramp_s,
-            from_here=c.trajectory.from_here,
-        )
-        builder.append(file.rows())
-        return builder.finish()
-    except TrajectoryError as error:
-        raise file.placed(error) from error
 
 
 def guide_of(c: Configuration) -> GuideAxes:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from msgspec.structs import replace
 
 from common.errors import ModelError, TrajectoryError
+from daemon.arming.permission import Answer, Permission, owner_of
 from daemon.config.vectors import limits_of, stream_settings_of
 from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Event, Mode
@@ -18,7 +19,6 @@ from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.attendance import Attendance
 from daemon.service.mishaps import Checkpoint
-from daemon.service.permission import Answer, Permission, owner_of
 from daemon.service.sensitivity import sensitivity_now
 from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
@@ -47,19 +47,18 @@ class Commands:
     process: Process
     loop: Loop
     control: ControlSocket
+    permission: Permission
     set_up: SetUp
     trends: TrendLine | None = None
     ending: bool = False  # the arm is being brought to rest for good, or for newer files
     reloading: bool = False  # the latter was requested
     upload: TrajectoryUpload = field(init=False)
-    permission: Permission = field(init=False)
     streams: Streams = field(init=False)
     attendance: Attendance = field(default_factory=Attendance)
 
     def __post_init__(self) -> None:
         c = self.process.robot.configuration
         self.upload = TrajectoryUpload(c.joint_names, limits_of(c), c.trajectory.ramp_s)
-        self.permission = Permission(self.loop.tick)
         self.streams = Streams(c.joint_names, limits_of(c), stream_settings_of(c))
         self.control.on_close = self._on_close
 
@@ -180,7 +179,7 @@ class Commands:
         # All warnings, before the arm starts.
         seen, way = self._beyond_what_was_seen(Place(path)), poses.way(path)
         warnings = [*seen, *poses.short_of(path)]
-        reasons = self.loop.tick.arming_checks.unsettled()
+        reasons = self.permission.checks.unsettled()
         if request.plan:
             reasons = reasons or self.loop.tick.controller.refusals(Event.START, path)
         if request.plan or reasons:
@@ -271,8 +270,8 @@ class Commands:
     def _status(self) -> Status:
         self._newer()
         identities, readers = self.set_up.drives.identities, len(self.control.readers)
-        permit, attended = self.permission.permit(self.loop.time_s), self.attendance.attended
-        status = status_of(self.process, self.loop, identities, permit, readers, attended=attended)
+        parts, attended = (self.process, self.loop, self.permission), self.attendance.attended
+        status = status_of(*parts, identities, readers, attended=attended)
         return replace(status, gears=self.trends.warnings) if self.trends else status
 
     def _load(self, request: requests.Load, peer: Peer) -> Reply:

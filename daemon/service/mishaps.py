@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
+from daemon.arming.permission import Permission
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion.path import Place
 from daemon.protocol.lease import Lease
 from daemon.protocol.requests import Command
 from daemon.protocol.text import printable
-from daemon.service.permission import Permission
 from daemon.tick.tick import Tick
 
 #: Commands that reduce motion: one that failed must not leave the arm moving.

@@ -3,6 +3,8 @@
 import logging
 from dataclasses import InitVar, dataclass, field
 
+from daemon.arming.checks import ArmingChecks
+from daemon.arming.permission import Permission
 from daemon.modes.table import Mode
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.text import printable
@@ -37,6 +39,7 @@ class Service:
 
     process: Process
     loop: Loop
+    checks: InitVar[ArmingChecks]
     control: ControlSocket
     notifier: Notifier
     drives: InitVar[BootableDrives]
@@ -45,7 +48,7 @@ class Service:
     commands: Commands = field(init=False)
     _limit: LogLimit = field(default_factory=LogLimit)
 
-    def __post_init__(self, drives: BootableDrives) -> None:
+    def __post_init__(self, checks: ArmingChecks, drives: BootableDrives) -> None:
         set_up = SetUp(
             drives,
             self.loop.tick,
@@ -53,7 +56,9 @@ class Service:
             lambda: self.notifier.ticked(self.loop.now_s),
             self.loop.resume,
         )
-        self.commands = Commands(self.process, self.loop, self.control, set_up, self.trends)
+        permission = Permission(self.loop.tick, checks)
+        parts = self.process, self.loop, self.control, permission
+        self.commands = Commands(*parts, set_up, self.trends)
         self.control.answers.on_mishap = self._on_mishap
 
     def doors(self) -> None:

@@ -9,6 +9,7 @@ from msgspec import to_builtins
 from msgspec.structs import replace
 
 from common.errors import ControlError
+from daemon.arming.permission import Permission
 from daemon.assembly import seen_motion
 from daemon.config.files import Files
 from daemon.config.load import Robot
@@ -19,7 +20,7 @@ from daemon.modes.table import SENSING, Mode
 from daemon.motion.path import stands
 from daemon.motion.seen import SeenMotion
 from daemon.protocol.replies import Grant, Learned, Status, Trajectory
-from daemon.protocol.state import STATE_FORMAT, Permit, Snapshot
+from daemon.protocol.state import STATE_FORMAT, Snapshot
 from daemon.service.payloads import Payloads
 from daemon.service.poses import Poses
 from daemon.service.sensitivity import sensitivity_now
@@ -70,8 +71,8 @@ class Process:
 def status_of(
     process: Process,
     loop: Loop,
+    permission: Permission,
     identities: Sequence[str],
-    permit: Permit | None,
     readers: int,
     *,
     attended: bool = False,
@@ -88,7 +89,7 @@ def status_of(
         uptime_s=loop.time_s,
         mode=machine.mode,
         armed=machine.armed,
-        permit=permit,
+        permit=permission.permit(loop.time_s),
         disarmed=machine.disarmed[0],
         disarmed_s=machine.disarmed[1],
         cause=machine.cause,
@@ -96,7 +97,7 @@ def status_of(
         advice=_advice(tick, unproved, attended=attended),
         trajectory=_trajectory(tick.controller, attended=attended),
         stream=last.stream if last else None,
-        checks=list(tick.check_arming(loop.time_s).checks),
+        checks=list(permission.checks.run(loop.time_s).checks),
         ticks=tick.number + 1,
         missed=loop.missed,
         lateness_max_us=loop.lateness_max_s * 1e6,

@@ -110,7 +110,7 @@ class Controller:
     def arm(self, who: str) -> list[str]:
         """Allow contacts to move the arm, unless the mode forbids it; returns the reason. A new
         arming renews the allowance, a repeated one does not. All other conditions are checked
-        before, by `ArmingChecks`."""
+        before, by `daemon.arming`."""
         if self.machine.mode not in ARMABLE:
             return [refusal(self.machine.mode, "arm")]
         if not self.machine.armed:

@@ -15,9 +15,9 @@ from daemon.modes.machine import Change
 from daemon.modes.table import ENERGISED, GUIDED, SENSING, YIELDING, Mode, refusal
 from daemon.motion.hand_witness import IndependentResidual, agreed
 from daemon.motion.limits import all_finite
-from daemon.tick.arming_checks import ArmingChecks, ArmingResult
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision
+from daemon.tick.lately import Lately
 from daemon.tick.learning_news import LearningNews
 from daemon.tick.load_watch import LoadWatch
 from daemon.tick.news import News
@@ -45,11 +45,9 @@ class Tick:
         estimator: Estimator,
         controller: Controller,
         detector: FaultDetector,
-        arming_checks: ArmingChecks,
         period_s: float,
     ) -> None:
         self.drives, self.estimator, self.controller = drives, estimator, controller
-        self.arming_checks = arming_checks
         self.number = -1
         self.last: TickRecord | None = None
         """None before the first."""
@@ -62,6 +60,7 @@ class Tick:
         self._gaps = np.zeros(len(drives.names))
         self._was_complete = False  # of the samples before
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
+        self.lately = Lately(len(drives.names))
         self._news = News(drives.names, controller.machine)
         self.losses = SampleLosses(drives.names, period_s)
         self._standstill = np.zeros(len(drives.names))
@@ -100,7 +99,7 @@ class Tick:
             sensing=self._sensing.joints,
             settled=self._sensing.settled,
         )
-        self.arming_checks.watch(findings, estimate, time_s)
+        self.lately.step(findings, estimate, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
@@ -270,13 +269,6 @@ class Tick:
         if to_stand and self.last is not None and self.last.mode in ENERGISED:
             return self.drives.names
         return self.drives.unproved()
-
-    def check_arming(self, time_s: float) -> ArmingResult:
-        """Run all arming checks at `time_s`, on the last tick and the present state of the
-        drives."""
-        return self.arming_checks.run(
-            self.last, self.controller.machine.mode, self.drives.objections(), time_s
-        )
 
 
 def _finite(estimate: Estimate | None, decision: Decision | None) -> bool:

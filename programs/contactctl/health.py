@@ -17,14 +17,6 @@ from programs.trends.findings import QUANTITIES, JointHealth, Trend, What, healt
 
 # Of the first service, where the command is a person's.
 _SERVICE = Path("/var/lib/contactd")
-_UNITS: dict[What, tuple[str, float]] = {
-    "friction": ("friction, of the configuration's", 1.0),
-    "gap": ("half-gap [mrad]", 1000.0),
-    "skew": ("encoder skew [ms]", 1.0),
-    "remainder": ("gravity's remainder [Nm]", 1.0),
-}
-_COLUMNS: dict[What, str] = {"friction": "friction", "gap": "gap", "skew": "skew",
-                             "remainder": "gravity"}  # fmt: skip
 
 
 def show_health(directory: Path | None, plot: Path | None, *, as_json: bool) -> int:
@@ -118,7 +110,7 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
     table = Table(box=None, padding=(0, 1), header_style="bold")
     table.add_column("joint")
     table.add_column("identified")
-    for name in ("moved", *_COLUMNS.values()):
+    for name in ("moved", *(q.column for q in QUANTITIES.values())):
         table.add_column(name, justify="right")
     for joint in joints:
         day = days.days[-1].joints[joint.joint]
@@ -127,7 +119,7 @@ def _print(days: Days, joints: tuple[JointHealth, ...]) -> None:
             Text(joint.joint, "yellow" if joint.words else ""),
             joint.identified or "-",
             f"{day.moved_s / 60.0:.1f} min",
-            *(_cell(what, QUANTITIES[what].value(day), trends.get(what)) for what in _COLUMNS),
+            *(_cell(what, q.value(day), trends.get(what)) for what, q in QUANTITIES.items()),
         )
     if joints:
         to.print(table)
@@ -148,13 +140,11 @@ def _cell(what: What, value: float, trend: Trend | None) -> Any:
 
     if not math.isfinite(value):
         return Text("-", "dim")
-    scale = {"friction": 100.0}.get(what, _UNITS[what][1])
-    unit = {"friction": " %", "gap": " mrad", "skew": " ms", "remainder": " Nm"}[what]
-    digits = {"friction": 0, "remainder": 2}.get(what, 1)
-    text = Text(f"{scale * value:.{digits}f}{unit}")
+    q = QUANTITIES[what]
+    text = Text(q.shown(value))
     if trend is not None:
-        change = scale * (trend.last - trend.first)
-        text.append(f" {change:+.{digits}f}", "bold yellow" if trend.clear else "dim")
+        change = q.scale * (trend.last - trend.first)
+        text.append(f" {change:+.{q.digits}f}", "bold yellow" if trend.clear else "dim")
     return text
 
 
@@ -170,13 +160,12 @@ def _plot(days: tuple[Day, ...], path: Path) -> None:
         raise without_matplotlib(path) from error
     from datetime import date  # noqa: PLC0415
 
-    shown: tuple[What, ...] = ("friction", "gap", "remainder", "skew")
-    figure, axes = plt.subplots(2, 2, figsize=(11.0, 6.5), layout="constrained", sharex=True)
-    for axis, what in zip(axes.ravel(), shown, strict=True):
-        label, scale = _UNITS[what]
+    rows_of = math.ceil(len(QUANTITIES) / 2)
+    figure, axes = plt.subplots(rows_of, 2, figsize=(11.0, 6.5), layout="constrained", sharex=True)
+    for axis, q in zip(axes.ravel(), QUANTITIES.values(), strict=False):
         for k, name in enumerate(days[-1].joints):
             rows = [
-                (date.fromisoformat(day.date), scale * QUANTITIES[what].value(day.joints[name]))
+                (date.fromisoformat(day.date), q.scale * q.value(day.joints[name]))
                 for day in days
                 if name in day.joints
             ]
@@ -184,7 +173,7 @@ def _plot(days: tuple[Day, ...], path: Path) -> None:
             values = [value for _, value in rows if math.isfinite(value)]
             if at:
                 axis.plot(at, values, "o-", ms=3, lw=1, label=name, color=f"C{k}")
-        axis.set(ylabel=label)
+        axis.set(ylabel=q.label)
         axis.grid(alpha=0.3)
     handles = {line.get_label(): line for axis in axes.ravel() for line in axis.get_lines()}
     figure.legend(handles.values(), handles.keys(), loc="outside right upper")

@@ -46,6 +46,8 @@ class Step:
     options: tuple[Option, ...]
     quality: Callable[[Any], str]
     """Quality of an entry, in words"""
+    order: int
+    """Place among the steps, in the order in which a person needs them"""
 
     @property
     def name(self) -> str:
@@ -60,11 +62,13 @@ class Step:
 
 def step(
     *options: Option,
+    order: int,
     shared: tuple[Option, ...] = SHARED_OPTIONS,
     quality: Callable[[Any], str] = lambda entry: "",
 ) -> Callable[[Callable[..., bool]], Step]:
     """Decorator that makes a step of what it runs."""
-    return lambda run: Step(run=run, options=(*options, *shared), quality=quality)
+    own = (*options, *shared)
+    return lambda run: Step(run=run, options=own, quality=quality, order=order)
 
 
 @dataclass(frozen=True, slots=True)

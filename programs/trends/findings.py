@@ -31,8 +31,18 @@ BOUND_S, BOUND_SHARE = 30.0, 0.2
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity that is followed: its value of a day, and weight; what change of it counts."""
+    """A quantity that is followed: its name and how it is shown, its value of a day, and weight;
+    what change of it counts."""
 
+    name: str
+    label: str
+    """of an axis"""
+    column: str
+    """of a table"""
+    unit: str
+    scale: float
+    """to this unit"""
+    digits: int
     value: Callable[[JointDay], float]
     weight: Callable[[JointDay], float]
     least_weight: float
@@ -45,20 +55,30 @@ class Quantity:
     bounds: tuple[float, float] = (-math.inf, math.inf)
     """of what is learned, on both sides of `around`"""
     around: float = 0.0
+    relative: bool = False
+    """A change is said as a share of the value it began with"""
+
+    def shown(self, value: float, sign: str = "") -> str:
+        """Value in its unit."""
+        return f"{self.scale * value:{sign}.{self.digits}f} {self.unit}"
 
 
 QUANTITIES: Final[dict[What, Quantity]] = {
     "friction": Quantity(
+        "friction", "friction [% of the configuration's]", "friction", "%", 100.0, 0,
         lambda d: d.friction.mean, lambda d: d.friction.weight, _SECONDS, 0.08, 0.05, 0.01,
-        FRICTION_RANGE, 1.0,
+        FRICTION_RANGE, 1.0, relative=True,
     ),
     "gap": Quantity(
-        lambda d: d.half_gap.mean, lambda d: d.half_gap.weight, _LOOKS, 0.12, 3e-4, 5e-5
+        "gap", "half-gap [mrad]", "gap", "mrad", 1000.0, 1,
+        lambda d: d.half_gap.mean, lambda d: d.half_gap.weight, _LOOKS, 0.12, 3e-4, 5e-5,
     ),
     "skew": Quantity(
-        lambda d: d.skew_ms.mean, lambda d: d.skew_ms.weight, _LOOKS, 0.0, 1.0, 0.1
+        "encoder skew", "encoder skew [ms]", "skew", "ms", 1.0, 1,
+        lambda d: d.skew_ms.mean, lambda d: d.skew_ms.weight, _LOOKS, 0.0, 1.0, 0.1,
     ),
     "remainder": Quantity(
+        "gravity's remainder", "gravity's remainder [Nm]", "gravity", "Nm", 1.0, 2,
         lambda d: d.remainder, lambda d: min(d.forth.weight, d.back.weight), _SECONDS, 0.0, 0.15,
         0.01,
     ),
@@ -210,16 +230,8 @@ def _until_bound(q: Quantity, value: float, per_day: float) -> float | None:
 
 
 def _in_words(trend: Trend) -> str:
-    change = trend.last - trend.first
-    match trend.what:
-        case "friction":
-            return f"friction {100.0 * change / max(trend.first, 0.1):+.0f} %"
-        case "gap":
-            return f"gap {1000.0 * change:+.1f} mrad"
-        case "skew":
-            return f"encoder skew {change:+.1f} ms"
-        case "remainder":
-            return f"gravity's remainder {change:+.2f} Nm"
+    q, change = QUANTITIES[trend.what], trend.last - trend.first
+    return f"{q.name} {q.shown(change / max(trend.first, 0.1) if q.relative else change, '+')}"
 
 
 def _day(iso: str) -> str:

@@ -51,7 +51,9 @@ def served(rig: Rig, tmp_path: Path) -> Iterator[ServedDeskArm]:
     c = rig.robot.configuration
     loop = Loop(rig.tick, rig.clock(), c.period_s)
     with ControlSocket(tmp_path / "control") as control, closing(Notifier()) as notifier:
-        service = Service(Process(rig.robot, 1, []), loop, control, notifier, rig.drives)
+        service = Service(
+            Process(rig.robot, 1, []), loop, rig.arming, control, notifier, rig.drives
+        )
         service.commands.set_up.asking = rig.by_sdo
         yield ServedDeskArm(rig, service)
 

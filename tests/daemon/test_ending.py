@@ -64,7 +64,7 @@ class Wound:
             self.request(Event.START)
             self.run(1.5)
         if mode is Mode.ADMITTANCE:
-            assert self.rig.tick.check_arming(self.loop.time_s).reasons == ()
+            assert self.rig.arming.run(self.loop.time_s).reasons == ()
             assert self.rig.tick.controller.arm("the test") == []
             self.rig.arm.external_torque[0] = 3.0
             self.run(0.3)

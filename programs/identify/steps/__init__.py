@@ -1,23 +1,16 @@
-"""Steps of the identification, in the order in which a person needs them."""
+"""Steps of the identification: each module here is one, named as its command and its entry."""
 
+from importlib import import_module
+from pathlib import Path
 from typing import Final
 
 from programs.identify.step import Step
-from programs.identify.steps import (
-    encoders,
-    friction,
-    gap,
-    masses,
-    payload,
-    thresholds,
-    wiring,
-    zero,
-)
 
+_FOUND: Final[list[Step]] = [
+    getattr(import_module(f"{__name__}.{path.stem}"), path.stem)
+    for path in Path(__file__).parent.glob("[a-z]*.py")
+]
 STEPS: Final[dict[str, Step]] = {
-    step.name: step
-    for step in (
-        *(zero.zero, wiring.wiring, gap.gap, masses.masses),
-        *(payload.payload, friction.friction, encoders.encoders, thresholds.thresholds),
-    )
+    step.name: step for step in sorted(_FOUND, key=lambda step: step.order)
 }
+"""By name, in the order in which a person needs them."""

@@ -19,7 +19,11 @@ _TURNS_S = 60.0
 """Period of an excitation that takes links through most of their range [s]."""
 
 
-@step(JOINTS, click.option("--seconds", default=120.0, show_default=True, type=Range(20, 600)))
+@step(
+    JOINTS,
+    click.option("--seconds", default=120.0, show_default=True, type=Range(20, 600)),
+    order=7,
+)
 def encoders(identification: "Identification", joints: tuple[str, ...], seconds: float) -> bool:
     """Move all joints slowly through their ranges: periodic errors of the link encoders.
 

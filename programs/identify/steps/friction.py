@@ -30,6 +30,7 @@ _SHORTEST_S = 10.0
                  help="Measure this joint alone (may be repeated; `all`), to and fro at several "
                  "loads and speeds, without a model, and compare; nothing is changed."),
     quality=lambda entry: f"R2 {entry.r2:.3f}",
+    order=6,
 )  # fmt: skip
 def friction(
     identification: "Identification", seconds: float, shortest: float, direct: tuple[str, ...]

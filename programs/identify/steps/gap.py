@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     click.option("--by-hand", is_flag=True,
                  help="Hold the motor still while you move the link."),
     quality=lambda entry: f"{1e3 * entry.half_gap:.2f} +- {1e3 * entry.confidence:.2f} mrad",
+    order=3,
 )  # fmt: skip
 def gap(identification: "Identification", joints: tuple[str, ...], by_hand: bool) -> bool:
     """Turn the motors to and fro, joint by joint (those named, else those without a valid gap, or

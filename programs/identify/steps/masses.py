@@ -27,6 +27,7 @@ _SHORTEST_S = 20.0
     quality=lambda entry: (
         f"{entry.body.mass:.3g} kg, |r| {entry.by_urdf:.2g} -> {entry.by_this:.2g} Nm"
     ),
+    order=4,
 )  # fmt: skip
 def masses(identification: "Identification", seconds: float, shortest: float) -> bool:
     """Move all joints, without contact and with an empty hand: masses and centres of the links.

@@ -26,6 +26,7 @@ _BY_URDF, _IDENTIFIED = 0.05, 0.01
     click.argument("name"),
     click.option("--seconds", default=10.0, show_default=True, type=Range(8, 120)),
     quality=lambda entry: f"{entry.mass:.3g} +- {entry.mass_error:.2g} kg",
+    order=5,
 )
 def payload(identification: "Identification", name: str, seconds: float) -> bool:
     """Move all joints with a load in the hand: its mass and centre, for `contactctl payload NAME`.

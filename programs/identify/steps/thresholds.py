@@ -39,6 +39,7 @@ def _quality(entry: "ThresholdsEntry") -> str:
     click.option("--it-was-me", is_flag=True,
                  help="Confirm that every stretch left out as a touch was you."),
     quality=_quality,
+    order=8,
 )  # fmt: skip
 def thresholds(
     identification: "Identification", seconds: float, per_hour: float, it_was_me: bool
@@ -70,9 +71,9 @@ def thresholds_outcome(
 ) -> Outcome:
     """Identify two levels per joint from contact-free motion; it_was_me: a person confirms
     every stretch that looks like a touch. Raises LogError without residuals."""
+    from daemon.arming.checks import RAISED
     from daemon.config.identified import Identified, IdentifiedJoint
     from daemon.config.vectors import row
-    from daemon.tick.arming_checks import RAISED
     from identification.limit_cycle import limit_cycles
     from identification.thresholds import LevelVerdict, identify_levels
     from programs.identify.stated_levels import misfits, unused
@@ -206,10 +207,10 @@ def _settings(
     """
     import numpy as np
 
+    from daemon.arming.checks import RAISED
     from daemon.assembly import build_transmission
     from daemon.config.schema import frames_of
     from daemon.config.vectors import row
-    from daemon.tick.arming_checks import RAISED
     from identification.thresholds import LevelSettings
 
     t, half_gap = build_transmission(c), row(c, lambda j: j.half_gap)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TO_GO_ON = "`contactd identify wiring` goes on with what has not passed"
 
 
-@step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}")
+@step(JOINTS, quality=lambda entry: f"link/motor {entry.follows:.3f}", order=2)
 def wiring(identification: "Identification", joints: tuple[str, ...]) -> bool:
     """Check signs and scales by a small motion of each joint: those named, else those that were not
     checked since a change, or all."""

@@ -49,6 +49,7 @@ def _stated(
     click.option("--dry-run", is_flag=True, help="Write no results."),
     SOCKET,
     shared=(),
+    order=1,
 )
 def zero(identification: "Identification", angles: Mapping[str, float]) -> bool:
     """Push links while the drives are off: signs and zeros of their encoders.

@@ -129,7 +129,7 @@ def test_a_nuisance_is_noted_and_the_arm_goes_on(on: BreakableArm, case: Case) -
     start(on, armed=True)
     fault = happen(on, case)
     assert not reported(on)
-    reasons = on.rig.tick.check_arming(on.rig.time_s).reasons
+    reasons = on.rig.arming.run(on.rig.time_s).reasons
     once = case.condition is Condition.LATE  # arming stands one of these
     assert once or any(case.condition.value in reason for reason in reasons)
     for _ in fault:

@@ -135,7 +135,5 @@ def test_further_out_a_person_has_to_move_it_and_the_refusal_says_how(end: str, 
     with standing(0.07, end) as rig:
         (reason,) = rig.tick.controller.request(Event.ENABLE, "the test", rig.time_s)
         assert reason.endswith(f" rad, more than 0.05 outside its limits [-0.4, 0.3]: {how}")
-        (check,) = [
-            check for check in rig.tick.check_arming(rig.time_s).checks if check.name == "limits"
-        ]
+        (check,) = [check for check in rig.arming.run(rig.time_s).checks if check.name == "limits"]
         assert not check.passed

@@ -53,7 +53,7 @@ def test_each_is_answered_and_no_tick_breaks(
 ) -> None:
     with served_daemon(tmp_path, robot) as served:
         # What needs an identified arm is tried on any.
-        served.rig.tick.arming_checks.unsettled = list  # type: ignore[method-assign]
+        served.rig.arming.unsettled = list  # type: ignore[method-assign]
         c = served.rig.robot.configuration
         odd = OddRequests(c.joint_names, list(c.poses), list(c.payloads))
         outcomes: Counter[tuple[str, bool]] = Counter()

@@ -167,7 +167,7 @@ def test_off_and_under_way_it_is_refused(served: ServedDaemon) -> None:
 @pytest.mark.parametrize("name", ["identification", "parameters"])
 def test_an_arm_that_is_not_identified_stays(served: ServedDaemon, name: str) -> None:
     served.rig.enable()
-    checks = served.rig.tick.arming_checks
+    checks = served.rig.arming
     checks._settled = (Check(name=name, passed=False, text="gap of joint is not known"),)
     result = served.contactctl("home", "--yes")
     assert result.exit_code == 1

@@ -45,7 +45,7 @@ def test_it_closes_a_loop_over_its_links_only_as_they_were_checked(
     with lockstep_rig(SINGLE_JOINT, configure=configure, identification=checked) as rig:
         trusted = why == "is of these drives"
         rig.run(0.1)
-        checks = {check.name: check for check in rig.tick.check_arming(rig.time_s).checks}
+        checks = {check.name: check for check in rig.arming.run(rig.time_s).checks}
         assert why in checks["identification"].text
         assert checks["identification"].passed == trusted
         rig.enable()

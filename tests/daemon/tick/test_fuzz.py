@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.rigs.lockstep import DESK_ARM, TRUSTED
-from daemon.assembly import build_tick
+from daemon.assembly import build_arming_checks, build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, JointLimits, Levels
 from daemon.drives import build_boot, build_canopen
@@ -134,13 +134,14 @@ def run(robot: Robot, harm, commands) -> tuple[FuzzedWire, list[Mode]]:
     bus = FuzzedWire(robot.configuration, harm)
     drives = build_canopen(robot, build_boot(robot, bus), bus, lambda: 0.0)
     tick = build_tick(robot, drives, TRUSTED)
+    arming = build_arming_checks(robot, tick, TRUSTED)
     drives.start(0.0)
     modes = []
     for number in range(TICKS):
         time_s = number * bus.period_s
         for command in commands.get(number, ()):
             if command == "arm":
-                if not tick.check_arming(time_s).reasons:
+                if not arming.run(time_s).reasons:
                     tick.controller.arm("fuzz")
             else:
                 tick.controller.request(command, "fuzz", time_s)

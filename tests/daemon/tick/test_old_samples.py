@@ -32,7 +32,7 @@ def test_old_before_the_arm_is_enabled_it_is_found_after_it(on: BreakableArm) ->
         on.run(0.2)
         assert any(reason.startswith(OLD) for reason in on.rig.permit())
         assert on.rig.mode is not Mode.FAULTED
-        assert on.drive.name in on.rig.tick.check_arming(on.rig.time_s).checks[2].text
+        assert on.drive.name in on.rig.arming.run(on.rig.time_s).checks[2].text
 
 
 def test_while_it_is_not_known_the_arm_is_not_armed(on: BreakableArm) -> None:
@@ -63,6 +63,6 @@ def test_a_bus_that_loses_frames_all_the_time_may_be_armed(on: BreakableArm) -> 
         with on.losing(*late(on)) if tick % 17 == 5 else on.losing():
             on.tick()
         if tick > 100:
-            granted += not on.rig.tick.check_arming(on.rig.time_s).reasons
+            granted += not on.rig.arming.run(on.rig.time_s).reasons
     assert granted > 200
     assert on.rig.mode is Mode.HOLDING

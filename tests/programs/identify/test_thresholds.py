@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from bench.rigs.lockstep import SINGLE_JOINT
+from daemon.arming.checks import RAISED
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
 from daemon.protocol.state import State
-from daemon.tick.arming_checks import RAISED
 from estimator.transmission import stiction_range
 from programs.contactd.contactd import main
 from programs.identify.csv_log import COLUMNS, read_csv

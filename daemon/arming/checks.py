@@ -1,10 +1,9 @@
 """Arming checks: conditions for the arm to yield to hands, each passed or failed.
 
-`run` judges the record of the last tick, between two ticks. A tick itself only notes what its
-record will not show later (`watch`). No I/O; time is an argument.
+They judge the record of the last tick, between two ticks. A tick itself only notes what its record
+will not show later (`daemon.tick.lately`). No I/O; time is an argument.
 """
 
-from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,8 +16,10 @@ from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.lease import SENSES_S
 from daemon.protocol.replies import Check
+from daemon.tick.lately import LATE_TICKS
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES, TickRecord
+from daemon.tick.tick import Tick
 from drivers.api import DriveCondition, Objection, Samples
 from estimator.estimate import Estimate
 
@@ -44,9 +45,8 @@ SAMPLED = frozenset(
     {"drives", "heartbeats", "set-up", "estimator", "thresholds", "residual", "limits"}
 )
 
-# A busy machine is late now and then, and one late tick is harmless; a loop that is not on time has
-# more than this many late ticks in this many seconds.
-LATE_TICKS, LATE_WITHIN_S = 2, 1.0
+# More than LATE_TICKS late ticks within this time are too many [s].
+LATE_WITHIN_S = 1.0
 # Largest level in force of a joint, over its configured contact level. A joint at rest hides the
 # torque that its friction holds: with a level of a hundredth of its motor's torque, the least that
 # is identified, that comes to 4.7 on the arms shipped. Beyond, friction decides what is detected,
@@ -65,38 +65,34 @@ class ArmingResult:
 
 
 class ArmingChecks:
-    """All checks of one arm, with memory of what a single tick does not show: late ticks, and
-    touches that come and go."""
+    """All checks of one arm."""
 
     def __init__(
         self,
-        joints: Sequence[str],
+        tick: Tick,
         limits: Limits,
         period_s: float,
         settled: Sequence[Check],
         contact: Vector,
     ) -> None:
-        """joints: names in the order of the arm. settled: checks whose result is fixed for the
-        whole run: `identification`, of the identified values against the drives that answered, and
-        `parameters`. contact: configured levels (n,) [Nm]."""
-        self._joints, self._limits = tuple(joints), limits
+        """settled: checks whose result is fixed for the whole run: `identification`, of the
+        identified values against the drives that answered, and `parameters`. contact: configured
+        levels (n,) [Nm]."""
+        self._tick, self._joints, self._limits = tick, tick.drives.names, limits
         self._period_s = period_s
         self._settled, self._contact = tuple(settled), contact
-        self._late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
-        self._touched_s: Vector = np.full(len(contact), -np.inf)  # when each joint last was
 
     def unsettled(self) -> list[str]:
         """Reasons why the identified values cannot be trusted in this run; empty if they can."""
         return [check.text for check in self._settled if not check.passed]
 
-    def watch(self, findings: Sequence[Finding], estimate: Estimate | None, time_s: float) -> None:
-        """Note the lateness of one tick, and the joints that are touched in it."""
-        if estimate is not None and any(estimate.thresholded.tolist()):
-            self._touched_s[estimate.thresholded != 0.0] = time_s
-        if any(finding.check == "loop" for finding in findings):
-            self._late_s.append(time_s)
+    def run(self, time_s: float) -> ArmingResult:
+        """Judge arming at `time_s`, on the last tick and the present state of the drives."""
+        tick = self._tick
+        mode = tick.controller.machine.mode
+        return self.judge(tick.last, mode, tick.drives.objections(), time_s)
 
-    def run(
+    def judge(
         self, record: TickRecord | None, mode: Mode, objections: Sequence[Objection], time_s: float
     ) -> ArmingResult:
         """Judge arming in `mode` at `time_s`, on the record of the last tick and the objections of
@@ -158,7 +154,7 @@ class ArmingChecks:
                 f"{np.ceil(100.0 * estimate.threshold[i] / RAISED) / 100.0:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded == 0.0).tolist():
-            if (for_s := time_s - self._touched_s[i]) < SENSES_S:
+            if (for_s := time_s - self._tick.lately.touched_s[i]) < SENSES_S:
                 text = f"{self._joints[i]} has been below its threshold for only {for_s:.2f} s"
                 needed = f"at least {SENSES_S:g} s required: let go, and ask again"
                 yield _failed("residual", f"residual of {text}, {needed}")
@@ -200,7 +196,7 @@ class ArmingChecks:
             )
 
     def _of_loop(self, ticked_s: float, time_s: float) -> Iterator[Check]:
-        late = self._late_s
+        late = self._tick.lately.late_s
         if len(late) > LATE_TICKS and (ago_s := ticked_s - late[0]) < LATE_WITHIN_S:
             yield _failed("loop", f"{len(late)} ticks were late in the last {ago_s:.1f} s")
         if (age_s := time_s - ticked_s) > OLDEST * self._period_s:

@@ -1,13 +1,21 @@
-"""Checks of the configured trajectory against the limits."""
+"""Trajectories that a configuration states: their checks against the limits, and their paths."""
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
+
+from common.errors import TrajectoryError
 from daemon.config.problem import Problem
 from daemon.config.schema import Configuration
+from daemon.config.vectors import limits_of
+from daemon.motion.path import JointPath, Sinusoids
+from daemon.motion.sampled_path import PathBuilder, SampledPath
+from daemon.motion.trajectory_file import read_trajectory
 
 
-def trajectory(c: Configuration) -> Iterator[Problem]:
+def trajectory_checks(c: Configuration) -> Iterator[Problem]:
     """Problems of the trajectory: an unknown joint, two kinds at once, motion beyond a limit."""
     joints = {joint.name: joint for joint in c.joints}
     if c.trajectory.file is not None and c.trajectory.sinusoids:
@@ -43,3 +51,38 @@ def trajectory(c: Configuration) -> Iterator[Problem]:
                 f"its swing of {2 * wave.amplitude:g} rad does not fit between the limits "
                 f"{limits.lower:g} and {limits.upper:g}",
             )
+
+
+def sinusoids_of(c: Configuration) -> Sinusoids:
+    """Configured sinusoids; joints without one hold."""
+    waves = [c.trajectory.sinusoids.get(joint.name) for joint in c.joints]
+    return Sinusoids(
+        amplitude=np.array([wave.amplitude if wave else 0.0 for wave in waves]),
+        omega=np.array([2.0 * np.pi * wave.frequency_Hz if wave else 0.0 for wave in waves]),
+    )
+
+
+def trajectory_of(c: Configuration, folder: Path) -> SampledPath | None:
+    """Trajectory of `trajectory.file`, or None without one. Raises TrajectoryError, with the line
+    and the reason, if it cannot be run."""
+    if c.trajectory.file is None:
+        return None
+    file = read_trajectory(folder / c.trajectory.file, c.joint_names)
+    try:
+        builder = PathBuilder(
+            file.path.name,
+            c.joint_names,
+            file.joints,
+            limits_of(c),
+            c.trajectory.ramp_s,
+            from_here=c.trajectory.from_here,
+        )
+        builder.append(file.rows())
+        return builder.finish()
+    except TrajectoryError as error:
+        raise file.placed(error) from error
+
+
+def path_of(c: Configuration, from_file: SampledPath | None) -> JointPath:
+    """Path that `start` runs: from `trajectory.file`, as it was read, or by sinusoids."""
+    return from_file or sinusoids_of(c)

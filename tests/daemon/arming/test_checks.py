@@ -8,6 +8,8 @@ import pytest
 from msgspec import structs
 
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
+from daemon.arming.checks import NAMES, SAMPLED, ArmingResult
+from daemon.arming.permission import Permission
 from daemon.config.schema import Configuration
 from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
@@ -16,8 +18,6 @@ from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
 from daemon.protocol.requests import Arm
 from daemon.protocol.socket_path import Peer
-from daemon.service.permission import Permission
-from daemon.tick.arming_checks import NAMES, SAMPLED, ArmingResult
 from daemon.tick.telemetry import Wakeup
 from drivers.api import Objection
 from drivers.canopen.cia402 import drive_status
@@ -40,18 +40,18 @@ def calm() -> Iterator[Rig]:
 
 
 def checks(rig: Rig) -> dict[str, Check]:
-    return {check.name: check for check in rig.tick.check_arming(rig.time_s).checks}
+    return {check.name: check for check in rig.arming.run(rig.time_s).checks}
 
 
 def failed(rig: Rig) -> list[str]:
-    return failing(rig.tick.check_arming(rig.time_s))
+    return failing(rig.arming.run(rig.time_s))
 
 
 def run(rig: Rig, *, late_s: float = 0.0, **changes: object) -> ArmingResult:
     """On a last tick in which something was otherwise."""
     record = replace(rig.last, **changes)  # type: ignore[arg-type]
     time_s = rig.time_s + late_s
-    return rig.tick.arming_checks.run(record, rig.mode, (), time_s)
+    return rig.arming.judge(record, rig.mode, (), time_s)
 
 
 def failing(result: ArmingResult) -> list[str]:
@@ -71,21 +71,21 @@ def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
 
 def test_a_hand_that_is_below_its_level_at_times_is_not_armed_in_a_good_moment(rig: Rig) -> None:
     touched = structs.replace(rig.estimate, thresholded=np.ones(1))
-    rig.tick.arming_checks.watch((), touched, rig.time_s)
+    rig.tick.lately.step((), touched, rig.time_s)
     found = []
     for _ in range(30):
         rig.run(0.01)
         found.append(failed(rig))
     assert found[:24] == [["residual"]] * 24
     assert found[25:] == [[]] * 5
-    rig.tick.arming_checks.watch((), touched, rig.time_s)
+    rig.tick.lately.step((), touched, rig.time_s)
     rig.run(0.05)
     assert "below its threshold for only 0.0" in checks(rig)["residual"].text
 
 
 def test_before_the_first_samples() -> None:
     with lockstep_rig(SINGLE_JOINT) as fresh:
-        assert [str(check) for check in fresh.tick.check_arming(0.0).checks] == [
+        assert [str(check) for check in fresh.arming.run(0.0).checks] == [
             "failed  mode            no samples of the drives yet"
         ]
         assert fresh.permit("the test") == ["no samples of the drives yet"]
@@ -98,7 +98,7 @@ def test_off_only_the_mode_is_wrong() -> None:
 
 
 def test_a_latched_fault_fails_its_check_also_when_nothing_is_found_any_more(calm: Rig) -> None:
-    result = calm.tick.arming_checks.run(calm.last, Mode.FAULTED, (), calm.time_s)
+    result = calm.arming.judge(calm.last, Mode.FAULTED, (), calm.time_s)
     assert failing(result) == ["mode", "faults"]
     assert len(result.reasons) == 1
 
@@ -183,7 +183,7 @@ def test_a_missing_heartbeat(calm: Rig) -> None:
     assert drives.silent() == ()
     for flag, unheard in (("lost", True), ("operational", False)):
         setattr(drives._nodes._nodes[0].beat, flag, unheard)
-        found = calm.tick.check_arming(calm.time_s)
+        found = calm.arming.run(calm.time_s)
         assert failing(found) == ["heartbeats"]
         assert found.reasons == ("no heartbeat received from joint",)
         setattr(drives._nodes._nodes[0].beat, flag, not unheard)
@@ -227,7 +227,7 @@ def test_how_far_levels_may_be_raised(calm: Rig, times: float, refused: bool) ->
     configured = calm.robot.configuration.joints[0].thresholds.contact
     raised = structs.replace(calm.estimate, threshold=np.array([times * configured]))
     record = replace(calm.last, estimate=raised)
-    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), calm.time_s - 0.01)
+    found = calm.arming.judge(record, Mode.HOLDING, (), calm.time_s - 0.01)
     assert failing(found) == (["thresholds"] if refused else [])
     (shown,) = (check for check in found.checks if check.name == "thresholds")
     assert f"{times * configured:.2f}" in shown.text
@@ -249,7 +249,7 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     )
     record = replace(calm.last, estimate=estimate, findings=findings)
     objections = (Objection("heartbeats", "no heartbeat"), Objection("set-up", "not set up"))
-    found = calm.tick.arming_checks.run(record, Mode.STOPPING, objections, calm.time_s + 0.03)
+    found = calm.arming.judge(record, Mode.STOPPING, objections, calm.time_s + 0.03)
     over = (
         f"residual of joint is {torque[0]:+.2f} Nm, above its threshold of {torque[0] - 1.0:.2f} Nm"
     )
@@ -270,7 +270,7 @@ def test_every_reason_is_given_in_the_order_of_finding(calm: Rig) -> None:
     assert texts["loop"] == "; ".join(found.reasons[i] for i in (1, 3, 8))
     off = replace(calm.last.samples, drives=(drive_status(0x40),))
     at_rest = replace(calm.last, estimate=estimate, samples=off)
-    found_off = calm.tick.arming_checks.run(at_rest, Mode.OFF, (), calm.time_s)
+    found_off = calm.arming.judge(at_rest, Mode.OFF, (), calm.time_s)
     assert f"{over}: a brake that carries it, or a touch?" in found_off.reasons
     named = {"mode", "drives", "heartbeats", "set-up", "estimator", "residual", "loop"}
     assert set(failing(found)) == named
@@ -282,8 +282,8 @@ def test_no_arming_on_a_tick_that_is_longer_ago_than_a_period(calm: Rig) -> None
     assert run(calm).reasons == ()
     assert failing(run(calm, late_s=0.0002)) == ["loop"]
     late = calm.last.time_s + 5.0
-    assert calm.tick.check_arming(late).reasons == ("the last tick is 5000 ms old: ask again",)
-    permission = Permission(calm.tick)
+    assert calm.arming.run(late).reasons == ("the last tick is 5000 ms old: ask again",)
+    permission = Permission(calm.tick, calm.arming)
     request, person = Arm(detached=True), Peer(1000, 11, 1)
     assert permission.arm(request, person, late).reasons
     assert not calm.tick.controller.machine.armed
@@ -306,7 +306,7 @@ def test_every_finding_has_a_check() -> None:
 def test_joints_that_sense_contact_only_just_are_named_at_once(calm) -> None:
     since = np.array([calm.last.time_s - 0.14])
     record = replace(calm.last, sensing=np.array([True]), sensing_since_s=since)
-    found = calm.tick.arming_checks.run(record, Mode.HOLDING, (), record.time_s)
+    found = calm.arming.judge(record, Mode.HOLDING, (), record.time_s)
     (said,) = [one.text for one in found.checks if one.name == "estimator"]
     assert said.startswith(
         "sensing contact for only 0.14 s, at least 0.25 s required: joint; ask again"

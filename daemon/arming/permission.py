@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from daemon.arming.checks import ArmingChecks
 from daemon.protocol.lease import PERSON_S, PROGRAM_S, Lease, Owner, in_words
 from daemon.protocol.replies import Check
 from daemon.protocol.requests import Arm, Renew, Request
@@ -31,6 +32,7 @@ class Permission:
     owner's connection."""
 
     tick: Tick
+    checks: ArmingChecks
     lease: Lease | None = None
 
     @property
@@ -49,7 +51,7 @@ class Permission:
             if not refusal and owner.connection:
                 refusal = "this connection has armed it already: use `renew`"
             return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
-        found = self.tick.check_arming(time_s)
+        found = self.checks.run(time_s)
         reasons = found.reasons or self.tick.controller.arm(f"{owner}, for {in_words(duration_s)}")
         return self._grant(owner, duration_s, time_s, reasons, found.checks)
 

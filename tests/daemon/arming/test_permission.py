@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, cast
 
+from daemon.arming.checks import ArmingChecks, ArmingResult
+from daemon.arming.permission import Permission
 from daemon.protocol import requests
 from daemon.protocol.replies import Check
 from daemon.protocol.socket_path import Peer
-from daemon.service.permission import Permission
-from daemon.tick.arming_checks import ArmingResult
 from daemon.tick.tick import Tick
 
 CHECKS = (Check(name="loop", passed=True, text="on time"),)
@@ -27,7 +27,7 @@ class Arm:
     def controller(self) -> "Arm":
         return self
 
-    def check_arming(self, time_s: float) -> ArmingResult:
+    def run(self, time_s: float) -> ArmingResult:
         self.checked_s.append(time_s)
         return ArmingResult(CHECKS, self.against)
 
@@ -43,7 +43,7 @@ class Arm:
 
 def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
     arm = Arm()
-    permission = Permission(cast(Tick, arm))
+    permission = Permission(cast(Tick, arm), cast(ArmingChecks, arm))
     first, second = Peer(1000, 11, 1), Peer(1001, 12, 2)
     request: Any = requests.Arm(lease_s=0.5)
     assert not permission.arm(request, first, 0.0).reasons
@@ -56,7 +56,7 @@ def test_a_lease_that_has_run_out_is_not_taken_over_without_checks() -> None:
 
 def test_a_failed_check_never_reaches_the_controller() -> None:
     arm = Arm(against=("late", "touched"))
-    permission = Permission(cast(Tick, arm))
+    permission = Permission(cast(Tick, arm), cast(ArmingChecks, arm))
     answer = permission.arm(requests.Arm(), Peer(1000, 11, 1), 0.0)
     assert (list(answer.reasons), answer.checks) == (["late", "touched"], CHECKS)
     assert arm.reported == []

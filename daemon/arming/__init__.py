@@ -1,0 +1,1 @@
+"""Arming: its checks, and the lease on the armed arm."""

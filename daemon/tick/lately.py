@@ -1,0 +1,34 @@
+"""Memory of late ticks and of touches, which the record of a single tick does not show.
+
+Pure; time is an argument.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from common.arrays import Vector
+from daemon.faults.finding import Finding
+from estimator.estimate import Estimate
+
+# A busy machine is late now and then, and one late tick is harmless: a loop that is not on time has
+# more late ticks than this within a second.
+LATE_TICKS = 2
+
+
+class Lately:
+    """Latest late ticks of an arm of n joints, and the last touch of each joint."""
+
+    def __init__(self, n: int) -> None:
+        self.late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
+        """times of the latest late ticks [s]"""
+        self.touched_s: Vector = np.full(n, -np.inf)
+        """when each joint was last above its threshold (n,) [s]"""
+
+    def step(self, findings: Sequence[Finding], estimate: Estimate | None, time_s: float) -> None:
+        """Note the lateness of one tick, and the joints that are touched in it."""
+        if estimate is not None and any(estimate.thresholded.tolist()):
+            self.touched_s[estimate.thresholded != 0.0] = time_s
+        if any(finding.check == "loop" for finding in findings):
+            self.late_s.append(time_s)
