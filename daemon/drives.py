@@ -17,16 +17,19 @@ from drivers.canopen.boot.boot_up import DriveBoot
 from drivers.canopen.boot.data_sheet import load_data_sheet
 from drivers.canopen.boot.required_objects import DriveSetup
 from drivers.canopen.settings import CanopenProfile
-from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.settings import DamiaoProfile
-from drivers.robstride.arm import RobStrideArm
+from drivers.damiao.setup import DamiaoSetup
+from drivers.drive import Drive
+from drivers.makes import LANGUAGES, make_of
+from drivers.motors.arm import LISTEN_S, MotorArm, MotorMake, Setup
 from drivers.robstride.settings import RobStrideProfile
+from drivers.robstride.setup import RobStrideSetup
 
 Setups = Sequence[Any]
-ARMS: Final[Mapping[type, type[DamiaoArm | RobStrideArm]]] = {
-    DamiaoProfile: DamiaoArm, RobStrideProfile: RobStrideArm,
+MOTORS: Final[Mapping[type, Callable[[Wire, Callable[[], None]], Setup]]] = {
+    DamiaoProfile: DamiaoSetup, RobStrideProfile: RobStrideSetup,
 }  # fmt: skip
-"""Drives by the profile of their makes that need no file."""
+"""Set-up of motors by the profile of their make."""
 
 
 def open_wire(robot: Robot, opened: ExitStack) -> Wire:
@@ -82,6 +85,21 @@ def build_canopen(
     return CanopenArm(kept, boot, c.period_s, clock, c.bus.bitrate)
 
 
+def build_motors(
+    wire: Wire,
+    drives: Sequence[Drive[Any]],
+    period_s: float,
+    clock: Callable[[], float],
+    bitrate: int,
+    listen_s: float = LISTEN_S,
+) -> MotorArm:
+    """Motors of an arm, all of one make; listen_s: for another master, before the start."""
+    profile = drives[0].profile
+    of = type(profile)
+    make = MotorMake(make_of(profile).frames, LANGUAGES[of], MOTORS[of])
+    return MotorArm(make, wire, drives, period_s, clock, bitrate, listen_s)
+
+
 def build_drives(
     robot: Robot, wire: Wire, clock: Callable[[], float], ring: FrameRing | None, setups: Setups
 ) -> BootableDrives:
@@ -91,7 +109,7 @@ def build_drives(
     if _canopen(c):
         return build_canopen(robot, build_boot(robot, wire, ring, setups), wire, clock)
     kept = RecordedWire(wire, ring) if ring else wire
-    return ARMS[type(setups[0].profile)](kept, setups, c.period_s, clock, c.bus.bitrate)
+    return build_motors(kept, setups, c.period_s, clock, c.bus.bitrate)
 
 
 def _canopen(c: Configuration) -> bool:

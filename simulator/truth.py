@@ -7,6 +7,7 @@ it.
 """
 
 from collections.abc import Collection
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -145,7 +146,7 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
             for name in set(joint.registers) - set(MOTORS[joint.drive]):
                 at = f"{path}: joints[{i}] ({joint.name}).registers.{name}"
                 raise ConfigurationError(f"{at}: there are {', '.join(MOTORS[joint.drive])}")
-            joints.append(_joint(joint, _motor(joint), start))
+            joints.append(built(joint, start, _motor(joint)))
             continue
         if joint.drive not in truth.drives:
             raise ConfigurationError(
@@ -161,7 +162,7 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
                 )
         make = _make(drive, joint)
         refuse_incomplete(eds, make)
-        joints.append(_joint(joint, DriveDescription(eds, make), start))
+        joints.append(built(joint, start, DriveDescription(eds, make)))
     return ArmDescription(
         urdf=path.parent / truth.urdf,
         eds=(joints[0].drive and joints[0].drive.eds) or path,
@@ -209,29 +210,18 @@ def _refuse_impossible(truth: SimulationFile, path: Path) -> None:
                 )
 
 
-def _joint(joint: TrueJoint, drive: DriveDescription, start: float) -> JointDescription:
-    friction = joint.friction
-    return JointDescription(
-        name=joint.name,
-        node=joint.node,
-        gear=joint.gear,
-        rated_current_A=joint.rated_current_A,
-        max_current_A=joint.max_current_A,
-        torque_constant=joint.torque_constant,
-        rotor_inertia=joint.rotor_inertia,
-        half_gap=joint.half_gap,
-        motor_coulomb=friction.motor_coulomb,
-        motor_viscous=friction.motor_viscous,
-        link_coulomb=friction.link_coulomb,
-        link_viscous=friction.link_viscous,
-        lower=joint.lower,
-        upper=joint.upper,
-        initial_position=start,
-        brake=joint.brake,
-        gear_stiffness=joint.gear_stiffness,
-        encoder_errors=joint.encoder_errors,
-        drive=drive,
-    )
+def built(
+    joint: TrueJoint, start: float, drive: DriveDescription | None = None
+) -> JointDescription:
+    """The joint as it was built, that begins at `start` [rad], with its drive."""
+    same = {name: getattr(joint, name) for name in _SAME}
+    friction = msgspec.structs.asdict(joint.friction)
+    return JointDescription(**same, **friction, initial_position=start, drive=drive)
+
+
+_SAME = {field.name for field in fields(JointDescription)} & {*TrueJoint.__struct_fields__} - {
+    "drive"
+}
 
 
 def _motor(joint: TrueJoint) -> DriveDescription:

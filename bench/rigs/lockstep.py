@@ -15,7 +15,7 @@ from daemon.arming.checks import ArmingChecks
 from daemon.assembly import build_arming_checks, build_tick
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration
-from daemon.drives import ARMS, build_boot, build_canopen
+from daemon.drives import build_boot, build_canopen, build_motors
 from daemon.modes.table import Event, Mode
 from daemon.protocol.replies import Check
 from daemon.protocol.state import State
@@ -255,9 +255,8 @@ def lockstep_rig(
 
         def motors(robot: Robot) -> MotorArm:
             c = robot.configuration
-            arm_of = ARMS[type(c.joint_drives[0].profile)]
             wire, bitrate = between(AnsweredWire(bus.wire, lockstep)), c.bus.bitrate
-            drives = arm_of(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
+            drives = build_motors(wire, c.joint_drives, c.period_s, lambda: 0.0, bitrate, 0.0)
             with lockstep.serving():
                 drives.boot_up(lambda line: None)
             bus.hand_over()

@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Final
 
 from contactd_client.paths import CONTROL_GROUP, VIEW_GROUP
-from daemon.protocol.requests import COMMANDS, Command
+from daemon.protocol.requests import COMMANDS, VIEWED
 
 
 class Door(StrEnum):
@@ -33,9 +33,7 @@ MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for the
 DOORS: Final[dict[Door, DoorRule]] = {
     Door.CONTROL: DoorRule(CONTROL_GROUP, frozenset(COMMANDS), MAX_CONNECTIONS),
     # Always leaves places for clients that command the arm.
-    Door.VIEW: DoorRule(
-        VIEW_GROUP, frozenset[Command]({"subscribe", "status", "stop", "disarm"}), 64
-    ),
+    Door.VIEW: DoorRule(VIEW_GROUP, VIEWED, 64),
 }
 
 

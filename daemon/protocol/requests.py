@@ -194,6 +194,14 @@ KINDS: Final[dict[Command, type[Any]]] = dict(zip(COMMANDS, get_args(Request), s
 
 # Commands that let the arm move: dropped if the client closed the connection before the answer.
 AWAITED: Final[frozenset[Command]] = frozenset({"enable", "start", "go", "follow", "target", "arm"})
+# Commands that the view socket takes: none that lets the arm move.
+VIEWED: Final[frozenset[Command]] = frozenset({"subscribe", "status", "stop", "disarm"})
+# Commands still served while the daemon is ending: none that moves or energises the arm.
+AT_THE_END: Final[frozenset[Command]] = VIEWED | {"disable"}
+# Commands that reduce motion: one that failed must not leave the arm moving.
+STILLING: Final[frozenset[Command]] = frozenset({"pause", "disarm", "stop", "disable"})
+# Commands whose reply lists joints not confirmed at standstill.
+SEEN_TO_STAND: Final[frozenset[Command]] = frozenset({"disarm", "stop", "disable", "reset"})
 # Commands that are served before all others, with the waiting commands that each cancels.
 OUTDATED_BY: Final[dict[Command, frozenset[Command]]] = {
     "stop": AWAITED,

@@ -15,7 +15,7 @@ from daemon.motion.path import JointPath, Place
 from daemon.protocol import requests
 from daemon.protocol.lease import in_words
 from daemon.protocol.replies import Reply, Status
-from daemon.protocol.requests import Request
+from daemon.protocol.requests import AT_THE_END, SEEN_TO_STAND, Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.attendance import Attendance
 from daemon.service.mishaps import Checkpoint
@@ -28,10 +28,6 @@ from daemon.service.trend_line import TrendLine
 from daemon.service.upload import TrajectoryUpload
 from daemon.tick.loop import Loop
 
-# Commands still served while the daemon is ending: none that moves or energises the arm.
-AT_THE_END = frozenset({"status", "subscribe", "disarm", "stop", "disable"})
-# Commands whose reply lists joints not confirmed at standstill.
-SEEN_TO_STAND = frozenset({"disarm", "stop", "disable", "reset"})
 _log = logging.getLogger("contactd")
 
 

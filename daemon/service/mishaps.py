@@ -13,12 +13,10 @@ from daemon.arming.permission import Permission
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.motion.path import Place
 from daemon.protocol.lease import Lease
-from daemon.protocol.requests import Command
+from daemon.protocol.requests import STILLING, Command
 from daemon.protocol.text import printable
 from daemon.tick.tick import Tick
 
-#: Commands that reduce motion: one that failed must not leave the arm moving.
-STILLING: Final[frozenset[Command]] = frozenset({"pause", "disarm", "stop", "disable"})
 _LONGEST: Final = 200  # characters of an error's own text
 
 

@@ -1,20 +1,17 @@
 """Scan of a bus for Damiao motors: registers of the ids that they may have, and no command."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from common.errors import BusError
-from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Wire
 from drivers.damiao.frames import Register, read, register_of, value_of
 from drivers.damiao.settings import MODELS
 from drivers.motors.asking import heard
+from drivers.motors.scan import scanned
 
 #: Time for the answer of one motor [s].
 ANSWER_S: Final = 0.03
-LISTEN_S: Final = 0.15  # for a master
 IDS: Final = range(1, 16)
 _READ: Final = (
     Register.MASTER_ID, Register.GEAR, Register.POSITION_MAX, Register.VELOCITY_MAX,
@@ -39,25 +36,17 @@ class FoundMotor:
 
 def scan_motors(wire: Wire) -> list[FoundMotor]:
     """Motors that answer. Raises BusError where a master commands some, or the bus fails."""
-    try:
-        return list(_found(wire))
-    except BUS_FAILURES as error:
-        raise BusError(f"the bus cannot be scanned: {error}") from error
+    return scanned(wire, IDS, IDS.__contains__, _found)
 
 
-def _found(wire: Wire) -> Iterator[FoundMotor]:
-    for can_id, _ in heard(wire, LISTEN_S):
-        if can_id in IDS:
-            raise BusError(f"a master commands motors on this bus: 0x{can_id:03X} is being sent")
-    for motor in IDS:
-        values, answers = {}, 0
-        for register in _READ:
-            values[register], count = _asked(wire, motor, register)
-            answers = max(answers, count)
-            if not answers:
-                break
-        if answers:
-            yield FoundMotor(motor, values, answers > 1)
+def _found(wire: Wire, motor: int) -> FoundMotor | None:
+    values, answers = {}, 0
+    for register in _READ:
+        values[register], count = _asked(wire, motor, register)
+        answers = max(answers, count)
+        if not answers:
+            return None
+    return FoundMotor(motor, values, answers > 1)
 
 
 def _asked(wire: Wire, motor: int, register: Register) -> tuple[float, int]:

@@ -2,13 +2,14 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Protocol
+from typing import Any, Final, Protocol
 
 from common.errors import BusError, ContactdError, DriveError
 from drivers.api import Report
 from drivers.can.bus import BUS_FAILURES
+from drivers.can.load import FrameLoad
 from drivers.can.traffic import Traffic
 from drivers.can.wire import IDENTIFIER, Frame, Wire
 from drivers.motors.drives import MotorTick
@@ -53,17 +54,22 @@ class Setup(Protocol):
         """Switch off a motor's watch on us."""
 
 
+@dataclass(frozen=True, slots=True)
+class MotorMake:
+    """Make of motors: an arm's periodic frames, its language, and a `Setup` over a wire, with what
+    is to be called meanwhile, again and again."""
+
+    frames: Callable[[Motors, float], Sequence[FrameLoad]]
+    language: Callable[[Motors], Language]
+    setup: Callable[[Wire, Callable[[], None]], Setup]
+
+
 class MotorArm(MotorTick):
     """Motors in the tick, and their set-up before it and between two."""
 
-    make: ClassVar[Any]
-    """Module of its make, whose `frames` are an arm's periodic ones."""
-    language: ClassVar[type[Language]]
-    setup: ClassVar[type[Any]]
-    """A `Setup` over a wire, with what is to be called meanwhile, again and again."""
-
     def __init__(
         self,
+        make: MotorMake,
         wire: Wire,
         drives: Motors,
         period_s: float,
@@ -71,8 +77,9 @@ class MotorArm(MotorTick):
         bitrate: int,
         listen_s: float = LISTEN_S,
     ) -> None:
-        traffic = Traffic(self.make.frames(drives, period_s), period_s, bitrate)
-        super().__init__(wire, drives, self.language(drives), traffic, period_s, clock)
+        traffic = Traffic(make.frames(drives, period_s), period_s, bitrate)
+        super().__init__(wire, drives, make.language(drives), traffic, period_s, clock)
+        self._setup = make.setup
         self._wire, self._drives, self._listen_s = wire, tuple(drives), listen_s
         self._identities: list[MotorIdentity] = []
         self._beat_s = min(drive.profile.patience_s for drive in drives) / BEATS
@@ -92,7 +99,7 @@ class MotorArm(MotorTick):
         """Identify, set up and read back all motors. Raises BusError (the bus fails, another master
         is there) or DriveError (a motor is silent, another one, or does not hold a register)."""
         self._port.taken_over = self._held_by_guardian()
-        setup: Setup = self.setup(self._wire, lambda: None)
+        setup = self._setup(self._wire, lambda: None)
         self._identities = []
         for drive in self._drives:
             identity = _identified(setup, drive)
@@ -106,7 +113,7 @@ class MotorArm(MotorTick):
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
         """Read all motors, and set up again those that differ, whose joints are returned. Raises
         ContactdError. After any other exception the set-up of every motor is unknown."""
-        setup: Setup = self.setup(self._wire, lambda: self._beat(meanwhile))
+        setup = self._setup(self._wire, lambda: self._beat(meanwhile))
         renewed = []
         if zeroed := sorted(self._port.zeroed):
             raise DriveError(
@@ -142,7 +149,7 @@ class MotorArm(MotorTick):
     def let_go(self) -> None:
         """Switch off the motors' watch on us: those that hold go on holding. Raises
         the first DriveError after all were written."""
-        setup: Setup = self.setup(self._wire, lambda: self._beat(lambda: None))
+        setup = self._setup(self._wire, lambda: self._beat(lambda: None))
         errors = []
         for drive in self._drives:
             try:

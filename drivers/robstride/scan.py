@@ -1,14 +1,12 @@
 """Scan of a bus for RobStride motors: their numbers and parameters, and no command."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from common.errors import BusError
-from drivers.can.bus import BUS_FAILURES
-from drivers.can.wire import IDENTIFIER, Wire
+from drivers.can.wire import Wire
 from drivers.motors.asking import heard
+from drivers.motors.scan import scanned
 from drivers.robstride.frames import (
     Kind,
     Parameter,
@@ -22,7 +20,6 @@ from drivers.robstride.frames import (
 
 #: Time for the answer of one motor [s].
 ANSWER_S: Final = 0.02
-LISTEN_S: Final = 0.15  # for a master
 IDS: Final = range(1, 128)
 COMMANDS: Final = frozenset({Kind.SETPOINT, Kind.ENABLE, Kind.STOP, Kind.WRITE})
 _READ: Final = (
@@ -42,26 +39,19 @@ class FoundMotor:
 
 def scan_motors(wire: Wire) -> list[FoundMotor]:
     """Motors that answer. Raises BusError where a master commands some, or the bus fails."""
-    try:
-        return list(_found(wire))
-    except BUS_FAILURES as error:
-        raise BusError(f"the bus cannot be scanned: {error}") from error
+    return scanned(wire, IDS, lambda can_id: kind_of(can_id) in COMMANDS, _found)
 
 
-def _found(wire: Wire) -> Iterator[FoundMotor]:
-    for can_id, _ in heard(wire, LISTEN_S):
-        if kind_of(can_id) in COMMANDS:
-            seen = f"0x{can_id & IDENTIFIER:08X}"
-            raise BusError(f"a master commands motors on this bus: {seen} is being sent")
-    for motor in IDS:
-        wire.send([get_id(motor)])
-        uids = tuple(
-            uid_of(data)
-            for can_id, data in heard(wire, ANSWER_S)
-            if kind_of(can_id) == Kind.GET_ID and sender_of(can_id) == motor and len(data) == 8
-        )
-        if uids:
-            yield FoundMotor(motor, uids, {each: _value(wire, motor, each) for each in _READ})
+def _found(wire: Wire, motor: int) -> FoundMotor | None:
+    wire.send([get_id(motor)])
+    uids = tuple(
+        uid_of(data)
+        for can_id, data in heard(wire, ANSWER_S)
+        if kind_of(can_id) == Kind.GET_ID and sender_of(can_id) == motor and len(data) == 8
+    )
+    if not uids:
+        return None
+    return FoundMotor(motor, uids, {each: _value(wire, motor, each) for each in _READ})
 
 
 def _value(wire: Wire, motor: int, parameter: Parameter) -> float:

@@ -22,10 +22,19 @@ from drivers.canopen.settings import CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
 from drivers.log.settings import LogProfile
 from drivers.makes import DriveProfile
-from simulator.description import ArmDescription, JointDescription
+from simulator.description import ArmDescription
 from simulator.profile import TURN
 from simulator.supplied import in_words
-from simulator.truth import SimulationFile, described
+from simulator.truth import (
+    SimulationFile,
+    TrueDrive,
+    TrueEncoder,
+    TrueFriction,
+    TrueJoint,
+    TrueUnit,
+    built,
+    described,
+)
 
 FILE, URDF = "simulation.yaml", "simulation.urdf"
 HEAD = """\
@@ -154,20 +163,20 @@ def as_configured(robot: Robot, at_motor: Collection[str] = ()) -> SimulationFil
                 "write these there"
             )
     model = robot.model
-    data = {
-        "joints": [
-            _true_joint(joint, float(model.lower[i]), float(model.upper[i]))
-            | _true_motor(configuration.drives[joint.wiring.profile])
+    return SimulationFile(
+        joints=[
+            msgspec.structs.replace(
+                _true_joint(joint, float(model.lower[i]), float(model.upper[i])),
+                **_true_motor(configuration.drives[joint.wiring.profile]),
+            )
             for i, joint in enumerate(configuration.joints)
         ],
-        "drives": {
-            name: _true_drive(robot, name, profile)
-            | ({"link_encoder": False} if name in at_motor else {})
+        drives={
+            name: _true_drive(robot, name, profile, encoder=name not in at_motor)
             for name, profile in configuration.drives.items()
             if isinstance(profile, CanopenProfile)
         },
-    }
-    return msgspec.convert(data, SimulationFile)
+    )
 
 
 def _true_motor(profile: DriveProfile) -> dict[str, Any]:
@@ -183,27 +192,28 @@ def _true_motor(profile: DriveProfile) -> dict[str, Any]:
     return {"drive": f"{make}:{profile.model}", "registers": registers}
 
 
-def _true_joint(joint: Joint, lower: float, upper: float) -> dict[str, Any]:
+def _true_joint(joint: Joint, lower: float, upper: float) -> TrueJoint:
     """End stops are the URDF's limits; the daemon's own lie inside."""
     wiring = joint.wiring
-    friction = ("motor_coulomb", "motor_viscous", "link_coulomb", "link_viscous")
-    return {
-        "name": joint.name,
-        "drive": wiring.profile,
+    friction = {name: getattr(joint.friction, name) for name in TrueFriction.__struct_fields__}
+    return TrueJoint(
+        name=joint.name,
+        drive=wiring.profile,
         **{
             name: getattr(wiring, name)
             for name in ("node", "gear", "rated_current_A", "max_current_A", "motor_sign",
                          "link_sign", "link_offset")
         },
         **{n: getattr(joint, n) for n in ("torque_constant", "rotor_inertia", "half_gap")},
-        "friction": {name: getattr(joint.friction, name) for name in friction},
-        "lower": lower,
-        "upper": upper,
-        "brake": joint.end == "brake",
-    }  # fmt: skip
+        friction=TrueFriction(**friction),
+        lower=lower,
+        upper=upper,
+        brake=joint.end == "brake",
+    )  # fmt: skip
 
 
-def _true_drive(robot: Robot, name: str, profile: CanopenProfile) -> dict[str, Any]:
+def _true_drive(robot: Robot, name: str, profile: CanopenProfile, *, encoder: bool) -> TrueDrive:
+    """encoder: it has one at the link."""
     for entry, index in FIXED.items():
         where: Quantity = getattr(profile, entry)
         if where.object != index or where.sign != 1 or where.offset != 0.0:
@@ -212,38 +222,32 @@ def _true_drive(robot: Robot, name: str, profile: CanopenProfile) -> dict[str, A
                 f"and offset {where.offset:g} cannot be simulated; simulated drives have it on "
                 f"0x{index:04X}, with sign 1 and no offset"
             )
-    drive: dict[str, Any] = {
-        "eds": profile.eds,
-        "link_position": _encoder(profile.link_position),
-        "motor_velocity": _unit(profile.motor_velocity),
-        "effort": _unit(quantity(profile, profile.effort)),
-        "target_velocity_unit": profile.target_velocity.scale,
-        "deceleration_unit": profile.quick_stop_deceleration.scale,
-    }
-    if profile.motor_position is not None:
-        drive["motor_position"] = _encoder(profile.motor_position)
-    if profile.max_motor_speed is not None:
-        drive["speed_limit"] = _unit(profile.max_motor_speed)
-    return drive
+    motor, limit = profile.motor_position, profile.max_motor_speed
+    return TrueDrive(
+        eds=profile.eds,
+        link_position=_encoder(profile.link_position),
+        link_encoder=encoder,
+        motor_position=None if motor is None else _encoder(motor),
+        motor_velocity=_unit(profile.motor_velocity),
+        effort=_unit(quantity(profile, profile.effort)),
+        target_velocity_unit=profile.target_velocity.scale,
+        deceleration_unit=profile.quick_stop_deceleration.scale,
+        speed_limit=None if limit is None else _unit(limit),
+    )
 
 
-def _encoder(where: Quantity) -> dict[str, Any]:
+def _encoder(where: Quantity) -> TrueEncoder:
     """value = sign * (offset + scale * counts), so it is 0 at -offset / scale counts."""
-    return {
-        "object": where.object,
-        "subindex": where.subindex,
-        "counts": where.sign * round(TURN / where.scale),
-        "zero": round(-where.offset / where.scale),
-    }
+    return TrueEncoder(
+        object=where.object,
+        subindex=where.subindex,
+        counts=where.sign * round(TURN / where.scale),
+        zero=round(-where.offset / where.scale),
+    )
 
 
-def _unit(where: Quantity) -> dict[str, Any]:
-    return {
-        "object": where.object,
-        "subindex": where.subindex,
-        "unit": where.scale,
-        "sign": where.sign,
-    }
+def _unit(where: Quantity) -> TrueUnit:
+    return TrueUnit(object=where.object, subindex=where.subindex, unit=where.scale, sign=where.sign)
 
 
 def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
@@ -266,35 +270,11 @@ def describe(robot: Robot, simulation: SimulationFile) -> ArmDescription:
         urdf=robot.folder / configuration.urdf,
         eds=robot.folder / configuration.drives[profiles.pop()].files[0],
         joints=tuple(
-            _joint(
-                joint,
-                float(model.lower[i]),
-                float(model.upper[i]),
+            built(
+                _true_joint(joint, float(model.lower[i]), float(model.upper[i])),
                 simulation.initial_position.get(joint.name, 0.0),
             )
             for i, joint in enumerate(configuration.joints)
         ),
         period_s=configuration.period_s,
-    )
-
-
-def _joint(joint: Joint, lower: float, upper: float, start: float) -> JointDescription:
-    """Nominal joint, whose end stops are the URDF's limits; the daemon's own lie inside."""
-    return JointDescription(
-        name=joint.name,
-        node=joint.wiring.node,
-        gear=joint.wiring.gear,
-        rated_current_A=joint.wiring.rated_current_A,
-        max_current_A=joint.wiring.max_current_A,
-        torque_constant=joint.torque_constant,
-        rotor_inertia=joint.rotor_inertia,
-        half_gap=joint.half_gap,
-        motor_coulomb=joint.friction.motor_coulomb,
-        motor_viscous=joint.friction.motor_viscous,
-        link_coulomb=joint.friction.link_coulomb,
-        link_viscous=joint.friction.link_viscous,
-        lower=lower,
-        upper=upper,
-        initial_position=start,
-        brake=joint.end == "brake",
     )

@@ -13,8 +13,7 @@ from bench.rigs.served_daemon import ServedDaemon
 from daemon.config.schema import Configuration
 from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
-from daemon.protocol.requests import COMMANDS, Command, Follow, SetGain, Target, bare
-from daemon.service.commands import AT_THE_END
+from daemon.protocol.requests import AT_THE_END, COMMANDS, Command, Follow, SetGain, Target, bare
 from daemon.tick.loop import Clock, Loop
 from programs.clients.client import Client
 from simulator.state_machine import State

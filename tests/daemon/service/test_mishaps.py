@@ -9,10 +9,10 @@ import pytest
 
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.modes.table import ENERGISED, Event, Mode
-from daemon.protocol.requests import SetPayload, bare
+from daemon.protocol.requests import STILLING, SetPayload, bare
 from daemon.service import mishaps
 from daemon.service.commands import Commands
-from daemon.service.mishaps import STILLING, Checkpoint, remedy
+from daemon.service.mishaps import Checkpoint, remedy
 from daemon.tick.controller import Controller
 from daemon.tick.tick import Tick
 from programs.clients.client import Client

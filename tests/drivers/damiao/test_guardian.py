@@ -10,13 +10,14 @@ import pytest
 from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
 from common.arrays import Vector
+from daemon.drives import build_motors
 from daemon.faults.conditions import Condition
 from daemon.modes.table import Event, Mode
 from daemon.protocol.requests import Go
 from daemon.service.poses import Poses
 from drivers.api import PowerTarget
-from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.frames import Status
+from drivers.motors.arm import MotorArm
 from drivers.motors.guardian import BEAT, GONE_S, HOT_C, LOWERS, Doing
 
 T = 0.01
@@ -138,11 +139,11 @@ def test_one_that_is_to_end_lowers_the_arm_first(rig: Rig) -> None:
     assert np.abs(rig.arm.plant.q - before).max() < 0.2  # where friction holds it, or nearly
 
 
-def restarted(rig: Rig) -> DamiaoArm:
+def restarted(rig: Rig) -> MotorArm:
     """Drives of a daemon that starts anew, while the arm holds."""
-    assert isinstance(rig.drives, DamiaoArm)
+    assert isinstance(rig.drives, MotorArm)
     c = rig.robot.configuration
-    drives = DamiaoArm(
+    drives = build_motors(
         rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, c.bus.bitrate, listen_s=0.2
     )
     with guarded(rig):
@@ -170,7 +171,7 @@ def guarded(rig: Rig) -> Iterator[None]:
             thread.join()
 
 
-def first_ticks(rig: Rig, drives: DamiaoArm, seconds: float) -> float:
+def first_ticks(rig: Rig, drives: MotorArm, seconds: float) -> float:
     """Tick so long, commanded to hold; the furthest that a link went [rad]."""
     begun, furthest = rig.arm.plant.q.copy(), 0.0
     drives.start(rig.time_s)
@@ -215,7 +216,7 @@ def test_without_a_guardian_a_start_makes_no_jump_of_an_arm_that_holds(rig: Rig)
         rig.drives.let_go()
     guardian(rig).killed = True
     c = rig.robot.configuration
-    drives = DamiaoArm(
+    drives = build_motors(
         rig.line.wire, c.joint_drives, c.period_s, lambda: 0.0, c.bus.bitrate, listen_s=0.0
     )
     with rig.lockstep.serving():

@@ -11,9 +11,9 @@ from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
 from common.errors import BusError, SilentDriveError
 from daemon.config.load import load_robot
+from daemon.drives import build_motors
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Frame
-from drivers.damiao.arm import DamiaoArm
 from drivers.damiao.frames import Status
 from drivers.motors.guardian import BEAT, Doing
 from simulator.damiao.registers import TIMEOUT
@@ -77,7 +77,7 @@ def test_setpoints_of_a_guardian_that_holds_are_no_other_masters(
             pass
 
     c = load_robot(OPENARM).configuration
-    arm = DamiaoArm(Bus(), c.joint_drives, T, lambda: 0.0, c.bus.bitrate, listen_s=0.01)
+    arm = build_motors(Bus(), c.joint_drives, T, lambda: 0.0, c.bus.bitrate, listen_s=0.01)
     with pytest.raises(error) as raised:
         arm.boot_up(lambda text: None)
     assert type(raised.value) is error
