@@ -1,7 +1,7 @@
 """Force at the tool, touched link and point of contact, under hands that press on arms.
 
     python -m bench.wrench [--arms N] [--jobs N] [--seed N] [--friction smooth|dahl|lugre|all]
-                           [--picture FILE] [--json]
+                           [--json]
 
 Romeo's arm, OpenArm's, and N generated ones of five to seven joints, with Romeo's drives. Their
 friction, masses, gears and drives are off as those of `bench.detection`; each was at work for ten
@@ -19,7 +19,6 @@ Romeo's what a joint that sticks hides, and all of them how strictly a link is d
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final, get_args
 
 import click
@@ -184,10 +183,7 @@ def targets(
 @JOBS
 @click.option("--seed", type=click.IntRange(0, 100_000), default=700)
 @FRICTION
-@click.option("--picture", type=click.Path(path_type=Path), help="Error over pose and speed.")
-def main(
-    count: int, processes: int, seed: int, laws: Sequence[Law], picture: Path | None, as_json: bool
-) -> None:
+def main(count: int, processes: int, seed: int, laws: Sequence[Law], as_json: bool) -> None:
     todo = [
         Job(arm, kind, law, seed + k)
         for k, arm in enumerate(arms(count))
@@ -204,10 +200,6 @@ def main(
     false = {"minutes": minutes, "forces": sum(one["false"] for one in free)}
     named = links([one for one in runs if one["links"]])
     placed = points([one for one in runs if one["links"]])
-    if picture is not None:
-        from bench.study.wrench_picture import draw  # noqa: PLC0415  # matplotlib takes a second
-
-        draw(runs, picture)
     data = {
         "arms": arms(count),
         "laws": list(laws),

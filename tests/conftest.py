@@ -6,6 +6,8 @@ who runs it. `make fuzz` draws thousands from a random seed that it prints. A pr
 number of examples of its own writes `max_examples=scaled(50)`, so that `make fuzz` reaches it, too.
 """
 
+import asyncio
+import inspect
 import logging
 import os
 import signal
@@ -43,6 +45,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 settings.register_profile("contactd", deadline=None, derandomize=True)
 settings.register_profile("fuzz", deadline=None, max_examples=3000, print_blob=True)
 settings.load_profile("contactd")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Runs a test that is a coroutine, in an event loop of its own."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    names = inspect.signature(pyfuncitem.obj).parameters
+    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names}))
+    return True
 
 
 @pytest.fixture(autouse=True)

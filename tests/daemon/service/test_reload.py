@@ -264,14 +264,6 @@ def test_a_recording_ends_whole(served: ServedDaemon, arm: Path, tmp_path: Path)
     assert kinds.count(State) == made[0].states > 40
 
 
-def test_a_new_reader_sees_the_new_files(served: ServedDaemon, arm: Path) -> None:
-    edit(arm, softer)
-    assert served.contactctl("reload").exit_code == 0
-    with Client(served.path) as client:
-        snapshot, _ = served.until(client.subscribe)
-    assert "0.111" in snapshot.configuration
-
-
 def test_who_follows_comes_back_by_itself(served: ServedDaemon, arm: Path) -> None:
     """The page, the door to ROS 2 and programs follow so."""
     followed: list[str] = []

@@ -2,7 +2,6 @@
 
 import json
 import os
-import socket
 from dataclasses import replace
 
 import numpy as np
@@ -235,34 +234,6 @@ def test_another_owner_is_refused_and_everybody_disarms(
     refused = served.until(client.arm)
     assert not refused.ok
     assert "for another 10 min" in refused.reasons[0]
-
-
-def test_impossible_leases(served: ServedDaemon) -> None:
-    served.rig.enable()
-    for lease in (0.0, -1.0, 86_401.0, "soon", float("nan")):
-        assert served.contactctl("arm", "--lease", str(lease)).exit_code == 2
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as raw:
-            raw.connect(str(served.path))
-            raw.send(json.dumps({"command": "arm", "lease_s": lease}).encode())
-            answer = json.loads(served.until(lambda raw=raw: raw.recv(10_000)))
-        assert "not a request" in answer["message"], lease
-        assert not armed(served)
-
-
-def test_disarm_works_in_every_mode(served: ServedDaemon) -> None:
-    enabled = [served.contactctl("disarm").exit_code]
-    served.rig.enable()
-    enabled.append(served.contactctl("disarm").exit_code)
-    served.contactctl("arm")
-    served.contactctl("start")
-    enabled.append(served.contactctl("disarm").exit_code)
-    served.contactctl("pause", "--no-wait")
-    enabled.append(served.contactctl("disarm").exit_code)
-    served.rig.arm.drives[0].fault(0x2310, "injected by the test")
-    served.run(0.1)
-    assert served.rig.mode is Mode.FAULTED
-    enabled.append(served.contactctl("disarm").exit_code)
-    assert enabled == [0] * 5
 
 
 def test_status_says_what_to_do_about_a_fault_until_it_is_reset(

@@ -97,13 +97,6 @@ def test_contactctl_does_not_call_done_what_no_one_has_seen(
     assert romeo.rig.mode is Mode.OFF
 
 
-def test_disable_is_done_when_the_drives_were_seen_off(romeo: ServedDaemon) -> None:
-    result = romeo.contactctl("disable")
-    assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout.startswith("off: ")
-    assert not romeo.rig.tick.drives.unproved()
-
-
 def test_the_advice_is_of_the_first_cause_and_of_what_is_not_seen_to_stand(
     romeo: ServedDaemon, wires: list[FaultyWire]
 ) -> None:

@@ -17,7 +17,6 @@ from contactd_client.connection import Connection
 from contactd_client.errors import ControlError
 from contactd_client.packets import encode
 from contactd_client.stream import Stream
-from daemon.faults.plausibility import STANDSTILL_SPEED
 from daemon.modes.table import Mode
 from daemon.motion.seen import SeenMotion
 
@@ -226,23 +225,6 @@ def test_a_refused_asyncio_stream_says_why(served: ServedDaemon) -> None:
     with pytest.raises(ControlError, match=r"`stream.reach` allows 0\.5"):
         served.until(lambda: asyncio.run(lead()))
     assert served.rig.mode is Mode.HOLDING
-
-
-def test_a_client_that_hangs_leaves_the_arm_standing(served: ServedDaemon, leader: Leader) -> None:
-    begun = here(served)
-    for k in range(60):
-        leader.to(begun + 0.3 * math.sin(0.03 * k))
-    assert served.rig.mode is Mode.TRACKING
-    silent_s = 0.0
-    while np.abs(served.rig.decision.velocity).max() > STANDSTILL_SPEED:
-        served.tick()
-        silent_s += 0.01
-    assert silent_s < 0.15 + 0.3  # and its braking
-    served.run(0.5)
-    assert served.rig.mode is Mode.HOLDING
-    assert "fell silent for 0.5 s" in served.rig.tick.controller.machine.cause
-    with pytest.raises(ControlError, match="no longer follows this connection"):
-        leader.to(begun, 9)
 
 
 def test_a_lease_that_runs_out_ends_arming_and_not_the_stream(

@@ -27,7 +27,6 @@ from bench.rigs.drive_faults import (
     restarts_unheard,
     rpdo_off,
 )
-from bench.rigs.lines import LINES
 from common.errors import DriveError
 from daemon.modes.table import Event, Mode
 from drivers.api import Kind
@@ -45,17 +44,10 @@ FAULTS: dict[str, Fault] = {
     "locked": locked,
     "locked and slow": locked_and_slow,
 }
-EXCLUDED = {
-    ("mode changed", "durand"): "its motor follows in any mode",
-    ("locked and slow", "durand"): "its stack boots at once",
-    ("restarts, and complains late", "durand"): "its stack has no inhibit time",
-}
 CANOPEN = (ROMEO_ARM, DESK, DURAND)
 IN_MOTION = [
-    pytest.param(make, fault, id=f"{make.name}, {name}")
-    for make in CANOPEN
-    for name, fault in FAULTS.items()
-    if (name, make.name) not in EXCLUDED
+    *(pytest.param(ROMEO_ARM, fault, id=f"romeo, {name}") for name, fault in FAULTS.items()),
+    *(pytest.param(make, reboot, id=f"{make.name}, restarts") for make in (DESK, DURAND)),
 ]
 
 
@@ -143,15 +135,6 @@ def test_a_drive_that_was_found_wanting_gets_nothing_until_it_is_set_up(
     assert on.drive.node not in on.setpoints()
     assert on.rig.drives.restarted() == (on.drive.name,)
     enable(on)
-
-
-@pytest.mark.parametrize("wire", [name for name in LINES if name != "virtual"])
-def test_over_every_wire(wire: str) -> None:
-    with stage(ROMEO_ARM, LINES[wire]) as on:
-        begin(on)
-        goes_wrong(on, restarts_unheard)
-        on.rig.reset()
-        begin(on)
 
 
 WORDS = {

@@ -9,7 +9,6 @@ import pytest
 
 from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
-from daemon.modes.contact_reactions import ContactReaction, Reactions
 from daemon.modes.table import Event, Mode
 from daemon.motion.admittance import AllowanceSettings
 from daemon.motion.sampled_path import PathBuilder, SampledPath
@@ -63,22 +62,6 @@ def test_armed_a_contact_leads_to_admittance(tracking: IdealArm) -> None:
     assert tracking.cause == "a feels it"
     tracking.run(1.0, **tracking.push(0.4))
     assert tracking.decisions[-1].velocity[0] == pytest.approx(0.2, rel=1e-3)  # K_a r_bar
-
-
-def test_unarmed_a_contact_is_only_reported(unarmed: IdealArm) -> None:
-    unarmed.touch()
-    assert unarmed.mode is Mode.TRACKING
-
-
-def test_unarmed_a_collision_to_hold_at_stops() -> None:
-    arm = tracking_arm(reactions=Reactions(collision=ContactReaction.HOLD))
-    arm.request(Event.DISARM)
-    arm.hit(3.0)
-    assert arm.mode is Mode.STOPPING
-    assert arm.cause == "a was hit"
-    arm.run(0.5)
-    assert arm.mode is Mode.HOLDING
-    assert never_jumped(arm)
 
 
 def test_after_two_quiet_seconds_it_goes_on_from_where_it_was_left(tracking: IdealArm) -> None:

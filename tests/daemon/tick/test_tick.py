@@ -74,42 +74,6 @@ def test_disable_in_motion_stops_first_and_leaves_the_drives_holding(rig: Rig) -
     assert np.ptp([s.link_position[0] for s in states[-10:]]) < 1e-3
 
 
-def test_a_fault_of_one_drive_stops_all_and_stays_until_reset(rig: Rig) -> None:
-    rig.enable()
-    rig.request(Event.START)
-    rig.run(0.5)
-    rig.arm.drives[ELBOW].fault(0x2310, "injected by the test")
-    states = rig.states(0.3)
-    assert [s.mode for s in states[:2]] == ["faulted"] * 2
-    assert "emergency message: node 3 (LElbowRoll): 0x2310 (over-current), error" in states[0].cause
-    reported = [e.text for s in states for e in s.notices if e.kind == "fault"]
-    assert sum("0x2310" in text for text in reported) == 1
-    others = [name for i, name in enumerate(states[-1].drives) if i != ELBOW]
-    assert set(others) == {"quick stop active"}
-    assert states[-1].drives[ELBOW] == "fault"
-    assert not any(v for s in states for v in s.setpoint)
-    controller = rig.tick.controller
-    assert "a fault is latched" in controller.request(Event.ENABLE, "a person", rig.time_s)[0]
-    rig.request(Event.RESET)
-    rig.run(0.6)
-    assert rig.mode is Mode.OFF
-    assert not any(drive.condition.in_fault for drive in rig.samples.drives)
-    rig.request(Event.ENABLE)
-    rig.run(0.5)
-    assert rig.mode is Mode.HOLDING
-
-
-def test_a_contact_while_not_armed_is_only_reported(rig: Rig) -> None:
-    rig.enable()
-    rig.arm.external_torque[ELBOW] = 1.0
-    states = rig.states(0.3)
-    assert {state.mode for state in states} == {"holding"}
-    contacts = [e.contact for s in states for e in s.notices if e.contact]
-    assert [c.joint for c in contacts][:1] == ["LElbowRoll"]
-    reasons = rig.permit("the test")
-    assert any("above its threshold" in reason for reason in reasons)
-
-
 def test_debounced_a_contact_is_none_yet() -> None:
     def patient(c: Configuration) -> Configuration:
         return msgspec.structs.replace(
@@ -124,21 +88,6 @@ def test_debounced_a_contact_is_none_yet() -> None:
     felt = [any(state.thresholded) for state in states]
     yields = [state.mode == "admittance" for state in states]
     assert yields.index(True) - felt.index(True) == 4
-
-
-def test_drives_that_fall_silent_are_stale_after_three_ticks(rig: Rig) -> None:
-    rig.enable()
-    rig.lockstep.pump()
-    modes, fresh = [], []
-    for _ in range(5):
-        rig.tick.begin(rig.time_s)  # no drive answers this SYNC
-        rig.tick.finish(0.0)
-        rig.ticks += 1
-        modes.append(rig.mode)
-        fresh.append(any(rig.state().fresh))
-    assert not any(fresh)
-    assert modes == [Mode.HOLDING] * 2 + [Mode.FAULTED] * 3
-    assert "samples stale" in rig.tick.controller.machine.cause
 
 
 def test_before_the_first_samples_there_is_no_state(rig: Rig) -> None:

@@ -41,11 +41,16 @@ def states(samples):
 # -- with the simulated drives ---------------------------------------------------------------------
 
 
-def test_enable_move_stop_disable(bench, setups, make_drives):
+def started(bench, setups, make_drives):
     with bench.lockstep.serving():
         bench.boot(setups).boot_up()
     drives = make_drives(QueueWire(bench.bus))
     drives.start(0.0)
+    return drives
+
+
+def test_enable_move_stop_disable(bench, setups, make_drives):
+    drives = started(bench, setups, make_drives)
     assert np.isnan(drives.samples.current).all()
 
     def run(ticks, power, velocity):
@@ -105,10 +110,7 @@ def test_samples_stay_as_they_were_taken(bench, setups, make_drives):
 
 
 def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_drives):
-    with bench.lockstep.serving():
-        bench.boot(setups).boot_up()
-    drives = make_drives(QueueWire(bench.bus))
-    drives.start(0.0)
+    drives = started(bench, setups, make_drives)
     for _ in range(50):
         bench.tick(drives)
         drives.command(PowerTarget.ON, np.full(N, 0.1))
@@ -121,10 +123,7 @@ def test_drives_stop_by_themselves_when_the_loop_hangs(bench, setups, make_drive
 
 
 def test_an_orderly_end_is_no_fault_to_the_drives(bench, setups, make_drives):
-    with bench.lockstep.serving():
-        bench.boot(setups).boot_up()
-    drives = make_drives(QueueWire(bench.bus))
-    drives.start(0.0)
+    drives = started(bench, setups, make_drives)
     for power in (PowerTarget.ON, PowerTarget.QUICK_STOP):
         for _ in range(20):
             bench.tick(drives)

@@ -182,15 +182,12 @@ def test_asyncio_says_the_same(listener: socket.socket, packet: bytes, words: st
     thread.join()
 
 
-def test_a_late_answer_is_never_taken_for_the_next(listener: socket.socket) -> None:
-    async def run() -> None:
-        async with await AsyncClient.open(Path(listener.getsockname()), 0.05) as client:
-            with pytest.raises(UnreachableError, match="does not answer"):
-                await client.ask({"command": "arm"})
-            with pytest.raises(UnreachableError, match="connect again"):
-                await client.ask({"command": "disarm"})
-
-    asyncio.run(run())
+async def test_a_late_answer_is_never_taken_for_the_next(listener: socket.socket) -> None:
+    async with await AsyncClient.open(Path(listener.getsockname()), 0.05) as client:
+        with pytest.raises(UnreachableError, match="does not answer"):
+            await client.ask({"command": "arm"})
+        with pytest.raises(UnreachableError, match="connect again"):
+            await client.ask({"command": "disarm"})
     with Client(Path(listener.getsockname()), 0.05) as client:
         with pytest.raises(UnreachableError, match="does not answer"):
             client.ask({"command": "arm"})

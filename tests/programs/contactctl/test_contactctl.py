@@ -275,27 +275,10 @@ def test_a_session_has_one_order_everywhere(page: str) -> None:
     assert reported == sorted(reported, key=order.index)
 
 
-def test_help_is_sentences() -> None:
-    assert set(contactctl.main.commands) == set(COMMANDS) - {
-        "subscribe",
-        "load",
-        "renew",
-        "target",
-    } | {
-        "hand",
-        "health",
-        "home",
-        "touches",
-        "watch",
-        "record",
-        "playback",
-    }
-    for name, command in contactctl.main.commands.items():
-        result = CliRunner().invoke(contactctl.main, [name, "--help"])
-        assert result.exit_code == 0
-        assert command.help is not None
-        assert command.help[0].isupper()
-        assert command.help.strip()[-1] in ".!"
+def test_it_has_the_daemons_commands_but_those_of_programs() -> None:
+    of_programs = {"subscribe", "load", "renew", "target"}
+    its_own = {"hand", "health", "home", "touches", "watch", "record", "playback"}
+    assert set(contactctl.main.commands) == set(COMMANDS) - of_programs | its_own
 
 
 @pytest.mark.parametrize(("word", "also"), [("--help", {"rich", "msgspec"}), ("stop", {"rich"})])

@@ -129,52 +129,22 @@ def test_what_is_no_recording_gets_one_line(
     assert line.startswith(f"contactd: {path} {said}")
 
 
-NO_HALF_GAP = ("/snapshot", set_to("half_gap", value=[]))
-NO_JOINTS = ("/snapshot", set_to("joints", value=[]))
-RAGGED = ("/state", set_to("beside", value={"classical": [1.0, 2.0]}))
-EMPTY_BESIDE = ("/state", set_to("beside", value={"classical": []}))
-UNKNOWN = (
-    "/state",
-    set_to(
-        "notices",
-        value=[
-            {
-                "kind": "contact",
-                "text": "x",
-                "contact": {
-                    "joint": "absent",
-                    "torque": 1.0,
-                    "threshold": 0.0,
-                    "level": "contact",
-                    "side": "left",
-                },
-            }
-        ],
-    ),
-)
-
-NO_TIME_OF_DAY = ("/state", set_to("timing", "wall_s", value=1e18))
-HUGE_VALUE = ("/state", set_to("residual", value=[1e308]))
-BESIDE_A_PATH = ("/state", set_to("beside", value={"x/../../y\0": [1.0]}))
-UNPRINTABLE = ("/snapshot", set_to("joints", value=["</script>\x1b]0;\n"]))
-NO_YAML = ("/snapshot", set_to("configuration", value="a: ["))
-NO_XML = ("/snapshot", set_to("urdf", value="<robot"))
-NO_ROBOT = ("/snapshot", set_to("urdf", value="<x/>"))
-NO_MEMORY = ("/snapshot", set_to("memory", value={"x": 1}))
+ABSENT = {"joint": "absent", "torque": 1.0, "threshold": 0.0, "level": "contact", "side": "left"}
+UNKNOWN = [{"kind": "contact", "text": "x", "contact": ABSENT}]
 DAMAGES = {
-    "no half-gap": NO_HALF_GAP,
-    "no joints": NO_JOINTS,
-    "ragged": RAGGED,
-    "empty beside": EMPTY_BESIDE,
-    "unknown joint": UNKNOWN,
-    "no time of day": NO_TIME_OF_DAY,
-    "huge value": HUGE_VALUE,
-    "beside a path": BESIDE_A_PATH,
-    "unprintable": UNPRINTABLE,
-    "no YAML": NO_YAML,
-    "no XML": NO_XML,
-    "no robot": NO_ROBOT,
-    "no memory": NO_MEMORY,
+    "no half-gap": ("/snapshot", set_to("half_gap", value=[])),
+    "no joints": ("/snapshot", set_to("joints", value=[])),
+    "ragged": ("/state", set_to("beside", value={"classical": [1.0, 2.0]})),
+    "empty beside": ("/state", set_to("beside", value={"classical": []})),
+    "unknown joint": ("/state", set_to("notices", value=UNKNOWN)),
+    "no time of day": ("/state", set_to("timing", "wall_s", value=1e18)),
+    "huge value": ("/state", set_to("residual", value=[1e308])),
+    "beside a path": ("/state", set_to("beside", value={"x/../../y\0": [1.0]})),
+    "unprintable": ("/snapshot", set_to("joints", value=["</script>\x1b]0;\n"])),
+    "no YAML": ("/snapshot", set_to("configuration", value="a: [")),
+    "no XML": ("/snapshot", set_to("urdf", value="<robot")),
+    "no robot": ("/snapshot", set_to("urdf", value="<x/>")),
+    "no memory": ("/snapshot", set_to("memory", value={"x": 1})),
 }
 
 

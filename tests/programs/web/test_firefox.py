@@ -1,6 +1,5 @@
 """The page in Firefox: the same to eye, keyboard and screen reader, and to a stop."""
 
-import asyncio
 from typing import Any
 
 import pytest
@@ -19,30 +18,26 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def test_it_is_seen_heard_and_stops_in_firefox(arm: FakeDaemon, page: Page) -> None:
+async def test_it_is_seen_heard_and_stops_in_firefox(arm: FakeDaemon, page: Page) -> None:
     arm.modes = {"stop": ["holding"]}
-
-    async def visit() -> None:
-        async with window() as one:
-            for name, size in (("desktop", DESKTOP), ("phone", PHONE)):
-                await one.open(f"{page.url}?scene=off", size)
-                await one.until("!document.body.classList.contains('stale')")
-                await one.until("document.querySelector('#checks li')")
-                await one.until("document.documentElement.scrollWidth <= innerWidth")
-                await one.picture(PICTURES / f"firefox_{name}.png")
-                await sees_nothing_serious(one)
-            found = []
-            for _ in range(4):
-                await one.press("Tab")
-                found.append(await one.value(FOCUS))
-            assert found == ["stop", "disarm", "summary", "mode"]
-            await one.press("Escape")
-            await one.until("document.querySelector('#outcome').dataset.outcome === 'stands'")
-            arm.states = lambda tick: None
-            await one.until("document.body.classList.contains('stale')")
-            assert one.errors == []
-
-    asyncio.run(visit())
+    async with window() as one:
+        for name, size in (("desktop", DESKTOP), ("phone", PHONE)):
+            await one.open(f"{page.url}?scene=off", size)
+            await one.until("!document.body.classList.contains('stale')")
+            await one.until("document.querySelector('#checks li')")
+            await one.until("document.documentElement.scrollWidth <= innerWidth")
+            await one.picture(PICTURES / f"firefox_{name}.png")
+            await sees_nothing_serious(one)
+        found = []
+        for _ in range(4):
+            await one.press("Tab")
+            found.append(await one.value(FOCUS))
+        assert found == ["stop", "disarm", "summary", "mode"]
+        await one.press("Escape")
+        await one.until("document.querySelector('#outcome').dataset.outcome === 'stands'")
+        arm.states = lambda tick: None
+        await one.until("document.body.classList.contains('stale')")
+        assert one.errors == []
     assert [name for name, _ in arm.seen].count("stop") == 1
 
 

@@ -32,30 +32,27 @@ def door(daemon: FakeDaemon) -> Path:
     return view_socket_path(daemon.path)
 
 
-def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            for path in ("/", "/page.js", "/page.css", "/scene.js", "/icon.svg"):
-                assert (await visitor.ask("GET", path))[0] == 200
-            for path in ("/../server.py", "/built/", "/live/7", "/arms/7/urdf", "/nothing"):
-                assert (await visitor.ask("GET", path))[0] == 404
-            await visitor.until(lambda: visitor.site.arms[0].snapshot)
-            assert await visitor.ask("GET", "/arms/0/urdf") == (200, "<robot/>")
-            live = await visitor.live()
-            texts, frame = await messages(live, {"hello", "words", "advice", "summary"})
-            assert texts["hello"]["arms"] == ["Romeo left arm"]
-            assert texts["hello"]["may_command"]
-            assert texts["summary"]["modes"][0] in ("", texts["words"]["mode"])  # of another moment
-            assert [check["passed"] for check in texts["advice"]["checks"]] == [False, True, False]
-            (length,) = struct.unpack_from("<I", frame)
-            assert length == len(frame) - 4
-            assert frame[4] == frames.VERSION
-            await live.close()
-
-    asyncio.run(visit())
+async def test_a_browser_gets_files_words_and_frames(fake_daemon: FakeDaemon) -> None:
+    async with visiting(door(fake_daemon)) as visitor:
+        for path in ("/", "/page.js", "/page.css", "/scene.js", "/icon.svg"):
+            assert (await visitor.ask("GET", path))[0] == 200
+        for path in ("/../server.py", "/built/", "/live/7", "/arms/7/urdf", "/nothing"):
+            assert (await visitor.ask("GET", path))[0] == 404
+        await visitor.until(lambda: visitor.site.arms[0].snapshot)
+        assert await visitor.ask("GET", "/arms/0/urdf") == (200, "<robot/>")
+        live = await visitor.live()
+        texts, frame = await messages(live, {"hello", "words", "advice", "summary"})
+        assert texts["hello"]["arms"] == ["Romeo left arm"]
+        assert texts["hello"]["may_command"]
+        assert texts["summary"]["modes"][0] in ("", texts["words"]["mode"])  # of another moment
+        assert [check["passed"] for check in texts["advice"]["checks"]] == [False, True, False]
+        (length,) = struct.unpack_from("<I", frame)
+        assert length == len(frame) - 4
+        assert frame[4] == frames.VERSION
+        await live.close()
 
 
-def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
+async def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
     fake_daemon: FakeDaemon, make_state: Callable[..., State], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Or the page says of one joint that it feels nothing, and that it feels too much to arm."""
@@ -72,74 +69,56 @@ def test_what_arming_needs_is_asked_for_anew_once_a_joint_feels_more(
         words = visitor.site.arms[0].words
         return words is not None and words.cause == f"{torque}" and asked() > before
 
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            await messages(await visitor.live(), {"words", "advice"})
-            for torque in [0.3, 0.0] * 3:  # more often than a visitor makes it ask
-                before = asked()
-                feel(torque)
-                await visitor.until(partial(taken, visitor, torque, before))
-
     feel(0.0)
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        await messages(await visitor.live(), {"words", "advice"})
+        for torque in [0.3, 0.0] * 3:  # more often than a visitor makes it ask
+            before = asked()
+            feel(torque)
+            await visitor.until(partial(taken, visitor, torque, before))
 
 
 @pytest.mark.parametrize("command", ["stop", "disarm"])
-def test_a_command_reaches_the_daemon_and_says_what_became_of_it(
+async def test_a_command_reaches_the_daemon_and_says_what_became_of_it(
     fake_daemon: FakeDaemon, command: str
 ) -> None:
     fake_daemon.mode = "stopping"
     fake_daemon.modes = {command: ["stopping", "holding"]}
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            path = f"/arms/0/{command}"
-            # A form of another site, one of our own, a script without the header.
-            assert (await visitor.ask("POST", path, Origin="http://evil.example"))[0] == 403
-            assert (await visitor.ask("POST", path))[0] == 403
-            assert (await visitor.ask("POST", path, **{COMMAND_HEADER: "record"}))[0] == 403
-            assert (await visitor.ask("GET", path))[0] == 405
-            assert command not in [name for name, _ in fake_daemon.seen]
-            status, found = await visitor.command(path)
-            assert (status, found["outcome"], found["mode"]) == (200, "stands", "holding")
-            assert [name for name, _ in fake_daemon.seen].count(command) == 1
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        path = f"/arms/0/{command}"
+        # A form of another site, one of our own, a script without the header.
+        assert (await visitor.ask("POST", path, Origin="http://evil.example"))[0] == 403
+        assert (await visitor.ask("POST", path))[0] == 403
+        assert (await visitor.ask("POST", path, **{COMMAND_HEADER: "record"}))[0] == 403
+        assert (await visitor.ask("GET", path))[0] == 405
+        assert command not in [name for name, _ in fake_daemon.seen]
+        status, found = await visitor.command(path)
+        assert (status, found["outcome"], found["mode"]) == (200, "stands", "holding")
+        assert [name for name, _ in fake_daemon.seen].count(command) == 1
 
 
-def test_a_joint_that_is_not_seen_to_stand_is_said(fake_daemon: FakeDaemon) -> None:
+async def test_a_joint_that_is_not_seen_to_stand_is_said(fake_daemon: FakeDaemon) -> None:
     fake_daemon.mode, fake_daemon.unproved = "faulted", ["LElbowYaw"]
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            _, found = await visitor.command("/arms/0/stop")
-            assert (found["outcome"], found["text"]) == ("not seen to stand", "LElbowYaw")
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        _, found = await visitor.command("/arms/0/stop")
+        assert (found["outcome"], found["text"]) == ("not seen to stand", "LElbowYaw")
 
 
-def test_a_refusal_is_said(fake_daemon: FakeDaemon) -> None:
+async def test_a_refusal_is_said(fake_daemon: FakeDaemon) -> None:
     fake_daemon.refusals = {"stop": ["it is a test"]}
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            _, found = await visitor.command("/arms/0/stop")
-            assert (found["outcome"], "it is a test" in found["text"]) == ("refused", True)
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        _, found = await visitor.command("/arms/0/stop")
+        assert (found["outcome"], "it is a test" in found["text"]) == ("refused", True)
 
 
-def test_no_daemon_is_not_reached(tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(tmp_path / "absent-view.sock") as visitor:
-            status, found = await visitor.command("/arms/0/stop")
-            assert (status, found["outcome"]) == (200, "not reached")
-            live = await visitor.live()
-            kinds = [json.loads((await live.receive()).data)["kind"] for _ in range(3)]
-            assert kinds == ["hello", "events", "gone"]
-            await live.close()
-
-    asyncio.run(visit())
+async def test_no_daemon_is_not_reached(tmp_path: Path) -> None:
+    async with visiting(tmp_path / "absent-view.sock") as visitor:
+        status, found = await visitor.command("/arms/0/stop")
+        assert (status, found["outcome"]) == (200, "not reached")
+        live = await visitor.live()
+        kinds = [json.loads((await live.receive()).data)["kind"] for _ in range(3)]
+        assert kinds == ["hello", "events", "gone"]
+        await live.close()
 
 
 def test_a_daemon_that_hangs_is_not_reached_in_time(tmp_path: Path) -> None:
@@ -199,41 +178,32 @@ def test_a_throng_outside_the_view_socket_only_delays_a_stop(
         asyncio.run(visit(full))
 
 
-def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), read_only=True, recordings=tmp_path) as visitor:
-            for path in ("/arms/0/stop", "/arms/0/disarm", "/arms/0/record", "/recordings/end"):
-                status, text = await visitor.command(path)
-                assert status == 403
-                assert "only shows" in text
-            texts, _ = await messages(await visitor.live(), {"hello"})
-            assert not texts["hello"]["may_command"]
-            assert {name for name, _ in fake_daemon.seen} <= {"status", "subscribe"}
-
-    asyncio.run(visit())
+async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
+    async with visiting(door(fake_daemon), read_only=True, recordings=tmp_path) as visitor:
+        for path in ("/arms/0/stop", "/arms/0/disarm", "/arms/0/record", "/recordings/end"):
+            status, text = await visitor.command(path)
+            assert status == 403
+            assert "only shows" in text
+        texts, _ = await messages(await visitor.live(), {"hello"})
+        assert not texts["hello"]["may_command"]
+        assert {name for name, _ in fake_daemon.seen} <= {"status", "subscribe"}
 
 
-def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            before_s = time.monotonic()
-            status, text = await visitor.ask("GET", "/clock")
-            assert status == 200
-            assert before_s <= float(text) <= time.monotonic()
-
-    asyncio.run(visit())
+async def test_the_clock_is_that_of_the_states(fake_daemon: FakeDaemon) -> None:
+    async with visiting(door(fake_daemon)) as visitor:
+        before_s = time.monotonic()
+        status, text = await visitor.ask("GET", "/clock")
+        assert status == 200
+        assert before_s <= float(text) <= time.monotonic()
 
 
-def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(tmp_path / "absent-view.sock") as visitor:
-            live = await visitor.live()
-            kinds: list[str] = []
-            async with asyncio.timeout(PATIENCE_S):
-                while kinds.count("summary") < 3:
-                    kinds.append(json.loads((await live.receive()).data)["kind"])
-
-    asyncio.run(visit())
+async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) -> None:
+    async with visiting(tmp_path / "absent-view.sock") as visitor:
+        live = await visitor.live()
+        kinds: list[str] = []
+        async with asyncio.timeout(PATIENCE_S):
+            while kinds.count("summary") < 3:
+                kinds.append(json.loads((await live.receive()).data)["kind"])
 
 
 def test_a_name_that_is_no_address_is_said_to_be_none() -> None:

@@ -27,32 +27,29 @@ def door(daemon: FakeDaemon) -> Path:
     return view_socket_path(daemon.path)
 
 
-def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
-            assert "asks once for its token" in (await visitor.ask("GET", "/"))[1]
-            for path in ("/page.js", "/arms/0/urdf", "/recordings"):
-                assert (await visitor.ask("GET", path))[0] == 401
-            assert (await visitor.command("/arms/0/stop"))[0] == 401
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
-                await visitor.live()
-            assert (await visitor.ask("GET", "/?token=wrong"))[0] == 401
-            url = f"{visitor.origin}/enter"
-            form = {"token": TOKEN}
-            async with visitor.session.post(
-                url, data=form, headers={"Origin": visitor.origin}, allow_redirects=False
-            ) as answer:
-                assert (answer.status, answer.headers["Location"]) == (303, "/")
-                cookie = answer.headers["Set-Cookie"]
-                assert cookie.startswith(f"{COOKIE}=")
-                assert TOKEN not in cookie
-                assert "HttpOnly" in cookie
-                assert "SameSite=Strict" in cookie
-            assert "page.js" in (await visitor.ask("GET", "/"))[1]
-            assert (await visitor.command("/arms/0/stop"))[0] == 200
-            assert (await visitor.ask("GET", "/?token=" + TOKEN))[0] == 303
-
-    asyncio.run(visit())
+async def test_the_token_is_asked_for_once(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
+    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+        assert "asks once for its token" in (await visitor.ask("GET", "/"))[1]
+        for path in ("/page.js", "/arms/0/urdf", "/recordings"):
+            assert (await visitor.ask("GET", path))[0] == 401
+        assert (await visitor.command("/arms/0/stop"))[0] == 401
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="401"):
+            await visitor.live()
+        assert (await visitor.ask("GET", "/?token=wrong"))[0] == 401
+        url = f"{visitor.origin}/enter"
+        form = {"token": TOKEN}
+        async with visitor.session.post(
+            url, data=form, headers={"Origin": visitor.origin}, allow_redirects=False
+        ) as answer:
+            assert (answer.status, answer.headers["Location"]) == (303, "/")
+            cookie = answer.headers["Set-Cookie"]
+            assert cookie.startswith(f"{COOKIE}=")
+            assert TOKEN not in cookie
+            assert "HttpOnly" in cookie
+            assert "SameSite=Strict" in cookie
+        assert "page.js" in (await visitor.ask("GET", "/"))[1]
+        assert (await visitor.command("/arms/0/stop"))[0] == 200
+        assert (await visitor.ask("GET", "/?token=" + TOKEN))[0] == 303
 
 
 FORM = "application/x-www-form-urlencoded"
@@ -72,7 +69,7 @@ FORM = "application/x-www-form-urlencoded"
         (b"token=" + b"x" * 5000, {"Content-Type": FORM}, 413),
     ],
 )
-def test_no_form_upsets_it(
+async def test_no_form_upsets_it(
     fake_daemon: FakeDaemon,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
@@ -80,131 +77,108 @@ def test_no_form_upsets_it(
     headers: dict[str, str],
     status: int,
 ) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
-            caplog.clear()
-            own = {"Origin": visitor.origin, **headers}
-            async with visitor.session.post(
-                f"{visitor.origin}/enter", data=body, headers=own, allow_redirects=False
-            ) as answer:
-                assert answer.status == status
-            assert caplog.messages == []  # nor does a stranger fill the log
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+        caplog.clear()
+        own = {"Origin": visitor.origin, **headers}
+        async with visitor.session.post(
+            f"{visitor.origin}/enter", data=body, headers=own, allow_redirects=False
+        ) as answer:
+            assert answer.status == status
+        assert caplog.messages == []  # nor does a stranger fill the log
 
 
-def test_tokens_cannot_be_guessed_in_a_row(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
-            found = [(await visitor.ask("GET", f"/?token=guess{i}"))[0] for i in range(8)]
-            assert found == [401] * 5 + [429] * 3
-            assert (await visitor.ask("GET", f"/?token={TOKEN}"))[0] == 429
-
-    asyncio.run(visit())
+async def test_tokens_cannot_be_guessed_in_a_row(fake_daemon: FakeDaemon, tmp_path: Path) -> None:
+    async with visiting(door(fake_daemon), token_file=token_file(tmp_path)) as visitor:
+        found = [(await visitor.ask("GET", f"/?token=guess{i}"))[0] for i in range(8)]
+        assert found == [401] * 5 + [429] * 3
+        assert (await visitor.ask("GET", f"/?token={TOKEN}"))[0] == 429
 
 
-def test_an_address_has_so_many_pages_and_no_more(fake_daemon: FakeDaemon) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            pages = [await visitor.live() for _ in range(server.MOST_BROWSERS_OF_ONE)]
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
-                await visitor.live()
-            await pages[0].close()
-            await visitor.until(lambda: len(visitor.site.arms[0].audience) == len(pages) - 1)
+async def test_an_address_has_so_many_pages_and_no_more(fake_daemon: FakeDaemon) -> None:
+    async with visiting(door(fake_daemon)) as visitor:
+        pages = [await visitor.live() for _ in range(server.MOST_BROWSERS_OF_ONE)]
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
             await visitor.live()
+        await pages[0].close()
+        await visitor.until(lambda: len(visitor.site.arms[0].audience) == len(pages) - 1)
+        await visitor.live()
 
-    asyncio.run(visit())
+
+async def test_a_browser_that_does_not_read_costs_no_one_a_frame(fake_daemon: FakeDaemon) -> None:
+    async with visiting(door(fake_daemon)) as visitor:
+        await visitor.until(lambda: visitor.site.arms[0].snapshot)
+        # It reads nothing: a bare connection, with little room.
+        deaf = socket.create_connection(("127.0.0.1", int(visitor.origin.rsplit(":", 1)[1])))
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        request = (
+            f"GET /live/0 HTTP/1.1\r\nHost: {visitor.origin[7:]}\r\n"
+            f"Origin: {visitor.origin}\r\n"
+            "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+            "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
+        )
+        deaf.sendall(request.encode())
+        live = await visitor.live()
+        await messages(live, {"hello"})
+        arm = visitor.site.arms[0]
+        await visitor.until(lambda: len(arm.audience) == 2)
+        first = arm.states
+        ticks: list[int] = []
+        async with asyncio.timeout(PATIENCE_S):
+            while arm.states < first + 300:
+                message = await live.receive()
+                if message.type is aiohttp.WSMsgType.BINARY and not message.data[5]:
+                    ticks += ticks_in(message.data)
+        assert ticks == sorted(set(ticks))
+        assert ticks[-1] - ticks[0] + 1 - len(ticks) <= arm.lost
+        deaf.close()
 
 
-def test_a_browser_that_does_not_read_costs_no_one_a_frame(fake_daemon: FakeDaemon) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            await visitor.until(lambda: visitor.site.arms[0].snapshot)
-            # It reads nothing: a bare connection, with little room.
-            deaf = socket.create_connection(("127.0.0.1", int(visitor.origin.rsplit(":", 1)[1])))
-            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-            request = (
-                f"GET /live/0 HTTP/1.1\r\nHost: {visitor.origin[7:]}\r\n"
-                f"Origin: {visitor.origin}\r\n"
-                "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                "Sec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
-            )
-            deaf.sendall(request.encode())
+async def test_a_browser_that_talks_is_hung_up_on(fake_daemon: FakeDaemon) -> None:
+    async with visiting(door(fake_daemon)) as visitor:
+        for words in ("hello", "x" * 100_000, None):
             live = await visitor.live()
-            await messages(live, {"hello"})
-            arm = visitor.site.arms[0]
-            await visitor.until(lambda: len(arm.audience) == 2)
-            first = arm.states
-            ticks: list[int] = []
+            await (live.ping() if words is None else live.send_str(words))
             async with asyncio.timeout(PATIENCE_S):
-                while arm.states < first + 300:
-                    message = await live.receive()
-                    if message.type is aiohttp.WSMsgType.BINARY and not message.data[5]:
-                        ticks += ticks_in(message.data)
-            assert ticks == sorted(set(ticks))
-            assert ticks[-1] - ticks[0] + 1 - len(ticks) <= arm.lost
-            deaf.close()
-
-    asyncio.run(visit())
+                while not (await live.receive()).type.name.startswith("CLOS"):
+                    pass
+            await visitor.until(lambda: not len(visitor.site.arms[0].audience))
 
 
-def test_a_browser_that_talks_is_hung_up_on(fake_daemon: FakeDaemon) -> None:
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            for words in ("hello", "x" * 100_000, None):
-                live = await visitor.live()
-                await (live.ping() if words is None else live.send_str(words))
-                async with asyncio.timeout(PATIENCE_S):
-                    while not (await live.receive()).type.name.startswith("CLOS"):
-                        pass
-                await visitor.until(lambda: not len(visitor.site.arms[0].audience))
-
-    asyncio.run(visit())
-
-
-def test_an_address_has_so_many_connections_and_the_oldest_make_room(
+async def test_an_address_has_so_many_connections_and_the_oldest_make_room(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.serve.MOST_CONNECTIONS_OF_ONE", 4)
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            port = int(visitor.origin.rsplit(":", 1)[1])
-            opened = [await asyncio.open_connection("127.0.0.1", port) for _ in range(6)]
-            closed = [asyncio.create_task(reader.read()) for reader, _ in opened]
-            async with asyncio.timeout(PATIENCE_S):
-                assert [await end for end in closed[:2]] == [b"", b""]
-            assert not any(end.done() for end in closed[2:])
-            for _, writer in opened:
-                writer.close()
-            await asyncio.gather(*closed)
-            await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        port = int(visitor.origin.rsplit(":", 1)[1])
+        opened = [await asyncio.open_connection("127.0.0.1", port) for _ in range(6)]
+        closed = [asyncio.create_task(reader.read()) for reader, _ in opened]
+        async with asyncio.timeout(PATIENCE_S):
+            assert [await end for end in closed[:2]] == [b"", b""]
+        assert not any(end.done() for end in closed[2:])
+        for _, writer in opened:
+            writer.close()
+        await asyncio.gather(*closed)
+        await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
 
 
-def test_half_requests_keep_no_page_from_its_stop_nor_end_its_stream(
+async def test_half_requests_keep_no_page_from_its_stop_nor_end_its_stream(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.serve.MOST_CONNECTIONS_OF_ONE", 6)
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            live = await visitor.live()
-            host = visitor.origin.removeprefix("http://")
-            opened = []
-            for said in [*RUDE.values()] * 4:
-                opened.append(await asyncio.open_connection(*host.split(":")))
-                opened[-1][1].write(said.replace(b"HOST", host.encode()))
-                await opened[-1][1].drain()
-            for _ in range(3):
-                assert (await visitor.command("/arms/0/stop"))[0] == 200
-            await messages(live, {"hello"})
-            for _, writer in opened:
-                writer.close()
-            await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        live = await visitor.live()
+        host = visitor.origin.removeprefix("http://")
+        opened = []
+        for said in [*RUDE.values()] * 4:
+            opened.append(await asyncio.open_connection(*host.split(":")))
+            opened[-1][1].write(said.replace(b"HOST", host.encode()))
+            await opened[-1][1].drain()
+        for _ in range(3):
+            assert (await visitor.command("/arms/0/stop"))[0] == 200
+        await messages(live, {"hello"})
+        for _, writer in opened:
+            writer.close()
+        await asyncio.gather(*(w.wait_closed() for _, w in opened), return_exceptions=True)
     assert [command for command, _ in fake_daemon.seen].count("stop") == 3
 
 
@@ -219,47 +193,39 @@ RUDE = {
 }
 
 
-def test_who_takes_too_long_to_ask_is_hung_up_on(
+async def test_who_takes_too_long_to_ask_is_hung_up_on(
     fake_daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("programs.web.connections.HEAD_S", 0.3)
     monkeypatch.setattr("programs.web.connections.REQUEST_S", 0.3)
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            host = visitor.origin.removeprefix("http://")
-            async with asyncio.timeout(PATIENCE_S):
-                live = None
-                while live is None:  # on a busy machine it may take too long itself
-                    with contextlib.suppress(aiohttp.ClientError):
-                        live = await visitor.live()
-                opened = []
-                for said in RUDE.values():
-                    opened.append(await asyncio.open_connection(*host.split(":")))
-                    opened[-1][1].write(said.replace(b"HOST", host.encode()))
-                for reader, writer in opened:
-                    with contextlib.suppress(ConnectionError):
-                        await reader.read()
-                    writer.close()
-                    with contextlib.suppress(ConnectionError):
-                        await writer.wait_closed()
-            # A stream has no end but its own.
-            await messages(live, {"hello"})
-            assert len(visitor.site.arms[0].audience) == 1
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        host = visitor.origin.removeprefix("http://")
+        async with asyncio.timeout(PATIENCE_S):
+            live = None
+            while live is None:  # on a busy machine it may take too long itself
+                with contextlib.suppress(aiohttp.ClientError):
+                    live = await visitor.live()
+            opened = []
+            for said in RUDE.values():
+                opened.append(await asyncio.open_connection(*host.split(":")))
+                opened[-1][1].write(said.replace(b"HOST", host.encode()))
+            for reader, writer in opened:
+                with contextlib.suppress(ConnectionError):
+                    await reader.read()
+                writer.close()
+                with contextlib.suppress(ConnectionError):
+                    await writer.wait_closed()
+        # A stream has no end but its own.
+        await messages(live, {"hello"})
+        assert len(visitor.site.arms[0].audience) == 1
 
 
-def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
+async def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
     """A browser would send a stop into one that was lost, when a phone changes its network."""
-
-    async def visit() -> None:
-        async with visiting(door(fake_daemon)) as visitor:
-            for path in ("/", "/clock", "/nothing", "/page.js"):
-                async with visitor.session.get(f"{visitor.origin}{path}") as answer:
-                    assert answer.headers["Connection"] == "close"
-
-    asyncio.run(visit())
+    async with visiting(door(fake_daemon)) as visitor:
+        for path in ("/", "/clock", "/nothing", "/page.js"):
+            async with visitor.session.get(f"{visitor.origin}{path}") as answer:
+                assert answer.headers["Connection"] == "close"
 
 
 @pytest.mark.parametrize(
