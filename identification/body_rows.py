@@ -96,6 +96,11 @@ class Normal:
         x: Vector = self._scale * (self._inverse @ (self._Xy - self._XB @ d))
         return x
 
+    def ways(self) -> Matrix:
+        """Change of x by each of d (f, 10 k)."""
+        change: Matrix = -self._scale[:, None] * (self._inverse @ self._XB)
+        return change
+
 
 def fitted(joints: list[JointRows], chosen: Mask, nominal: Matrix, period_s: float) -> BodiesFit:
     """Bodies, pulled towards nominal (k, 10), by the chosen rows (N,), one every `period_s`."""
