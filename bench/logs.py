@@ -174,7 +174,7 @@ def lacking(found: Found, given: tuple[str | Path, ...], loaded: Path | None) ->
         identified = load_robot(arm).identified
         found.errors = [(step, name, 9.0) for name in (identified.joints if identified else ())]
         return said
-    for step in ("gap", "friction", "thresholds"):
+    for step in STEPS:
         typed(found, "identify", step, *given)
     beside(loaded).write_text(beside(log).read_text())
     return typed(found, "replay", loaded, "--config", arm)
