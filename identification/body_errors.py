@@ -4,8 +4,7 @@ With Y the regressor of the bodies, S S' their usual errors, and z ~ N(0, 1),
 
     torque = friction x + Y S z                                     of each joint, filtered
 
-x changes where the motion shows other bodies than the URDF's, and is not known where the motion
-separates the two badly. Gravity's share alone does not show a centre that is off across it.
+Gravity's share does not show a centre that is off across it.
 """
 
 import numpy as np
@@ -14,38 +13,29 @@ from scipy.linalg import block_diag
 from common.arrays import Matrix, Vector
 from estimator.model import Model
 from identification.body_motion import filtered_regressor
-from identification.body_rows import FEWEST, REWEIGHTED, JointRows, Normal
+from identification.body_rows import FEWEST, LASTING_S, REWEIGHTED, JointRows, Normal
 from identification.log_intervals import Intervals
 from identification.possible_bodies import off_center, possible, prior
 from identification.regression import Regression, Solution
 
-_LASTING_S = 1.5  # of what no column explains: about as long as a way
 _FIRST = 3  # columns: Coulomb, viscous, rotor
 
 
-def by_bodies(
-    solved: list[Solution], found: Regression, rows: Intervals, model: Model
-) -> Matrix:  # fmt: skip
+def by_bodies(solved: list[Solution], found: Regression, rows: Intervals, model: Model) -> Matrix:
     """Standard errors (n, 3) of Coulomb, viscous friction and rotor by bodies that may be off: the
     change beside them, and what the motion leaves of them. Zero of joints without enough rows."""
     parameters = model.parameters()
     massive = np.flatnonzero(parameters[:, 0] > 0.0)
     nominal = np.array([possible(row) for row in parameters[massive]])
-    usual = np.hstack([
-        np.linalg.cholesky(np.linalg.inv(prior(nominal))),
-        block_diag(*(off_center(row)[:, :3] for row in nominal)),
-    ])  # fmt: skip
-    Y, _ = filtered_regressor(rows, model)
-    bodies = Y[:, :, massive].reshape(len(rows.dt), len(solved), -1)
-    independent = min(1.0, rows.period_s / _LASTING_S)
-    return np.array([
-        _error(one, found, i, bodies[:, i] @ usual, independent) for i, one in enumerate(solved)
-    ])  # fmt: skip
+    centers = block_diag(*(off_center(row)[:, :3] for row in nominal))
+    usual = np.hstack([np.linalg.cholesky(np.linalg.inv(prior(nominal))), centers])
+    bodies = filtered_regressor(rows, model)[0][:, :, massive]
+    bodies = bodies.reshape(len(rows.dt), len(solved), -1) @ usual
+    share = min(1.0, rows.period_s / LASTING_S)
+    return np.array([_error(one, found, i, bodies[:, i], share) for i, one in enumerate(solved)])
 
 
-def _error(
-    one: Solution, found: Regression, i: int, bodies: Matrix, independent: float
-) -> Vector:  # fmt: skip
+def _error(one: Solution, found: Regression, i: int, bodies: Matrix, independent: float) -> Vector:
     """Standard errors (3,) of joint i, by bodies (N, b) in their usual errors."""
     used = np.isfinite(one.errors)
     friction = np.hstack([found.columns[:, i, used], found.nuisance[:, i]])
@@ -59,4 +49,4 @@ def _error(
         z = share * covariance @ normal.product
     way = normal.ways()[:_FIRST]
     variance = np.square(way @ z) + np.einsum("ij,jk,ik->i", way, covariance, way)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+    return np.asarray(np.sqrt(variance))

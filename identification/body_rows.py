@@ -20,6 +20,8 @@ FEWEST = 50.0
 """Sum of weights below which a joint's rows carry no information."""
 CORRELATED_S = 0.1
 """Correlation time of the fit's errors, by the filter and by what no column explains."""
+LASTING_S = 1.5
+"""The same of gears that bend, encoders, late columns: about as long as a way."""
 REWEIGHTED = 4
 _SMALLEST = 0.1
 """Share of the median error below which rows count alike"""
