@@ -1,4 +1,4 @@
-"""Friction by a URDF whose bodies are off: its intervals hold the truth, and stay narrow of others."""
+"""Friction by a URDF whose bodies are off: intervals hold the truth, and stay narrow of others."""
 
 from dataclasses import replace
 
