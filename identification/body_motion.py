@@ -12,6 +12,7 @@ so that torques, alignment and gap are those of the estimator.
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from common.arrays import Matrix, Vector
@@ -71,14 +72,19 @@ def body_motion(
             f"the log is too short: {log.measured_s:.1f} s, at least {shortest_s:g} s of motion"
         )
     rows = intervals(log, model, settings)
-    q_ddot = np.diff(rows.ends[:, 1], axis=0, prepend=rows.ends[:1, 1]) / rows.dt[:, None]
-    q_ddot[rows.first] = 0.0
-    moving = zip(rows.q, rows.q_dot, q_ddot, strict=True)
-    Y = np.array([model.regressor(*each) for each in moving])
+    Y, q_ddot = filtered_regressor(rows, model)
     sticking, _ = held(rows, sign_width)
     cut = np.abs(rows.current) > 0.98 * max_current
     more = _MORE * (float(np.median(_noise(rows, q_ddot))) > _NOISE)
-    return BodyMotion(rows, _smooth(low_pass(Y, rows, GAIN), rows, more), sticking, cut, more)
+    return BodyMotion(rows, _smooth(Y, rows, more), sticking, cut, more)
+
+
+def filtered_regressor(rows: Intervals, model: Model) -> tuple[NDArray[np.float64], Matrix]:
+    """Y (N, n, n, 10), filtered, and the links' accelerations (N, n) [rad/s2]."""
+    q_ddot = np.diff(rows.ends[:, 1], axis=0, prepend=rows.ends[:1, 1]) / rows.dt[:, None]
+    q_ddot[rows.first] = 0.0
+    moving = zip(rows.q, rows.q_dot, q_ddot, strict=True)
+    return low_pass(np.array([model.regressor(*each) for each in moving]), rows, GAIN), q_ddot
 
 
 def _noise(rows: Intervals, q_ddot: Matrix) -> Vector:

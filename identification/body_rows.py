@@ -20,6 +20,8 @@ FEWEST = 50.0
 """Sum of weights below which a joint's rows carry no information."""
 CORRELATED_S = 0.1
 """Correlation time of the fit's errors, by the filter and by what no column explains."""
+LASTING_S = 1.5
+"""The same of gears that bend, encoders, late columns: about as long as a way."""
 REWEIGHTED = 4
 _SMALLEST = 0.1
 """Share of the median error below which rows count alike"""
@@ -95,6 +97,11 @@ class Normal:
         """x that goes with d."""
         x: Vector = self._scale * (self._inverse @ (self._Xy - self._XB @ d))
         return x
+
+    def ways(self) -> Matrix:
+        """Change of x by each of d (f, 10 k)."""
+        change: Matrix = -self._scale[:, None] * (self._inverse @ self._XB)
+        return change
 
 
 def fitted(joints: list[JointRows], chosen: Mask, nominal: Matrix, period_s: float) -> BodiesFit:

@@ -116,7 +116,7 @@ def identify_friction(
         ]
         transmission = adopt(transmission, fits)
     before = None if by_urdf is None else intervals(log, by_urdf, settings)
-    fits = with_what_is_believed(fits, solved, found, rows, weighed=weighed, by_urdf=before)
+    fits = with_what_is_believed(fits, solved, found, rows, model, weighed=weighed, by_urdf=before)
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     if log.setpoint is None:
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]

@@ -9,6 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from common.arrays import Vector
+from estimator.model import Model
+from identification.body_errors import by_bodies
 from identification.friction_fit import FrictionFit
 from identification.log_intervals import Intervals, low_pass
 from identification.regression import COLUMNS, GAIN, NORMAL_95, Regression, Solution
@@ -35,14 +37,16 @@ def with_what_is_believed(
     solved: list[Solution],
     found: Regression,
     rows: Intervals,
+    model: Model,
     *,
     weighed: bool,
     by_urdf: Intervals | None = None,
 ) -> list[FrictionFit]:
     """Fits whose errors include those that a log cannot show: the torque constant's own, as
     `constant_off` has it; the model's inertial torque, which comes out as rotor and friction, off
-    by as much as gravity is, or by the least error of a URDF's masses, or of those that were
-    `weighed`, with what that changed of intervals `by_urdf`; friction that falls with speed
+    by as much as gravity is, or by the least error of a URDF's masses, and its bodies off as
+    `by_bodies` has it, or by the error of those that were `weighed`, with what that changed of
+    intervals `by_urdf`; friction that falls with speed
     (Stribeck's), of which the model knows nothing; and Coulomb friction taken for viscous."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
@@ -52,6 +56,7 @@ def with_what_is_believed(
     moved = np.zeros_like(inertial)
     if by_urdf is not None:  # what weighing changed is as little sure: gravity shows no inertia
         moved = inertial - low_pass(by_urdf.inertial - by_urdf.gravity, by_urdf, GAIN)
+    of_bodies = np.zeros((len(fits), 3)) if weighed else by_bodies(solved, found, rows, model)
     alike = max(constant_off(shared(shown)), _CONSTANT_OFF)
     new = []
     for i, (fit, one) in enumerate(zip(fits, solved, strict=True)):
@@ -67,7 +72,8 @@ def with_what_is_believed(
             if name in errors:
                 parts = (
                     *(errors[name], _FALLS * one.falls[k]),
-                    *(change[k], off * bias[k], constant * (fit.values[name] + abs(bias[k]))),
+                    *(of_bodies[i, k], change[k], off * bias[k]),
+                    constant * (fit.values[name] + abs(bias[k])),
                 )
                 errors[name] = float(np.linalg.norm(parts))
         if "K_load" in errors:
@@ -77,7 +83,7 @@ def with_what_is_believed(
             near_rest = _NEAR_REST * fit.values["K_theta_s"] / speed
             errors["K_theta_v"] = float(np.hypot(errors["K_theta_v"], near_rest))
         of_masses = {
-            name: weighs * abs(float(bias[k]))
+            name: float(np.hypot(weighs * bias[k], of_bodies[i, k]))
             for k, name in enumerate(COLUMNS[:3])
             if name in errors
         }

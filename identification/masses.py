@@ -25,6 +25,7 @@ from identification.body_motion import (
 )
 from identification.body_rows import (
     CORRELATED_S,
+    LASTING_S,
     BodiesFit,
     JointRows,
     fitted,
@@ -49,7 +50,6 @@ _NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses s
 _WORTH, _AS_SURE = 0.9, 0.5  # times the same of some joint: beyond two intervals, or none
 _UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
-_LASTING_S = 1.5  # of gears that bend, encoders, late columns: about as long as a way
 _UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
 
 
@@ -286,7 +286,7 @@ def _errors(nominal: Matrix, fit: BodiesFit) -> Matrix:
     centres that are off: of motion H, pull P, C = 1 / (H + P) and centres' change S, those of
     C (t H + P) C and (1 - C H) S. The first lasts t times as long as the filter's noise."""
     inverse = np.linalg.inv(fit.information)
-    lasting = (_LASTING_S / CORRELATED_S - 1.0) * fit.of_motion
+    lasting = (LASTING_S / CORRELATED_S - 1.0) * fit.of_motion
     covariance = inverse @ (fit.information + lasting) @ inverse
     centers = block_diag(*map(off_center, nominal))
     left = centers - inverse @ fit.of_motion @ centers

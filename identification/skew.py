@@ -16,6 +16,7 @@ from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
+from identification.torque_columns import torque_parts
 
 LONGEST_S: Final = 0.015
 """Skew beyond this is none."""
@@ -27,7 +28,6 @@ _GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
 _LEAST_S: Final = (0.0015, 0.002)  # of a velocity, of a current: less is left
 _LEAST: Final = 1e-3  # acceleration that shows any [rad/s2]
 _BETTER: Final = 0.97  # of the squares, at the joint between the others
-_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +104,7 @@ def _of_currents(rows: Intervals) -> float:
     tried = np.arange(-LONGEST_S, LONGEST_S + 0.5 * _STEP_S, _STEP_S)
     found, gains = [], []
     for i in range(rows.current.shape[1]):
-        v = rows.theta_dot[:, i]
-        slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
-        columns = np.stack([rows.inertial[:, i], np.tanh(v / slow), v, rows.theta_ddot[:, i],
-                            np.ones_like(v)], axis=1)  # fmt: skip
-        basis, *_ = np.linalg.svd(low_pass(columns, rows, _GAIN), full_matrices=False)
+        basis, *_ = np.linalg.svd(low_pass(torque_parts(rows, i), rows, _GAIN), full_matrices=False)
         shifts = np.stack([np.interp(rows.time_s + d, rows.time_s, rows.current[:, i])
                            for d in tried], axis=1)  # fmt: skip
         signals = low_pass(shifts, rows, _GAIN)

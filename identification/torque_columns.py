@@ -33,7 +33,7 @@ def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettin
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
     there = np.ptp(rows.current, axis=0) > 0.0
     moved = [i for i in range(log.n) if there[i] and not unexcited(rows.theta_dot[:, i])]
-    columns = [_columns(rows, i) for i in moved]
+    columns = [torque_parts(rows, i) for i in moved]
     x = low_pass(rows.current[:, moved], rows, _GAIN)
     if not moved:
         return
@@ -55,8 +55,8 @@ def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettin
                        f"{1e3 * lag:.0f} ms: log them unfiltered")  # fmt: skip
 
 
-def _columns(rows: Intervals, i: int) -> Matrix:
-    """Parts of a motor's torque (N, 5)."""
+def torque_parts(rows: Intervals, i: int) -> Matrix:
+    """Columns (N, 5) of a motor's torque: tau, sign(v), v, a and 1 of the equation above."""
     v = rows.theta_dot[:, i]
     slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
     return np.stack([rows.inertial[:, i], np.tanh(v / slow), v, rows.theta_ddot[:, i],

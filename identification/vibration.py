@@ -11,11 +11,12 @@ from typing import Final
 import numpy as np
 from scipy.signal import butter, sosfiltfilt, welch
 
-from common.arrays import Matrix, Vector
+from common.arrays import Vector
 from estimator.model import Model
 from estimator.settings import EstimatorSettings
 from identification.log_intervals import intervals, low_pass
 from identification.motion_log import MotionLog
+from identification.torque_columns import torque_parts
 
 _ROWS: Final = 10_000  # of a log, that are looked at
 _GAIN: Final = 30.0  # of the filter on both sides of the fit [1/s]
@@ -23,7 +24,6 @@ _LOWEST_HZ: Final = 4.0  # below, motion and friction are
 _WINDOW_S: Final = 4.0
 _DROWNS: Final = 1.0  # of the friction
 _WIDE, _TONE = 0.3, 0.6  # octaves about its peak, and share of the power there
-_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 
 
 def without_vibration(
@@ -38,12 +38,8 @@ def without_vibration(
     width = min(round(_WINDOW_S * rate_Hz), len(rows.dt))
     current, about = log.current.copy(), []
     for i, joint in enumerate(log.joints):
-        v = rows.theta_dot[:, i]
-        slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
-        columns: Matrix = np.stack([rows.inertial[:, i], np.tanh(v / slow), v,
-                                    rows.theta_ddot[:, i], np.ones_like(v)], axis=1)  # fmt: skip
         x = rows.current[:, i]
-        smooth = low_pass(columns, rows, _GAIN)
+        smooth = low_pass(torque_parts(rows, i), rows, _GAIN)
         found, *_ = np.linalg.lstsq(smooth, low_pass(x[:, None], rows, _GAIN)[:, 0], rcond=None)
         f, of_all = welch(x, rate_Hz, nperseg=width)
         _, explained = welch(smooth @ found, rate_Hz, nperseg=width)

@@ -15,6 +15,8 @@ from simulator.servo import SERVO_PERIOD_S
 STEADY = 1.0
 """Most by which friction may change a rotor's velocity in a step, as a share of it; its motor's own
 damping needs the rest of 2."""
+STEADY_LINK = 1.5
+"""The same of a link: at 2 it chatters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +156,14 @@ def _apparent_inertia(model: pin.Model, lower: Vector, upper: Vector) -> tuple[V
 
 
 def steady_steps(settings: SimulationSettings, parameters: PlantParameters) -> int:
-    """Least number of steps per ms in which smooth friction turns no rotor round by itself."""
+    """Least number of steps per ms in which smooth friction turns no rotor round by itself, and
+    lets no link chatter, whose mean friction would be less than Coulomb's."""
     if settings.friction != "smooth":
         return 1
-    n = len(parameters.rotor_inertia)
-    steepest = parameters.coulomb[n:] / settings.friction_width + parameters.viscous[n:]
-    return int(
-        np.ceil(SERVO_PERIOD_S * float((steepest / parameters.rotor_inertia).max()) / STEADY)
+    steep = parameters.coulomb / settings.friction_width + parameters.viscous
+    of_links, of_rotors = steep.reshape(2, -1)
+    fastest = np.maximum(
+        of_rotors / parameters.rotor_inertia / STEADY,
+        of_links / parameters.lightest_link / STEADY_LINK,
     )
+    return int(np.ceil(SERVO_PERIOD_S * float(fastest.max())))

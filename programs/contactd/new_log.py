@@ -23,7 +23,7 @@ from programs.identify.foreign import joined
 from programs.identify.log_names import NamedLog, beside, read_names
 from programs.identify.mcap_log import headers
 
-_AS_IT_IS = (0.7, 1.4)  # scales of a torque that are rather errors of the URDF
+_AS_IT_IS = (0.4, 2.5)  # scales of a torque that are rather errors of the URDF
 
 
 def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
@@ -103,9 +103,8 @@ def _write(
     found = scales(aligned, robot.model)
     shown = [one for one in found if one.constant]
     usual = float(np.median([abs(one.constant) for one in shown] or [1.0]))
-    # One program wrote them all: where the surest torque is at the link, so are the others.
-    surest = abs(min(shown, key=lambda one: one.error).constant) if shown else 1.0
-    at_link, known = _AS_IT_IS[0] < surest < _AS_IT_IS[1], read_names(logs[0])
+    # One program wrote them all: where most torques are at the links, so are the others.
+    at_link, known = _AS_IT_IS[0] < usual < _AS_IT_IS[1], read_names(logs[0])
     constants = [
         _constant(name, one, usual, known, at_link=at_link)
         for name, one in zip(names, found, strict=True)

@@ -171,11 +171,23 @@ def guessed(
     most = max((float(np.abs(table[each["current"]]).max())
                 for each in its.values() if "current" in each), default=0.0)  # fmt: skip
     period = _step(table[column]) * UNITS["time"][time.unit]
-    return Columns(time, {
+    return Columns(time, _alike({
         one.joint: _of_joint(its[one.joint], table, one, angle, period)
         | _effort(its[one.joint], milli=most > _MOST_A)
         for one in there
-    })  # fmt: skip
+    }))  # fmt: skip
+
+
+def _alike(joints: Mapping[str, dict[str, Column]]) -> Mapping[str, dict[str, Column]]:
+    """The same, in which velocities that follow nothing are in the unit of most others: one
+    program wrote them all."""
+    for quantity in ("motor_velocity", "setpoint"):
+        named = [each[quantity] for each in joints.values() if quantity in each]
+        units = [one.unit for one in named if one.doubt != _STRANGE]
+        for each in joints.values():
+            if units and quantity in each and each[quantity].doubt == _STRANGE:
+                each[quantity] = replace(each[quantity], unit=max(units, key=units.count))
+    return joints
 
 
 def _time(column: str, values: Vector) -> Column:

@@ -102,6 +102,20 @@ def test_a_motor_that_swings_through_its_gap_has_no_gear(rate_Hz: float, noise: 
         assert (its["elbow"][name].unit, its["elbow"][name].scale) == (unit, 1.0)
 
 
+def test_a_velocity_that_follows_nothing_is_in_the_unit_of_the_others() -> None:
+    """In rad/s among deg/s, its viscous friction was 57 times too small."""
+    t = np.arange(0.0, 20.0, 0.02)
+    table = {"time": t, "q": np.sin(t), "x": np.degrees(np.cos(t)), "i": t,
+             "y": np.degrees(np.cos(t + 7.0 * np.sin(9.0 * t)))}  # fmt: skip
+    ranges = [JointRange(name, 1, lower=-1.5, upper=1.5) for name in ("a", "b")]
+    named = {("", "time"): "time", ("a", "motor_velocity"): "x", ("b", "motor_velocity"): "y"}
+    for one in ("a", "b"):
+        named |= {(one, "link_position"): "q", (one, "current"): "i"}
+    its = guessed(named, table, ranges).joints
+    assert [its[one]["motor_velocity"].unit for one in ("a", "b")] == ["deg/s", "deg/s"]
+    assert "CHECK what it is" in its["b"]["motor_velocity"].doubt
+
+
 def test_what_is_next_names_no_log_in_which_the_arm_is_touched(
     tmp_path: Path, arm: Stranger
 ) -> None:
@@ -166,6 +180,15 @@ def test_noise_of_fast_samples_makes_no_torque_seem_too_small(tmp_path: Path) ->
     of = stranger(5002, 30.0, tmp_path / "truth")
     assert drafted(tmp_path, of, Style(rate_Hz=200.0, torque=True)).exit_code == 0
     assert "scale" not in beside(tmp_path / "log.csv").read_text()
+
+
+def test_masses_that_are_off_scale_no_torque(tmp_path: Path) -> None:
+    """They were 1.1, 1.4 and 1.6 times those at the links, and friction with them, as `good`."""
+    of = stranger(1000, 30.0, tmp_path / "truth", by_urdf=False)
+    assert drafted(tmp_path, of, Style(torque=True)).exit_code == 0
+    names = beside(tmp_path / "log.csv").read_text()
+    assert "CHECK: 1.4" in names
+    assert "scale" not in names
 
 
 def test_ten_samples_a_second_make_a_configuration(tmp_path: Path, arm: Stranger) -> None:
