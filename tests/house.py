@@ -142,7 +142,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     steps = {path.stem for path in (root / "programs/identify/steps").glob("[a-z]*.py")}
     return [
         Measure("lines of the product", lines(PRODUCT, root), 69_090, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 14_990, 12_500),
+        Measure("lines of daemon/", lines(["daemon"], root), 14_910, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_600, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 69_760, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
@@ -151,7 +151,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
         Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
         Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in written), 10, 10),
         Measure("docstrings without a noun", sum(len(_NO_NOUN.findall(t)) for t in written), 0, 0),
-        Measure("files of daemon/ that `contactd run` does not load", len(beside), 1, 0, beside),
+        Measure("files of daemon/ that `contactd run` does not load", len(beside), 0, 0, beside),
         Measure("constructors of State", sum(constructors("State", t) for t in python), 1, 1),
         # That a start calls it once is a test of tests/daemon/service/test_reload.py.
         Measure(
