@@ -77,3 +77,14 @@ class Controller:
     walk.enter("Controller", "step", {"observed"})
     assert walk.stays == ["home", "own", "home", "other"]
     assert walk.returns == 1
+
+
+def test_what_is_imported_is_followed() -> None:
+    texts = {
+        "a/run.py": "from a import one\nfrom a.two import name\n",
+        "a/one.py": "",
+        "a/two.py": "def f():\n    from a.three import x\n",
+        "a/three.py": "",
+        "a/beside.py": "from a import run\n",
+    }
+    assert set(texts) - HOUSE["loaded_from"]("a/run.py", texts) == {"a/beside.py"}

@@ -17,11 +17,11 @@ from bench.rigs.lines import OpenLine, virtual_line
 from bench.rigs.lockstep import BEAM, DESK_ARM, OPENARM, ROMEO, Rig, lockstep_rig
 from bench.rigs.speech import CANOPEN, DAMIAO_BUS, ROBSTRIDE_BUS, Speech
 from daemon.config.schema import Configuration, Joint, Sinusoid, Trajectory
-from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from daemon.tick.telemetry import ON_TIME, Wakeup
 from drivers.can.wire import EXTENDED, Frame, Wire
 from drivers.canopen.ids import EMERGENCY
+from programs.contactd.travels import travels
 from simulator.sensors import Readings
 
 

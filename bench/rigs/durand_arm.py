@@ -160,17 +160,9 @@ def durand_rig(
         bus.hand_over()
         drives = build_canopen(robot, boot, between(bus.wire), lambda: 0.0)
         tick = build_tick(robot, drives, TRUSTED)
-        checks = build_arming_checks(robot, tick, TRUSTED)
+        parts = drives, tick, build_arming_checks(robot, tick, TRUSTED)
         drives.start(0.0)
         arm = DurandArm(drive, c.period_s)
         arm.pump()
-        yield Rig(
-            robot,
-            drives,
-            tick,
-            checks,
-            cast(SimulatedArm, arm),
-            cast(Lockstep, arm),
-            bus,
-            lambda _: (drives, tick, checks),
-        )
+        arm_and_bus = cast(SimulatedArm, arm), cast(Lockstep, arm), bus
+        yield Rig(robot, *parts, *arm_and_bus, lambda _: parts)

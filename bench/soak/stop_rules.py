@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from bench.soak.record import Ledger
 from common.arrays import Vector
 from daemon.config.schema import Configuration
-from daemon.config.travels import travels
 from daemon.modes.table import Mode
 from daemon.protocol.state import State
 from daemon.tick.controller import RESET_PATIENCE_S
 from daemon.tick.news import STOP_PROVED
+from programs.contactd.travels import travels
 
 # No motor moves so long after a proof [s], faster than one that stands [rad/s], in so many readings
 # in a row: a link that falls through its gap gives its motor one knock.

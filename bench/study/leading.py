@@ -22,7 +22,7 @@ from daemon.config.schema import Sinusoid
 from daemon.config.vectors import limits_of
 from daemon.modes.contact_reactions import AfterQuiet
 from daemon.modes.table import Event, Mode
-from daemon.motion.balance import LEADING_RAD_S, levers
+from programs.contactctl.balance import LEADING_RAD_S, levers
 from programs.contactctl.gain import balance_of
 
 SHARE: Final = 0.6  # of each joint's range, in its middle: arms are not led from stop to stop

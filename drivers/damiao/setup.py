@@ -7,38 +7,40 @@ without setpoints after which it lets go.
 import math
 from collections.abc import Mapping
 
-from common.errors import DriveError
+from common.errors import DriveError, SilentDriveError
 from drivers.can.wire import Frame
-from drivers.damiao.frames import ANSWERS, IMPEDANCE_MODE, TIMEOUT_S, Register, write
-from drivers.damiao.registers import Registers
+from drivers.damiao.frames import (
+    ANSWERS,
+    IMPEDANCE_MODE,
+    TIMEOUT_S,
+    Register,
+    read,
+    register_of,
+    value_of,
+    write,
+)
 from drivers.damiao.settings import DamiaoDrive
 from drivers.motors.arm import MotorIdentity
-from drivers.motors.asking import same
+from drivers.motors.asking import TRIES, Asking, same
 from drivers.motors.replies import FAR
 
 
-class DamiaoSetup(Registers):
+class DamiaoSetup(Asking):
     """Set-up of the motors on one wire."""
 
     def identified(self, drive: DamiaoDrive) -> MotorIdentity:
         """Identity of a motor whose ranges are as configured. Raises DriveError."""
-        timeout_s = drive.profile.answer_timeout_s
-
-        def value(register: Register) -> float:
-            return self.read(drive.node, register, timeout_s, str(drive))
-
         for register, (field, wanted) in _ranges(drive).items():
-            held = value(register)
+            held = self.read(drive, register)
             if not same(held, wanted):
                 raise DriveError(
-                    f"{drive}: register {register.value} ({register.name.lower()}) reads {held:g}; "
+                    f"{drive}: {_named(register)} reads {held:g}; "
                     f"`{field}` of the configuration means {wanted:g}"
                 )
-        serial = int(value(Register.SERIAL))
-        return MotorIdentity(
-            f"{drive.profile.model}, firmware {int(value(Register.FIRMWARE))}",
-            None if serial in (0, 0xFFFFFFFF) else serial,
-        )
+        serial = int(self.read(drive, Register.SERIAL))
+        firmware = int(self.read(drive, Register.FIRMWARE))
+        known = None if serial in (0, 0xFFFFFFFF) else serial
+        return MotorIdentity(f"{drive.profile.model}, firmware {firmware}", known)
 
     def begin(self, drive: DamiaoDrive) -> Frame:
         """Set a motor up but for its time-out, before which it would let go; that is to follow its
@@ -53,11 +55,10 @@ class DamiaoSetup(Registers):
         self._set_up(drive, _wanted(drive))
 
     def _set_up(self, drive: DamiaoDrive, wanted: Mapping[Register, float]) -> None:
-        timeout_s = drive.profile.answer_timeout_s
         for register, value in wanted.items():
-            self.write(drive.node, register, value, timeout_s, str(drive))
+            self.write(drive, register, value)
         motor, output = (
-            self.read(drive.node, register, timeout_s, str(drive))
+            self.read(drive, register)
             for register in (Register.MOTOR_POSITION, Register.OUTPUT_POSITION)
         )
         apart = math.remainder(motor - output, math.tau)
@@ -70,20 +71,49 @@ class DamiaoSetup(Registers):
 
     def deviation(self, drive: DamiaoDrive) -> str | None:
         """First register that a motor does not hold any more, in words. Raises SilentDriveError."""
-        timeout_s = drive.profile.answer_timeout_s
         for register, wanted in _wanted(drive).items():
-            held = self.read(drive.node, register, timeout_s, str(drive))
+            held = self.read(drive, register)
             if not same(held, wanted):
-                return (
-                    f"register {register.value} ({register.name.lower()}) reads {held:g}, not "
-                    f"{wanted:g}"
-                )
+                return f"{_named(register)} reads {held:g}, not {wanted:g}"
         return None
 
     def leave(self, drive: DamiaoDrive) -> None:
         """Switch off a motor's watch on us. Raises DriveError."""
-        timeout_s = drive.profile.answer_timeout_s
-        self.write(drive.node, Register.TIMEOUT, 0, timeout_s, str(drive))
+        self.write(drive, Register.TIMEOUT, 0)
+
+    def read(self, drive: DamiaoDrive, register: Register) -> float:
+        """Value of a register; NaN for one that was never written. Raises SilentDriveError when
+        three questions stay without an answer, BusError."""
+        return self._asked(drive, register, read(drive.node, register))
+
+    def write(self, drive: DamiaoDrive, register: Register, value: float) -> None:
+        """Set a register until the motor's power is off, and read it back. Raises DriveError if it
+        does not hold, SilentDriveError, BusError."""
+        self._asked(drive, register, write(drive.node, register, value))
+        if not same(held := self.read(drive, register), value):
+            what = f"{_named(register)} does not hold {value:g}"
+            raise DriveError(f"{drive}: {what}; it reads {held:g}")
+
+    def _asked(self, drive: DamiaoDrive, register: Register, question: Frame) -> float:
+        node, timeout_s = drive.node, drive.profile.answer_timeout_s
+
+        def answer(can_id: int, data: bytes | bytearray) -> float | None:
+            # Reading and writing have answers of their own.
+            own = can_id == node + ANSWERS and register_of(node, data) == register
+            return value_of(register, data) if own and data[2] == question[1][2] else None
+
+        value = self.ask(question, answer, timeout_s)
+        if value is None:
+            raise SilentDriveError(
+                f"{drive} does not answer ({TRIES} tries of {1000 * timeout_s:.0f} ms for register "
+                f"{register.value}): is it powered, is {node} its id and {node + ANSWERS} (id + "
+                f"{ANSWERS}) its master id?"
+            )
+        return value
+
+
+def _named(register: Register) -> str:
+    return f"register {register.value} ({register.name.lower()})"
 
 
 def _wanted(drive: DamiaoDrive) -> dict[Register, float]:

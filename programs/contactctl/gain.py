@@ -17,9 +17,9 @@ from programs.contactctl.replies import answer, print_json
 if TYPE_CHECKING:
     from common.arrays import Vector
     from daemon.config.schema import Configuration
-    from daemon.motion.balance import Balance
     from daemon.protocol.replies import Status
     from daemon.protocol.state import Snapshot
+    from programs.contactctl.balance import Balance
 
 
 @click.command(cls=Command, context_settings={"ignore_unknown_options": True})  # -0.1 is no option
@@ -118,7 +118,7 @@ def balance_of(c: "Configuration", urdf: str) -> "Balance":
 
     from daemon.config.dynamics import model_of
     from daemon.config.vectors import row, virtual_mass_of
-    from daemon.motion.balance import balanced, levers
+    from programs.contactctl.balance import balanced, levers
     from programs.contactctl.sensitivity_poses import poses_within
 
     model, poses = model_of(c, urdf), poses_within(c)
@@ -138,7 +138,7 @@ def _rows(snapshot: "Snapshot", status: "Status") -> dict[str, dict[str, float]]
 
     from daemon.config.load import parse_configuration
     from daemon.config.vectors import row
-    from daemon.motion.balance import leading_torque
+    from programs.contactctl.balance import leading_torque
 
     c = parse_configuration(snapshot.configuration, "the daemon's", snapshot.identified)
     threshold, found = row(c, lambda j: j.thresholds.contact), balance_of(c, snapshot.urdf)
@@ -171,7 +171,7 @@ def _number(column: "Vector", i: int) -> float:
 
 def in_words(rows: dict[str, dict[str, float]]) -> str:
     """Balance as a table, a line for each joint, and how even it is before and after."""
-    from daemon.motion.balance import LEADING_RAD_S
+    from programs.contactctl.balance import LEADING_RAD_S
 
     ways = [
         [f"{row[f'{w}least_N']:.1f} to {row[f'{w}most_N']:.1f}" for row in rows.values()]

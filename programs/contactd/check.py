@@ -12,12 +12,10 @@ from daemon.config.bounds import near
 from daemon.config.checks import suspects
 from daemon.config.convert import choices
 from daemon.config.evidence import outdated, unarmable, unidentified
-from daemon.config.explanations import explain
 from daemon.config.identified import Identified
 from daemon.config.load import Robot, load_robot
 from daemon.config.schema import Configuration, frames_of
 from daemon.config.shapes import Walls, clearance_of
-from daemon.config.travels import travels
 from daemon.config.worst_loads import Load, worst_loads
 from drivers.can.load import HIGHEST_LOAD, FrameLoad, bus_load
 from drivers.can.wire import IDENTIFIER
@@ -26,6 +24,8 @@ from programs.command_line.sentences import say
 from programs.contactctl.sensitivity_poses import sensitivity_over_poses
 from programs.contactd.check_drives import add_alike, drives_in_words, new_table, remark
 from programs.contactd.drafts.configuration import guesses
+from programs.contactd.explanations import explain
+from programs.contactd.travels import travels
 from programs.identify.stated_levels import source, unused
 
 TRAVEL_WORDS = (

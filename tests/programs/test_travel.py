@@ -8,10 +8,10 @@ import pytest
 
 from bench.rigs.lockstep import ROMEO, SINGLE_JOINT, Rig, lockstep_rig
 from daemon.config.load import load_robot
-from daemon.config.travels import noticing_ticks, travels
 from drivers.api import PowerTarget
 from drivers.stopping.travel import worst_travel
 from programs.contactd.check import print_check
+from programs.contactd.travels import noticing_ticks, travels
 
 MASTERS_HEARTBEAT = 0x77F
 

@@ -5,9 +5,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from daemon.config.travels import travels
 from daemon.protocol.state import Notice, State
 from daemon.tick.news import STOP_PROVED
+from programs.contactd.travels import travels
 from tests.bench.soak.scenes import MIDDLE, C, Scene, broken_by, first, ledger_of, notices, state
 
 PROVED = Notice(kind="mode", text=STOP_PROVED)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
-from daemon.config.travels import travels
 from daemon.modes.table import Mode
 from drivers.can.wire import Frame, Wire
 from drivers.damiao.frames import ANSWERS, Status
+from programs.contactd.travels import travels
 from tests.drivers.damiao.test_arm import Filter
 
 JOINT = 3  # which bears a load

@@ -10,12 +10,12 @@ import pytest
 
 from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.lockstep import OPENARM, Rig, lockstep_rig
-from daemon.config.travels import travels
 from daemon.modes.table import Event, Mode
 from drivers.can.wire import Frame, Wire
 from drivers.damiao.frames import ANSWERS, ENABLE
 from drivers.motors.guardian import BEAT
 from drivers.motors.language import State
+from programs.contactd.travels import travels
 from simulator.damiao.motor import OVERLOAD
 
 T = 0.01

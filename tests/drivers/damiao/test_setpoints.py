@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -12,7 +14,7 @@ from daemon.config.load import load_robot
 from drivers.can.wire import Frame
 from drivers.damiao.frames import ANSWERS, Register, setpoint_of
 from drivers.damiao.language import DamiaoLanguage
-from drivers.damiao.registers import Registers
+from drivers.damiao.setup import DamiaoSetup
 from drivers.motors.setpoints import Setpoints
 
 T = 0.01
@@ -95,5 +97,5 @@ class Answers:
 
 def test_an_answer_to_writing_is_none_to_reading() -> None:
     written, read = "01005509D0070000", "01003309C4090000"
-    registers = Registers(Answers(written, read))
-    assert registers.read(1, Register.TIMEOUT, 0.05, "one") == 0x9C4
+    drive: Any = SimpleNamespace(node=1, profile=SimpleNamespace(answer_timeout_s=0.05))
+    assert DamiaoSetup(Answers(written, read)).read(drive, Register.TIMEOUT) == 0x9C4

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daemon.motion.balance import (
+from daemon.protocol.bounds import MAX_GAIN
+from programs.contactctl.balance import (
     FIRMEST_1_S,
     GRIP_M,
     HAND_N_M,
@@ -15,7 +16,6 @@ from daemon.motion.balance import (
     leading_torque,
     levers,
 )
-from daemon.protocol.bounds import MAX_GAIN
 
 LIGHT = 1e-6  # an inertia that bounds nothing [kg m2]
 N = 3

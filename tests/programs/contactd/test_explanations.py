@@ -4,13 +4,13 @@ import msgspec
 import pytest
 
 from common.errors import ConfigurationError
-from daemon.config.explanations import EXPLANATIONS, explain
 from daemon.config.schema import Configuration, Joint, JointLimits, Levels
 from drivers.can.settings import BusSettings
 from drivers.canopen.settings import CanopenProfile, Quantity
 from drivers.damiao.settings import DamiaoProfile
 from drivers.robstride.settings import RobStrideProfile
 from drivers.wiring import JointWiring
+from programs.contactd.explanations import EXPLANATIONS, explain
 
 
 def fields(kind: type[msgspec.Struct], prefix: str, *, but: tuple[str, ...] = ()) -> set[str]:
