@@ -83,7 +83,7 @@ def test_a_hand_that_was_found_rests_until_its_mean_changes(
     assert (probe.hand() is None) == (abs(later) < 1.0)
 
 
-@pytest.mark.parametrize(("ends", "found"), [(0.17, 1), (0.14, None)])
+@pytest.mark.parametrize(("ends", "found"), [(0.18, 1), (0.17, None)])
 def test_a_hand_whose_mean_fades_slowly_rests_until_it_is_no_more_than_without_one(
     ends: float, found: int | None
 ) -> None:
@@ -105,3 +105,34 @@ def test_a_short_quiet_time_has_no_room_for_it(quiet_s: float, some: bool) -> No
     assert velocity.any() == some
     assert (probe.hand() is not None) == some
     assert not dead_band(np.array([0.9]) * LEVEL[1], LEVEL[1:]).any()  # no level shows it
+
+
+# Force at the tool along x, y, z: shares of the levels.
+TOOL = np.array([[0.5, 0.5], [0.0, 0.0], [0.0, 0.1]]) * LEVEL
+
+
+@pytest.mark.parametrize(
+    ("hand", "work", "found"),
+    [((0.12, 0.12), (0.0, 0.0), True), ((0.12, -0.12), (0.0, 0.0), False),
+     ((0.12, 0.12), (0.1, 0.1), False), ((0.0, 0.0), (-0.13, -0.13), True),
+     ((0.12, 0.12), (0.9, 0.9), False), ((0.26, 0.0), (0.25, 0.0), True)],
+)  # fmt: skip
+def test_a_force_at_the_tool_is_found_beyond_what_the_work_showed(
+    hand: tuple[float, float], work: tuple[float, float], found: bool
+) -> None:
+    probe = Probe(2, QUIET_S)
+    for tick in range(400):
+        way = np.sign(np.sin(0.1 * tick)) * np.ones(2)
+        probe.work((np.array(work) + 0.4 * way) * LEVEL, 0.2 * way, T)  # and friction
+    for tick in range(1, round(QUIET_S / T) + 1):
+        probe.step(tick * T, np.array(hand) * LEVEL, LEVEL)
+    assert (probe.hand(TOOL) is not None) == found
+
+
+def test_work_of_one_direction_shows_no_error_of_the_masses() -> None:
+    probe = Probe(2, QUIET_S)
+    for _ in range(400):
+        probe.work(0.13 * LEVEL, np.full(2, 0.2), T)
+    for tick in range(1, round(QUIET_S / T) + 1):
+        probe.step(tick * T, 0.13 * LEVEL, LEVEL)
+    assert probe.hand(TOOL) is not None
