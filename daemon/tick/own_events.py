@@ -61,7 +61,7 @@ class OwnEvents:
         self._rests = ""
         self._ahead = self._ahead if mode is Mode.RETURNING else None
         self._probe.forget()
-        if mode is Mode.TRACKING and self._machine.armed and self._settings.probes:
+        if mode is Mode.TRACKING and self._settings.probes and not observed.touched:
             self._probe.work(observed.residual, observed.motor_velocity, dt)
         if mode is Mode.RELEASING:
             return self._releasing(dt, observed)

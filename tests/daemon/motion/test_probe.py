@@ -121,9 +121,9 @@ def test_a_force_at_the_tool_is_found_beyond_what_the_work_showed(
     hand: tuple[float, float], work: tuple[float, float], found: bool
 ) -> None:
     probe = Probe(2, QUIET_S)
-    for tick in range(400):
-        way = np.sign(np.sin(0.1 * tick)) * np.ones(2)
-        probe.work((np.array(work) + 0.4 * way) * LEVEL, 0.2 * way, T)  # and friction
+    for tick in range(800):
+        way, shown = np.sign(np.sin(0.1 * tick)) * np.ones(2), work if tick > 400 else (-1.0, -1.0)
+        probe.work((np.array(shown) + 0.4 * way) * LEVEL, 0.2 * way, 0.5)  # and friction
     for tick in range(1, round(QUIET_S / T) + 1):
         probe.step(tick * T, np.array(hand) * LEVEL, LEVEL)
     assert (probe.hand(TOOL) is not None) == found
