@@ -30,7 +30,7 @@ CYCLES: Final = 2
 PERIOD_S: Final = 0.8
 SPEED: Final = 0.018  # [rad/s]
 SHARE: Final = 0.25  # of arms of the world's width that nothing touches, few show 0.2
-AT_TOOL: Final = 0.16  # likewise 0.14
+AT_TOOL: Final = 0.17  # likewise 0.15
 CHANGED: Final = 0.08  # of the level; a hand that holds still changes its mean by less at a time
 FADED: Final = 0.7  # of what finds a hand, below which it is gone
 #: The work: motion [rad/s], its time that is remembered, and needed each way [s], and the most that

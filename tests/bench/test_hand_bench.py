@@ -39,7 +39,7 @@ def test_a_trajectory_does_not_go_on_in_a_hand_that_rests(
         notices.extend(notice.text for notice in arm.last.notices)
 
     monkeypatch.setattr(arm, "step", noted)
-    found = trial(arm, 0.55)
+    found = trial(arm, 0.15)  # below SHARE on every joint: by what the tool's force makes of all
     assert not found.missed
     assert found.let_go_s < leading.LEAVES_S  # and goes on once the hand left
     assert len([text for text in notices if text.startswith("something rests on ")]) == 1
