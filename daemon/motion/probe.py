@@ -33,6 +33,8 @@ SHARE: Final = 0.25  # of arms of the world's width that nothing touches, few sh
 AT_TOOL: Final = 0.17  # likewise 0.15
 CHANGED: Final = 0.08  # of the level; a hand that holds still changes its mean by less at a time
 FADED: Final = 0.7  # of what finds a hand, below which it is gone
+#: A finding that sinks below SINKS at once to WEAK was friction that stuck, and slides.
+SINKS, WEAK = 0.8, 1.2
 #: The work: motion [rad/s], its time that is remembered, and needed each way [s], and the most that
 #: it may hide, of the level: a hand may have leaned on the arm.
 MOVES, REMEMBERED_S, NEEDED_S, HIDES = 0.02, 15.0, 0.5, 0.15
@@ -52,7 +54,7 @@ class Probe:
         self._sum, self._level = np.zeros((2, n))
         self._ticks = 0  # of both
         self._mean, self._time_s = np.zeros((2, 2, n))  # of the work, each way
-        self._found: tuple[int, float] | None = None  # joint, and its mean over its level
+        self._found: tuple[int, float, float] | None = None  # joint, its mean over its level, size
 
     def work(self, residual: Vector, velocity: Vector, dt: float) -> None:
         """Take dt [s] of the work: residual [Nm] and velocities of the motors [rad/s]."""
@@ -93,13 +95,14 @@ class Probe:
         joint, size = int(np.argmax(np.abs(beyond))), float(np.abs(mean).max()) / SHARE
         if jacobian is not None and (most := np.linalg.norm(B := jacobian / level, 2)) > 0.0:
             size = max(size, float(np.linalg.norm(B @ beyond) / most) / AT_TOOL)
-        before = self._found
+        before, self._found = self._found, None
         if size > 1.0:
-            self._found = joint, float(beyond[joint])
-        elif before is not None:
+            self._found = joint, float(beyond[joint]), size
+        elif before is not None and size > FADED:
             joint, now = before[0], float(beyond[before[0]])
-            rests = size > FADED and abs(now - before[1]) < CHANGED
-            self._found = (joint, now) if rests else None
+            self._found = (joint, now, size) if abs(now - before[1]) < CHANGED else None
+        if before is not None and size < min(SINKS * before[2], WEAK):
+            self._found = None
         return None if self._found is None else self._found[0]
 
     def forget(self) -> None:

@@ -67,14 +67,16 @@ def test_a_contact_on_the_way_begins_it_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("later", "found"), [(0.95, 1), (1.2, 1), (0.6, None), (-0.9, None), (-1.1, 1)]
-)
+    ("first", "later", "found"),
+    [(1.1, 0.95, 1), (1.1, 1.2, 1), (1.1, 0.85, None), (1.1, 0.6, None), (1.1, -0.9, None),
+     (1.1, -1.1, 1), (2.0, 1.25, 1), (2.0, 1.15, None)],
+)  # fmt: skip
 def test_a_hand_that_was_found_rests_until_its_mean_changes(
-    later: float, found: int | None
+    first: float, later: float, found: int | None
 ) -> None:
     probe = Probe(2, QUIET_S)
     for _ in range(2):
-        swung(probe, 1.1 * SHARE)
+        swung(probe, first * SHARE)
         assert probe.hand() == 1
         probe.stop()
     swung(probe, later * SHARE)
