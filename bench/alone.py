@@ -1,13 +1,15 @@
 """Motion without a person: armed arms that learned what is no longer true.
 
-    python -m bench.alone [--arms N] [--first SEED] [--kind KIND] [--retract] [--jobs N] [--json]
+    python -m bench.alone [--arms N] [--first SEED] [--kind KIND] [--retract] [--light]
+                          [--jobs N] [--json]
 
 N arms as wide as the world, with the three laws of friction and gains of 0.1 to 5 rad/s per Nm, or
 their own, swing with all joints for four minutes, armed. Then each meets one change: something that
 rubs, both ways, one way or with the motion, leans on it for 1 to 20 minutes, or pulls at a place
 like a cable, all with 0.2 to 0.9 of a joint's stated level; friction that steps to 0.5 to 2 times
 itself, or grows by half in a rest; a load that comes and goes; lost samples. After that it is
-untouched. The whole tick runs, around an arm without a bus.
+untouched. With --light they assist a hand, and have a guide, a line. The whole tick runs, around an
+arm without a bus.
 
 Judged by the plant. *Alone* is a joint whose rotor moves faster than 0.02 rad/s while the arm
 yields, and no person does work on it, nor did half a second ago; what is left of the speed with
@@ -57,7 +59,7 @@ class Result:
 
 def run(job: Job) -> Result:
     """One arm with its change, and without."""
-    robot, _, own = arm_of(job.seed, job.reaction)
+    robot, _, own = arm_of(job.seed)
     change = changes.draw(job.kind, robot.configuration, job.seed)
     seen, false, level = course(job, change, happens=True)
     other, _, usual = course(job, change, happens=False)
@@ -103,13 +105,15 @@ def targets(results: Sequence[Result]) -> list[Target]:
 @click.option("--first", type=click.IntRange(min=0), default=1)
 @click.option("--kind", type=click.Choice(KINDS), default=None, help="Only this kind of change.")
 @click.option("--retract", is_flag=True, help="Arms that back away from contacts.")
+@click.option("--light", is_flag=True, help="Arms that assist a hand along a line.")
 @JOBS
 def main(
-    arms: int, first: int, kind: Kind | None, retract: bool, processes: int, as_json: bool
-) -> None:
+    arms: int, first: int, kind: Kind | None, retract: bool, light: bool, processes: int,
+    as_json: bool,
+) -> None:  # fmt: skip
     reaction = ContactReaction.RETRACT if retract else ContactReaction.ADMITTANCE
     seeds = range(first, first + arms)
-    jobs = [Job(seed, kind or KINDS[seed % len(KINDS)], reaction) for seed in seeds]
+    jobs = [Job(seed, kind or KINDS[seed % len(KINDS)], reaction, light) for seed in seeds]
     results = sorted(spread(run, jobs, processes, "arms"), key=lambda result: result.job.seed)
     data = {"arms": [plain(asdict(result), 4) for result in results]}
     print_report("alone", first, targets(results), data, as_json=as_json)

@@ -103,6 +103,7 @@ def targets(results: Sequence[Result]) -> list[Target]:
             Target("work over that of drives off, median", float(np.median(work)), 1.8, "x"),
             Target("largest over smallest force", float(force.max() / force.min()), 2.0, "x"),
             Target("coasts, furthest", 1e3 * max(each.coasts_rad for each in led), 20.0, "mrad"),
+            Target("springs back", 1e3 * max(each.rebounds_rad for each in led), 20.0, "mrad"),
             Target("trembles", sum(each.tremble > TREMBLES for each in led), 0),
         ]
     if there := [each for each in rested if each.share]:

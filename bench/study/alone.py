@@ -47,6 +47,7 @@ class Job:
     seed: int
     kind: Kind
     reaction: ContactReaction = ContactReaction.ADMITTANCE  # to contact
+    light: bool = False  # it assists a hand, and has a guide
 
 
 @dataclass
@@ -68,7 +69,7 @@ class Course:
 
 
 def arm_of(
-    seed: int, contact: ContactReaction = ContactReaction.ADMITTANCE
+    seed: int, contact: ContactReaction = ContactReaction.ADMITTANCE, *, light: bool = False
 ) -> tuple[Robot, world.Law, bool]:
     """Robot of one arm, its law of friction, and whether it has its own gains."""
     robot = load_robot(ROMEO)
@@ -89,6 +90,9 @@ def arm_of(
     }
     trajectory = msgspec.structs.replace(c.trajectory, sinusoids=sinusoids)
     admittance = msgspec.structs.replace(c.admittance, after_quiet=AfterQuiet.RETURN)
+    if light:
+        line = {"stiff": ("y", "z", "rx", "ry", "rz")}
+        admittance = msgspec.structs.replace(admittance, assist=True, **line)
     reactions = msgspec.structs.replace(c.reactions, contact=contact)
     changed = {"trajectory": trajectory, "admittance": admittance, "reactions": reactions}
     c = msgspec.structs.replace(c, joints=joints, **changed)
@@ -210,7 +214,7 @@ def course(
 ) -> tuple[Course, tuple[int, int], float]:
     """One arm, with the change, without, or with it from the beginning (`always`); returns what was
     seen, the false contacts of both moments, and the level at the end [Nm]."""
-    robot, law, _ = arm_of(job.seed, job.reaction)
+    robot, law, _ = arm_of(job.seed, job.reaction, light=job.light)
     watched = Watched(robot, law, job.seed, change)
     on, seen = watched.on, watched.seen
     if always:

@@ -114,6 +114,7 @@ class Led:
     work_off: float
     tremble: float  # standard deviation of the link's speed over its mean, second half of the way
     coasts_rad: float
+    rebounds_rad: float  # against the way, by its drive, whose velocity loop the hand had wound up
 
 
 def yields(on: ArmInTheLoop) -> bool:
@@ -139,7 +140,9 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
     torque, speed = _along(hand, on.step, plant.q_dot, joint, on.period_s)
     on.drives.hold, theta = None, plant.theta.copy()
     on.run(1.0)
-    coasts = float(np.abs(plant.theta - theta).max())
+    moved = plant.theta - theta
+    rebounds = max(-way * float(moved[joint]), 0.0)
+    moved[joint] += way * rebounds
     while yields(on):
         on.step()
     off, speed_off = _limp(on.subject, start, replace(hand, anchor=row @ start), joint)
@@ -154,7 +157,8 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
         leads_off=float(np.median(np.abs(off[late]))) / lever,
         work_off=float(off @ speed_off) * on.period_s,
         tremble=float(speed[late].std() / max(abs(speed[late].mean()), 1e-6)),
-        coasts_rad=coasts,
+        coasts_rad=float(np.abs(moved).max()),
+        rebounds_rad=rebounds,
     )
 
 

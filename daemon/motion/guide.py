@@ -138,11 +138,8 @@ class Guide:
         gentle = self._gentle()
         slowed, whole = self._with_the_hand(gain, out) * self._slowed(pivot, gain, out), 1.0
         for i in range(self._n):
-            if slowed * abs(out[i]) > self._most[i]:  # all alike, so that the guide is kept
-                slowed = self._most[i] / abs(out[i])
-        for i in range(self._n):
             out[i] = slowed * out[i] + gentle * self._spring[i] + self._presses[i]
-            if whole * abs(out[i]) > self._most[i]:
+            if whole * abs(out[i]) > self._most[i]:  # all alike, so that the guide is kept
                 whole = self._most[i] / abs(out[i])
         for i in range(self._n):
             out[i] *= whole

@@ -56,6 +56,7 @@ class Motion:
         self.reference = np.zeros_like(limits.lower)
         """desired q [rad]"""
         self.blind, self.walls = blind, None if blind else walls
+        self.model = None if blind else model
         self.meeting: Meeting | None = None
         """of the last path that was looked at, if it leads through a shape"""
         self._held_back = False  # by a wall, and not caught up since
@@ -65,7 +66,7 @@ class Motion:
         self._probed = self._yielding = self.probing
         self.excess: Vector | None = None
         """residual beyond what witnesses a hand, of `hand_witness`; None in doubt [Nm]"""
-        self.guidance = Guidance(None if blind else model, law.velocity, manner.position_gain)
+        self.guidance = Guidance(self.model, law.velocity, manner.position_gain)
         self._assist = Assist(law.velocity)
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)

@@ -51,6 +51,9 @@ class GuideAxes(
     def __str__(self) -> str:
         if not self.guides:
             return "off"
-        kinds = [f"{kind} {' '.join(axes)}" for kind in KINDS if (axes := getattr(self, kind))]
+        named: dict[str, list[str]] = {}
+        for axis, kind in sorted(zip(AXES, self.kinds(), strict=True), key=lambda each: each[1]):
+            named.setdefault(KINDS[kind], []).append(axis)
+        kinds = [f"{kind} {' '.join(axes)}" for kind, axes in named.items()]
         joints = ["redundant joints held"] if self.redundant == "held" else []
         return f"{', '.join([*kinds, *joints])}; frame {self.frame}"

@@ -4,6 +4,8 @@ identified, and places of repeated contact."""
 from collections.abc import Sequence
 from typing import Final
 
+import numpy as np
+
 from daemon.protocol.state import Notice
 from estimator.estimator import Estimator
 
@@ -12,7 +14,8 @@ from estimator.estimator import Estimator
 OFTEN: Final = 3
 TOO_OFTEN: Final = 5
 #: Friction per transmitted torque, beyond the identified interval, from which on it is reported:
-#: 0.05 is learned at most where there is none. Looked at once in so many ticks.
+#: 0.05 is learned at most where there is none. Looked at once in so many ticks. What changes while
+#: a hand leads the arm is no evidence of it.
 LOAD, LOOKS_TICKS = 0.1, 50
 
 
@@ -23,7 +26,8 @@ class LearningNews:
         self._estimator, self._names = estimator, tuple(names)
         self._given_up = [0] * len(self._names)
         self._met = [0] * len(self._names)
-        self._ticks, self._reported_load = 0, False
+        self._ticks, self._reported_load, self._led = 0, False, False
+        self._load, self._by_hand = np.zeros((2, len(self._names)))
 
     @property
     def too_often(self) -> str:
@@ -42,7 +46,7 @@ class LearningNews:
     def load(self) -> str:
         """Joints whose gears rub more under load than was identified, and advice; empty without."""
         estimator = self._estimator
-        learned = estimator.learned().load.tolist()
+        learned = (estimator.learned().load - self._by_hand).tolist()
         known = estimator.transmission.load_friction_error.tolist()
         found = [
             f"{name} by {rubs:.2f} per Nm"
@@ -59,13 +63,17 @@ class LearningNews:
     def _at(self, i: int) -> str:
         return f"{self._estimator.place(i):.2f}"
 
-    def step(self) -> tuple[Notice, ...]:
-        """News of this tick; most often none."""
+    def step(self, *, led: bool = False) -> tuple[Notice, ...]:
+        """News of this tick, in which a hand may have led the arm; most often none."""
         estimator = self._estimator
-        self._ticks += 1
-        if self._ticks % LOOKS_TICKS == 0 and not self._reported_load and (load := self.load):
-            self._reported_load = True
-            return (Notice(kind="mode", text=load),)
+        self._ticks, self._led = self._ticks + 1, self._led or led
+        if self._ticks % LOOKS_TICKS == 0:
+            before, self._load = self._load, estimator.learned().load
+            self._by_hand += self._led * (self._load - before)
+            self._led = led
+            if not self._reported_load and (load := self.load):
+                self._reported_load = True
+                return (Notice(kind="mode", text=load),)
         given_up, met = estimator.given_up.tolist(), estimator.met.tolist()
         if given_up == self._given_up and met == self._met:
             return ()

@@ -61,6 +61,8 @@ class OwnEvents:
         self._rests = ""
         self._ahead = self._ahead if mode is Mode.RETURNING else None
         self._probe.forget()
+        if mode is Mode.TRACKING and self._settings.probes and not observed.touched:
+            self._probe.work(observed.residual, observed.motor_velocity, dt)
         if mode is Mode.RELEASING:
             return self._releasing(dt, observed)
         waits = self._waits.get(mode)
@@ -80,7 +82,9 @@ class OwnEvents:
         else:
             probe.pause()
         self._motion.probing = probe.velocity
-        if self._quiet.expired and (joint := probe.hand()) is not None:
+        model = self._motion.model
+        jacobian = model.tool_jacobian(observed.q) if self._quiet.expired and model else None
+        if self._quiet.expired and (joint := probe.hand(jacobian)) is not None:
             name = self._settings.joints[joint]
             if name != self._rests:
                 cause = "it goes on once nothing presses, or push to lead it"

@@ -39,7 +39,7 @@ def test_a_trajectory_does_not_go_on_in_a_hand_that_rests(
         notices.extend(notice.text for notice in arm.last.notices)
 
     monkeypatch.setattr(arm, "step", noted)
-    found = trial(arm, 0.55)
+    found = trial(arm, 0.15)  # below SHARE on every joint: by what the tool's force makes of all
     assert not found.missed
     assert found.let_go_s < leading.LEAVES_S  # and goes on once the hand left
     assert len([text for text in notices if text.startswith("something rests on ")]) == 1
@@ -69,7 +69,7 @@ def test_a_joint_is_led_and_with_less_force_where_the_arm_assists(arm: ArmInTheL
     assert found.leads_off < found.leads < 0.75 * without.leads
     assert 6.0 < without.leads < 15.0
     assert found.work_off < found.work < without.work
-    assert found.coasts_rad < 0.02
+    assert 0.0 <= found.rebounds_rad < found.coasts_rad < 0.02
 
 
 def test_a_steady_torque_carries_an_arm_that_assists_further() -> None:
@@ -96,7 +96,7 @@ def test_a_circle_is_drawn_by_the_hand_with_and_without_the_assist(tmp_path: Pat
     assert (tmp_path / "circle.png").read_bytes().startswith(b"\x89PNG")
 
 
-LED = Led("a", 3.0, 2.0, 1.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01)
+LED = Led("a", 3.0, 2.0, 1.0, 5.0, 1.5, 2.0, 1.0, 0.0, 0.01, 0.01)
 RESTED = Rested(0.5, "a", 300.0, 1.0, np.inf, 2.1)
 ALONE = replace(RESTED, share=0.0)
 GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE], {})
@@ -117,6 +117,7 @@ GOOD = Result(Job(1, "leads"), [LED], [RESTED, ALONE], {})
          {"work over that of drives off, median"}),
         (replace(GOOD, led=[replace(LED, coasts_rad=0.03, tremble=0.5)]),
          {"coasts, furthest", "trembles"}),
+        (replace(GOOD, led=[replace(LED, rebounds_rad=0.03)]), {"springs back"}),
         (replace(GOOD, rested=[replace(RESTED, went_on_s=1.0, let_go_s=np.nan), ALONE]),
          {"goes on in a hand that rests"}),
         (replace(GOOD, rested=[replace(RESTED, let_go_s=np.inf), replace(ALONE, let_go_s=3.0)]),

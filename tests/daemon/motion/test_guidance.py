@@ -69,7 +69,7 @@ def test_the_spring_is_for_a_hand_that_is_sure(sure: bool, pushed: bool, springs
 
 def test_words_of_a_guide_and_of_none() -> None:
     guidance = guided(GuideAxes(stiff=("z",)))
-    assert guidance.words == "stiff z; frame tool"
+    assert guidance.words == "free x y rx ry rz, stiff z; frame tool"
     guidance.change(GuideAxes())
     assert (guidance.words, guidance.guides) == ("", False)
     with pytest.raises(ModelError, match="not checked"):

@@ -67,14 +67,16 @@ def test_a_contact_on_the_way_begins_it_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("later", "found"), [(0.95, 1), (1.2, 1), (0.6, None), (-0.9, None), (-1.1, 1)]
-)
+    ("first", "later", "found"),
+    [(1.1, 0.95, 1), (1.1, 1.2, 1), (1.1, 0.85, None), (1.1, 0.6, None), (1.1, -0.9, None),
+     (1.1, -1.1, 1), (2.0, 1.25, 1), (2.0, 1.15, None)],
+)  # fmt: skip
 def test_a_hand_that_was_found_rests_until_its_mean_changes(
-    later: float, found: int | None
+    first: float, later: float, found: int | None
 ) -> None:
     probe = Probe(2, QUIET_S)
     for _ in range(2):
-        swung(probe, 1.1 * SHARE)
+        swung(probe, first * SHARE)
         assert probe.hand() == 1
         probe.stop()
     swung(probe, later * SHARE)
@@ -83,7 +85,7 @@ def test_a_hand_that_was_found_rests_until_its_mean_changes(
     assert (probe.hand() is None) == (abs(later) < 1.0)
 
 
-@pytest.mark.parametrize(("ends", "found"), [(0.17, 1), (0.14, None)])
+@pytest.mark.parametrize(("ends", "found"), [(0.18, 1), (0.17, None)])
 def test_a_hand_whose_mean_fades_slowly_rests_until_it_is_no_more_than_without_one(
     ends: float, found: int | None
 ) -> None:
@@ -105,3 +107,34 @@ def test_a_short_quiet_time_has_no_room_for_it(quiet_s: float, some: bool) -> No
     assert velocity.any() == some
     assert (probe.hand() is not None) == some
     assert not dead_band(np.array([0.9]) * LEVEL[1], LEVEL[1:]).any()  # no level shows it
+
+
+# Force at the tool along x, y, z: shares of the levels.
+TOOL = np.array([[0.5, 0.5], [0.0, 0.0], [0.0, 0.1]]) * LEVEL
+
+
+@pytest.mark.parametrize(
+    ("hand", "work", "found"),
+    [((0.13, 0.13), (0.0, 0.0), True), ((0.12, -0.12), (0.0, 0.0), False),
+     ((0.12, 0.12), (0.1, 0.1), False), ((0.0, 0.0), (-0.13, -0.13), True),
+     ((0.12, 0.12), (0.9, 0.9), False), ((0.26, 0.0), (0.25, 0.0), True)],
+)  # fmt: skip
+def test_a_force_at_the_tool_is_found_beyond_what_the_work_showed(
+    hand: tuple[float, float], work: tuple[float, float], found: bool
+) -> None:
+    probe = Probe(2, QUIET_S)
+    for tick in range(800):
+        way, shown = np.sign(np.sin(0.1 * tick)) * np.ones(2), work if tick > 400 else (-1.0, -1.0)
+        probe.work((np.array(shown) + 0.4 * way) * LEVEL, 0.2 * way, 0.5)  # and friction
+    for tick in range(1, round(QUIET_S / T) + 1):
+        probe.step(tick * T, np.array(hand) * LEVEL, LEVEL)
+    assert (probe.hand(TOOL) is not None) == found
+
+
+def test_work_of_one_direction_shows_no_error_of_the_masses() -> None:
+    probe = Probe(2, QUIET_S)
+    for _ in range(400):
+        probe.work(0.13 * LEVEL, np.full(2, 0.2), T)
+    for tick in range(1, round(QUIET_S / T) + 1):
+        probe.step(tick * T, 0.13 * LEVEL, LEVEL)
+    assert probe.hand(TOOL) is not None

@@ -1,12 +1,16 @@
 """News of what an arm learns of its friction, in lockstep."""
 
+from types import SimpleNamespace
+
 import msgspec
+import numpy as np
 import pytest
 
 from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.study.world import load_known
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
+from daemon.tick.learning_news import LOOKS_TICKS, LearningNews
 from simulator.gear_settings import GearSettings
 
 LOSSY = GearSettings(load_driving=0.3, load_driven=0.24)
@@ -33,3 +37,20 @@ def test_friction_of_load_that_was_not_identified_is_said_once(
         load = rig.tick.learning_news.load
     assert len([text for text in texts if "identify friction" in text]) == times
     assert ("LShoulderPitch" in load) == bool(times)
+
+
+@pytest.mark.parametrize(("led", "news"), [((), 1), (range(200), 0), (range(30), 0), ((170,), 1)])
+def test_friction_of_load_that_a_hand_made_is_not_said(led: range, news: int) -> None:
+    """0.18 of it are learned within the first 100 ticks."""
+    load, none = np.zeros(1), np.zeros(1, dtype=int)
+    estimator = SimpleNamespace(
+        learned=lambda: SimpleNamespace(load=load.copy()), given_up=none, met=none,
+        transmission=SimpleNamespace(load_friction_error=np.zeros(1)),
+    )  # fmt: skip
+    found = LearningNews(estimator, ["a"])  # type: ignore[arg-type]
+    said = []
+    for tick in range(4 * LOOKS_TICKS):
+        load[0] = 0.18 * min(tick / (2 * LOOKS_TICKS), 1.0)
+        said += found.step(led=tick in led)
+    assert len(said) == news
+    assert bool(found.load) == bool(news)
