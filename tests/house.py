@@ -78,10 +78,10 @@ def measures(root: Path = ROOT) -> list[Measure]:
     decisions = len(list((root / "docs/decisions").glob("[0-9]*.md")))
     long = long_files(root)
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 69_100, 44_000),
+        Measure("lines of the product", lines(PRODUCT, root), 69_170, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 15_190, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_600, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 69_550, 45_000),
+        Measure("lines of tests/", lines(["tests"], root), 69_610, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 49_950, 50_000),
         Measure("decision records", decisions, 28, 28),
