@@ -23,6 +23,7 @@ FROZEN_AROUND_S = 0.5
 LEAST_TRAVEL = 0.05
 """Least range of the link [rad], beyond its gap, for a level that holds in motion."""
 _GROSS = 5.0  # times the median block: a touch, however high the old threshold is
+_ALONE = 2.0  # times the rest: 59 joints of untouched logs reached that
 _MOST_TOUCHED = 0.2
 _MOSTLY = 0.5  # of the time
 _WORTH = 0.1  # share of the mean threshold that a part that grows with speed has to save
@@ -120,6 +121,8 @@ class LevelsResult:
     used_s: float = 0.0
     seen: Seen = Seen(0.0, 0.0, 0.0)
     discarded: tuple[Discarded, ...] = ()
+    alone_s: float = float("nan")
+    """Time [s] of a largest |r| beyond `_ALONE` times that of the rest: a touch, or rare"""
 
 
 def identify_levels(
@@ -148,9 +151,19 @@ def identify_levels(
     found = []
     for i, name in enumerate(joints):
         one = _of_joint(name, i, blocks[used, :, i], speeds[used, :, i], share, settings)
-        one = replace(one, seen=_seen(motion, i), discarded=tuple(lists[i]))
+        one = replace(one, seen=_seen(motion, i), discarded=tuple(lists[i]),
+                      alone_s=_alone(maxima[:, i], used))  # fmt: skip
         found.append(_doubted(one, lists, settings, i))
     return found
+
+
+def _alone(maxima: Vector, used: NDArray[np.bool_]) -> float:
+    """Time [s] of the used block whose maximum is far beyond those of all (m,) but its neighbours,
+    else NaN."""
+    left = maxima * used
+    k = int(np.argmax(left)) if used.any() else 0
+    rest = np.delete(left, slice(max(k - 1, 0), k + 2)).max(initial=0.0)
+    return BLOCK_S * k if used.sum() > FEWEST_BLOCKS and left[k] > _ALONE * rest else float("nan")
 
 
 def _beyond(motion: Motion) -> Matrix:

@@ -72,6 +72,15 @@ def test_false_alarms_come_at_the_chosen_rate():
         assert found.collision >= 3.0 * found.contact
 
 
+@pytest.mark.parametrize(("times", "alone_s"), [(1.0, np.nan), (1.7, np.nan), (2.5, 40.0)])
+def test_a_residual_that_stands_alone_is_named(times: float, alone_s: float) -> None:
+    """A touch too weak to be left out raised the level by 70 %; it lasts into the next second."""
+    r = noise(120.0)
+    r[4080:4140, 1] = times * np.abs(r).max()
+    found = learn(r, settings=replace(PLAIN, floor=np.full(2, 9.0), ceiling=np.full(2, 20.0)))
+    np.testing.assert_equal([one.alone_s for one in found], [np.nan, alone_s])
+
+
 def test_a_touch_teaches_nothing():
     r = noise(120.0)
     calm = learn(r)

@@ -19,6 +19,7 @@ from estimator.settings import EstimatorSettings
 from estimator.urdf import JointRange
 from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
+from identification.torque_columns import torque_parts
 from programs.contactd.drafts.motor import MARK
 
 _ROWS: Final = 20_000  # of a log, for the scales
@@ -27,7 +28,6 @@ _GRAVITY: Final = 0.01  # least deviation of gravity: the rotor's inertia hides 
 _SURE: Final = 0.1  # relative error of a constant that shows
 _SHOWN: Final = 0.05  # least of the links in the signal
 _GAIN: Final = 8.0  # of the filter on both sides [1/s]
-_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
 _HEADROOM: Final = 1.5  # over the fastest in the log
 _STRONGEST: Final = 4.0  # times the largest current in the log: another may carry more
 _FASTEST: Final = (0.05, 20.0)  # limits.velocity [rad/s]
@@ -81,10 +81,9 @@ def scales(log: MotionLog, model: Model) -> list[Scale]:
 def _scale(rows: Intervals, i: int) -> Scale:
     """Scale of joint i; what accelerations of noise hide of the links is filtered from both sides,
     or too little of them would show, and a torque seem too small."""
-    v, weighs = rows.theta_dot[:, i], rows.gravity[:, i].std() > _GRAVITY
-    slow = _SLOW * float(np.percentile(np.abs(v), 90.0)) or 1.0
-    parts = [rows.inertial[:, i], np.tanh(v / slow), v, rows.theta_ddot[:, i], rows.current[:, i]]
-    smooth: Matrix = low_pass(np.stack(parts, axis=1), rows, _GAIN)
+    signal, weighs = rows.current[:, [i]], rows.gravity[:, i].std() > _GRAVITY
+    parts = np.hstack([torque_parts(rows, i)[:, :-1], signal])
+    smooth: Matrix = low_pass(parts, rows, _GAIN)
     columns, signal = smooth[:, :-1] - smooth[:, :-1].mean(axis=0), smooth[:, -1]
     spread = columns.std(axis=0)
     if not ((spread > 0.0).all() and signal.any()):

@@ -99,6 +99,11 @@ def thresholds_outcome(
     if any(one.discarded for one in levels):
         notes.append("if the arm was not touched then, contacts were false and the levels are "
                      "too low")  # fmt: skip
+    if measured.reference is None:  # no level was in force that would have seen a weak touch
+        notes += [f"{one.joint}: |r| of {one.largest:.2g} Nm, {one.alone_s:.0f} s after the log "
+                  "begins, is over twice the rest: if the arm was touched then, the level is too "
+                  "high: leave that out of the log"
+                  for one in levels if math.isfinite(one.alone_s)]  # fmt: skip
     notes += [
         f"{one.joint}: its friction hides {rests:.2g} Nm at rest, and `arm` is refused "
         f"beyond {RAISED:g} times the contact level; less was seen"
