@@ -1,4 +1,4 @@
-"""What docs/faults.md says beside the table that it is made from."""
+"""Figures and pages that docs/faults.md names beside the table that it is made from."""
 
 import re
 from pathlib import Path

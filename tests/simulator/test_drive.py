@@ -16,13 +16,15 @@ Make = Callable[..., Any]
 MOVING = np.array([0.4, 0.2, 0.5, -0.3, 0.3, 0.2, 0.4])
 
 
-def moving(one: Any, **set_up: int) -> None:
-    """Operation enabled and at speed."""
+def moving(master: Make, **set_up: int) -> Any:
+    """An arm in operation enabled, and at speed."""
+    one = master()
     one.set_up(**set_up)
     for word in (0x06, 0x07, 0x0F, 0x0F):
         one.tick(word)
     for _ in range(30):
         one.tick(0x0F, MOVING)
+    return one
 
 
 def emergencies(one: Any, since: int = 0) -> list[tuple[int, int]]:
@@ -95,8 +97,7 @@ def test_heartbeat_in_simulated_time(master: Make) -> None:
     ],
 )
 def test_lost_master(master: Make, loss: int, state: State, energised: bool) -> None:
-    one = master()
-    moving(one, loss=loss)
+    one = moving(master, loss=loss)
     before = len(one.frames)
     one.arm.advance(one.arm.now + 0.09)
     assert emergencies(one, before) == []
@@ -115,8 +116,7 @@ def test_lost_master(master: Make, loss: int, state: State, energised: bool) -> 
 
 
 def test_without_1016_no_one_notices(master: Make) -> None:
-    one = master()
-    moving(one)
+    one = moving(master)
     for node in range(1, 8):
         one.write(node, 0x1016, 1, "I", 0)
     one.arm.advance(one.arm.now + 0.5)
@@ -127,8 +127,7 @@ def test_without_1016_no_one_notices(master: Make) -> None:
     ("behaviour", "nmt"), [(0, Nmt.PRE_OPERATIONAL), (1, Nmt.OPERATIONAL), (2, Nmt.STOPPED)]
 )
 def test_1029_is_honoured(master: Make, behaviour: int, nmt: Nmt) -> None:
-    one = master()
-    moving(one)
+    one = moving(master)
     for node in range(1, 8):
         one.write(node, 0x1029, 1, "B", behaviour)
     one.arm.advance(one.arm.now + 0.3)
@@ -136,8 +135,7 @@ def test_1029_is_honoured(master: Make, behaviour: int, nmt: Nmt) -> None:
 
 
 def test_quick_stop_brakes_at_6085_then_holds_against_a_push(master: Make) -> None:
-    one = master()
-    moving(one)
+    one = moving(master)
     one.write(1, 0x6085, 0, "I", round(2.0 / one.arm.drives[0].axis.unit))
     one.command(0x02, MOVING)
     one.tick()
@@ -162,8 +160,7 @@ def test_quick_stop_brakes_at_6085_then_holds_against_a_push(master: Make) -> No
 
 
 def test_quick_stop_option_2_ends_limp(master: Make) -> None:
-    one = master()
-    moving(one, quick_stop=2)
+    one = moving(master, quick_stop=2)
     one.command(0x02)
     one.tick()
     assert one.arm.drives[0].state is State.QUICK_STOP_ACTIVE
@@ -174,8 +171,7 @@ def test_quick_stop_option_2_ends_limp(master: Make) -> None:
 
 @pytest.mark.parametrize(("option", "at_once"), [(0, True), (2, False)])
 def test_fault_reaction(master: Make, option: int, at_once: bool) -> None:
-    one = master()
-    moving(one, fault=option)
+    one = moving(master, fault=option)
     drive = one.arm.drives[2]
     before = len(one.frames)
     drive.fault(0x2310, "over-current")
@@ -196,8 +192,7 @@ def test_fault_reaction(master: Make, option: int, at_once: bool) -> None:
 
 
 def test_recovery_after_a_lost_master_by_fault_reset(master: Make) -> None:
-    one = master()
-    moving(one, loss=1)
+    one = moving(master, loss=1)
     one.arm.advance(one.arm.now + 0.5)
     one.send(0, b"\x01\x00")
     for word in (0x00, 0x80, 0x06, 0x07, 0x0F, 0x0F):
@@ -206,15 +201,13 @@ def test_recovery_after_a_lost_master_by_fault_reset(master: Make) -> None:
 
 
 def test_returning_heartbeat_clears_the_error(master: Make) -> None:
-    one = master()
-    moving(one)
+    one = moving(master)
     one.arm.advance(one.arm.now + 0.3)
     assert one.send(0x77F, b"\x05") == [(0x80 + n, bytes(8)) for n in range(1, 8)]
 
 
 def test_nmt_stop_is_a_lost_connection_too(master: Make) -> None:
-    one = master()
-    moving(one)
+    one = moving(master)
     one.send(0, b"\x02\x00")
     assert {d.state for d in one.arm.drives} == {State.QUICK_STOP_ACTIVE}
 

@@ -85,10 +85,6 @@ def joint() -> Joint:
     return joint
 
 
-def test_the_bounds_are_those_of_the_documentation() -> None:
-    assert (GAP_TOLERANCE, STUCK_TRAVEL, STUCK_TICKS, OVERSPEED_TICKS) == (1.1, 0.1, 20, 3)
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_jump_against_the_motor(joint: Joint, sign: int) -> None:
     most = PLAY + SPEED * T

@@ -148,7 +148,7 @@ def test_it_is_paused_and_goes_on(served: ServedDaemon, tmp_path: Path) -> None:
 
 
 def test_a_bad_file_is_refused_with_its_line(served: ServedDaemon, tmp_path: Path) -> None:
-    """What is bad: tests/daemon/motion, of sampled paths and their files."""
+    """One of them; all are in tests/daemon/motion, by sampled paths and their files."""
     served.rig.enable()
     path = csv(tmp_path, [(0, 0), (1, 0.1), (2, 1.5)])
     result = served.contactctl("start", str(path))

@@ -25,7 +25,7 @@ def check(folder: Path):
 
 @pytest.mark.parametrize("arm", [DESK_ARM, OPENARM, ROMEO], ids=lambda arm: arm.name)
 def test_its_words(arm, monkeypatch):
-    """Of drives with one encoder and with two, and of motors. By hand, of the desk arm: SYNC has 55
+    """Drives with one encoder, with two, and motors. By hand, of the desk arm: SYNC has 55
     bits, TPDOs of a drive 95 and 115, RPDOs 75 and 95, heartbeats 65, 25 a second from each of
     three; gravity of the swing is that of 0.8 kg at 0.15 m, 1.3 rad off the vertical."""
     monkeypatch.chdir(arm.parent)

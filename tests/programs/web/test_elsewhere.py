@@ -3,7 +3,7 @@
 import asyncio
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -48,20 +48,13 @@ class Others:
         pass
 
 
-def visited(
-    daemon: FakeDaemon, others: Others | None, visit: Callable[..., Any], **more: Any
-) -> None:
-    async def run() -> None:
-        async with visiting(view_socket_path(daemon.path), others=others, **more) as visitor:
-            await visit(visitor)
-
-    asyncio.run(run())
+def visited(daemon: FakeDaemon, others: Others | None, **more: Any) -> Any:
+    return visiting(view_socket_path(daemon.path), others=others, **more)
 
 
-def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: FakeDaemon) -> None:
+async def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: FakeDaemon) -> None:
     others = Others()
-
-    async def visit(visitor: Any) -> None:
+    async with visited(fake_daemon, others) as visitor:
         live = await visitor.live()
 
         async def reported() -> Any:
@@ -77,21 +70,16 @@ def test_a_browser_is_reported_of_them_and_of_what_changes(fake_daemon: FakeDaem
             pass
         await live.close()
 
-    visited(fake_daemon, others, visit)
 
-
-def test_one_or_all_are_stopped(fake_daemon: FakeDaemon) -> None:
+async def test_one_or_all_are_stopped(fake_daemon: FakeDaemon) -> None:
     others = Others()
-
-    async def visit(visitor: Any) -> None:
+    async with visited(fake_daemon, others) as visitor:
         for query in ("?arm=hall%2Fleft", "?arm=", ""):
             status, text = await visitor.ask("POST", f"/elsewhere/stop{query}", **STOP)
             assert status == 200
             assert json.loads(text)["arms"]["hall/left"]["outcome"] == "stands"
         others.answer = None
         assert (await visitor.ask("POST", "/elsewhere/stop", **STOP))[0] == 503
-
-    visited(fake_daemon, others, visit)
     assert others.stopped == ["hall/left", "", "", ""]
 
 
@@ -108,7 +96,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("method", "path", "headers", "options", "status"), REFUSED)
-def test_nothing_else_is_done_for_anybody(
+async def test_nothing_else_is_done_for_anybody(
     fake_daemon: FakeDaemon,
     method: str,
     path: str,
@@ -117,20 +105,15 @@ def test_nothing_else_is_done_for_anybody(
     status: int,
 ) -> None:
     others = Others()
-
-    async def visit(visitor: Any) -> None:
+    async with visited(fake_daemon, others, **options) as visitor:
         found, _ = await visitor.ask(method, path, **headers)
         assert found == status
-
-    visited(fake_daemon, others, visit, **options)
     assert others.stopped == []
 
 
-def test_without_a_fleet_there_is_no_such_route(fake_daemon: FakeDaemon) -> None:
-    async def visit(visitor: Any) -> None:
+async def test_without_a_fleet_there_is_no_such_route(fake_daemon: FakeDaemon) -> None:
+    async with visited(fake_daemon, None) as visitor:
         assert (await visitor.ask("POST", "/elsewhere/stop", **STOP))[0] == 404
-
-    visited(fake_daemon, None, visit)
 
 
 # --- at a router ---------------------------------------------------------------------------------
