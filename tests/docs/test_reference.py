@@ -8,6 +8,8 @@ from types import ModuleType
 import pytest
 
 from daemon.config.schema import Configuration, JointLimits
+from daemon.faults.conditions import Condition
+from daemon.modes.table import TRANSITIONS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
@@ -28,6 +30,20 @@ def test_what_is_made_is_current(reference: ModuleType) -> None:
     for path, text in made.items():
         said = f"{path} is not what the code says: run `make reference`"
         assert path.read_text(encoding="utf-8") == text, said
+
+
+def test_every_condition_and_every_transition_can_be_read_back() -> None:
+    faults, modes = ((DOCS / page).read_text() for page in ("faults.md", "modes.md"))
+    assert re.findall(r"^### (.+)$", faults, re.MULTILINE) == list(Condition)
+    rows = re.findall(r"^ +(\w+) --> (\w+) : (.+)$", modes, re.MULTILINE)
+    same = modes.partition("## What changes nothing\n")[2].partition("\n## ")[0]
+    rows += [(m, m, events) for m, events in re.findall(r"^\| `(\w+)` \| (.+) \|$", same, re.M)]
+    shown = [
+        (before, event.strip("`"), after)
+        for before, after, events in rows
+        for event in events.split(", ")
+    ]
+    assert sorted(shown) == sorted((*row, after) for row, after in TRANSITIONS.items())
 
 
 def test_a_part_is_written_between_its_markers_and_nothing_else_is(reference: ModuleType) -> None:
