@@ -143,8 +143,8 @@ def measures(root: Path = ROOT) -> list[Measure]:
     return [
         Measure("lines of the product", lines(PRODUCT, root), 69_090, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 14_910, 12_500),
-        Measure("lines of bench/", lines(["bench"], root), 16_600, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 69_760, 45_000),
+        Measure("lines of bench/", lines(["bench"], root), 16_570, 12_000),
+        Measure("lines of tests/", lines(["tests"], root), 69_210, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
         Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 49_950, 50_000),
         Measure("decision records", decisions, 28, 28),
