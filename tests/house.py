@@ -141,7 +141,7 @@ def measures(root: Path = ROOT) -> list[Measure]:
     state = set(fields_of("State", daemon["daemon/protocol/state.py"])) - status
     steps = {path.stem for path in (root / "programs/identify/steps").glob("[a-z]*.py")}
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 69_090, 44_000),
+        Measure("lines of the product", lines(PRODUCT, root), 69_080, 44_000),
         Measure("lines of daemon/", lines(["daemon"], root), 14_910, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_570, 12_000),
         Measure("lines of tests/", lines(["tests"], root), 69_210, 45_000),

@@ -28,6 +28,9 @@ class DamiaoProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make", t
     motor come through its gear.
     """
 
+    models = MODELS
+    heard = "setpoint"
+
     model: Model
     # What 16 bits of position, 12 of velocity and 12 of torque reach to either side: must be what
     # the motor has in its registers 21, 22 and 23; it is refused at the start where they differ.
@@ -37,24 +40,6 @@ class DamiaoProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make", t
     damping: Annotated[float, Meta(gt=0, le=MOST_DAMPING)]  # [Nm s/rad]
     # Without a setpoint of ours for so long, and the motor goes limp (register 9).
     master_timeout_ms: Annotated[int, Meta(ge=1, le=60_000)] = 100
-
-    @property
-    def figures(self) -> ModelFigures:
-        """Published figures of its model."""
-        return MODELS[self.model]
-
-    @property
-    def patience_s(self) -> float:
-        """Time without a setpoint after which the motor goes limp [s]."""
-        return self.master_timeout_ms / 1000.0
-
-    @property
-    def without_us(self) -> str:
-        """Reaction of the motor when nothing of ours reaches it."""
-        return (
-            f"without a setpoint for {self.master_timeout_ms} ms it lets go, and its joint falls, "
-            "unless `contactd guard` holds it"
-        )
 
 
 DamiaoDrive = Drive[DamiaoProfile]

@@ -1,7 +1,8 @@
 """Settings that profiles of motors of any make share, and figures of a model."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Meta
 
@@ -31,6 +32,8 @@ class MotorProfile(Settings, frozen=True, kw_only=True):
     motor come through its gear.
     """
 
+    model: str
+    master_timeout_ms: int
     velocity_max: Annotated[float, Meta(gt=0, le=1000)]  # [rad/s at the output]
     torque_max_Nm: Annotated[float, Meta(gt=0, le=1000)]  # at the output
     # How long the motor may take to answer at boot-up.
@@ -38,11 +41,28 @@ class MotorProfile(Settings, frozen=True, kw_only=True):
     # What the motor gives per A, at its output [Nm/A]; left out: as published for its model.
     torque_constant: Annotated[float, Meta(gt=0, le=100)] | None = None
     one_sign: ClassVar[bool] = True
+    models: ClassVar[Mapping[Any, ModelFigures]]
+    """Published figures by model"""
+    heard: ClassVar[str]
+    """Frames without which it goes limp, of which each make states the time"""
 
     @property
     def figures(self) -> ModelFigures:
         """Published figures of its model."""
-        raise NotImplementedError
+        return self.models[self.model]
+
+    @property
+    def patience_s(self) -> float:
+        """Time without one of ours after which the motor goes limp [s]."""
+        return self.master_timeout_ms / 1000.0
+
+    @property
+    def without_us(self) -> str:
+        """Reaction of the motor when nothing of ours reaches it."""
+        return (
+            f"without a {self.heard} for {self.master_timeout_ms} ms it lets go, and its joint "
+            "falls, unless `contactd guard` holds it"
+        )
 
     @property
     def Nm_per_A(self) -> float:

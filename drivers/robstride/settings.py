@@ -52,6 +52,9 @@ class RobStrideProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make"
     from the rotor, through its gear.
     """
 
+    models = MODELS
+    heard = "frame"
+
     model: Model
     # What 16 bits of position, of velocity and of torque reach to either side, by the firmware's
     # manual. The motor has no parameter that says it; only the position is compared at the start.
@@ -62,24 +65,6 @@ class RobStrideProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make"
     damping: Annotated[float, Meta(gt=0, le=100)]  # [Nm s/rad]
     # Without a frame for so long, and the motor goes limp (canTimeout).
     master_timeout_ms: Annotated[int, Meta(ge=1, le=5000)] = 100
-
-    @property
-    def figures(self) -> ModelFigures:
-        """Published figures of its model."""
-        return MODELS[self.model]
-
-    @property
-    def patience_s(self) -> float:
-        """Time without a setpoint after which the motor goes limp [s]."""
-        return self.master_timeout_ms / 1000.0
-
-    @property
-    def without_us(self) -> str:
-        """Reaction of the motor when nothing of ours reaches it."""
-        return (
-            f"without a frame for {self.master_timeout_ms} ms it lets go, and its joint falls, "
-            "unless `contactd guard` holds it"
-        )
 
 
 RobStrideDrive = Drive[RobStrideProfile]
