@@ -109,7 +109,7 @@ def look_up(config: Path, of: Stranger, rng: np.random.Generator, *, torque: boo
     if torque:
         return
     sheet = iter(of.truth.torque_constant * rng.uniform(0.98, 1.02, of.log.n))
-    text = re.sub(r"torque_constant: \S+", lambda _: f"torque_constant: {next(sheet):.6g}",
+    text = re.sub(r"torque_constant: .*", lambda _: f"torque_constant: {next(sheet):.6g}",
                   config.read_text())  # fmt: skip
     config.write_text(text)
 

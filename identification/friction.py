@@ -50,6 +50,9 @@ _NOTHING = (
     "it came out as nothing, which no rotor is: a current that is later than "
     "estimator.current_delay_ms hides it; B keeps its value"
 )
+_OF_OTHERS = (
+    "its `torque_constant` is that of other joints, a guess: look it up, and take off the mark"
+)
 _UNFILTERED = (
     "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
     "between two steps: B keeps its value"
@@ -83,12 +86,14 @@ def identify_friction(
     weighed: bool = False,
     by_urdf: Model | None = None,
     makes: Sequence[str] = (),
+    guessed: Vector | None = None,
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
     transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
     weighed: the model has identified masses; by_urdf: the model before that; makes: of the joints'
-    drives, which step, or ramp, alike; one if it is left out.
+    drives, which step, or ramp, alike; one if it is left out; guessed: shares (n,) by which torque
+    constants that are guesses may be off, infinite where nothing shows them.
     Raises LogError for a log of less than `shortest_s`.
     """
     if log.measured_s + log.period_s < shortest_s - 1e-6:
@@ -116,7 +121,16 @@ def identify_friction(
         ]
         transmission = adopt(transmission, fits)
     before = None if by_urdf is None else intervals(log, by_urdf, settings)
-    fits = with_what_is_believed(fits, solved, found, rows, model, weighed=weighed, by_urdf=before)
+    guessed = np.zeros(log.n) if guessed is None else guessed
+    unknown_constant = ~np.isfinite(guessed)
+    fits = with_what_is_believed(
+        fits, solved, found, rows, model, weighed=weighed, by_urdf=before,
+        guessed=np.where(unknown_constant, 0.0, guessed),
+    )  # fmt: skip
+    fits = [
+        replace(fit, verdict=Verdict.NO_CONSTANT, reason=_OF_OTHERS) if unknown_ else fit
+        for fit, unknown_ in zip(fits, unknown_constant, strict=True)
+    ]
     fits = _uncoupled(fits, solved, rows, transmission.sign_width)
     if log.setpoint is None:
         fits = [replace(fit, rotor_doubt=fit.rotor_doubt or NO_SETPOINTS) for fit in fits]

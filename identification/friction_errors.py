@@ -41,13 +41,15 @@ def with_what_is_believed(
     *,
     weighed: bool,
     by_urdf: Intervals | None = None,
+    guessed: Vector,
 ) -> list[FrictionFit]:
     """Fits whose errors include those that a log cannot show: the torque constant's own, as
     `constant_off` has it; the model's inertial torque, which comes out as rotor and friction, off
     by as much as gravity is, or by the least error of a URDF's masses, and its bodies off as
     `by_bodies` has it, or by the error of those that were `weighed`, with what that changed of
     intervals `by_urdf`; friction that falls with speed
-    (Stribeck's), of which the model knows nothing; and Coulomb friction taken for viscous."""
+    (Stribeck's), of which the model knows nothing; and Coulomb friction taken for viscous. Torque
+    constants that were `guessed` may be off by these shares (n,)."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
     least = _IDENTIFIED if weighed else _BY_URDF
@@ -68,6 +70,7 @@ def with_what_is_believed(
         constant = constant_off(float("nan") if weighed else fit.gravity_scale)
         if not (weighed or np.isfinite(fit.gravity_scale)):
             constant = alike
+        constant = max(constant, guessed[i])
         for k, name in enumerate(COLUMNS[:3]):
             if name in errors:
                 parts = (

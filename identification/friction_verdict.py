@@ -34,6 +34,7 @@ class Verdict(StrEnum):
     WRONG_GAP = "the gap is wider"
     COUPLED = "coupled with another joint"
     SWINGS = "swings by itself"
+    NO_CONSTANT = "torque constant unknown"
 
 
 def verdict_on(

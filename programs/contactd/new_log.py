@@ -20,6 +20,7 @@ from programs.contactd.drafts.log_arm import TURNS, Scale, log_draft, loosened, 
 from programs.contactd.drafts.log_columns import Columns, guessed, named_columns
 from programs.identify.csv_log import header_of, is_mcap, numbers_of, read_csv, there_are
 from programs.identify.foreign import joined
+from programs.identify.guesses import OTHERS
 from programs.identify.log_names import NamedLog, beside, read_names
 from programs.identify.mcap_log import headers
 
@@ -114,7 +115,12 @@ def _write(
     write_names()
     if columns:
         log = replace(log, current=log.current * np.array([factors[name][0] for name in names]))
-    return drafted([one[1:] for one in constants]), columns, changes
+    # Torques at the links need no constant, whatever the masses say of them.
+    kept = {name for name in names if at_link and known and f"torque.{name}" in known.conversions}
+    marked = [
+        (k, "" if name in kept else why) for name, (_, k, why) in zip(names, constants, strict=True)
+    ]
+    return drafted(marked), columns, changes
 
 
 def _columns(log: Path, urdf: Path, ranges: Sequence[JointRange]) -> Columns:
@@ -150,5 +156,5 @@ def _constant(
         return (float(np.sign(k)) if at_link else k), 1.0, f"{k:.3g} {scale}"
     if not k:
         sign = -1.0 if scale.against else 1.0
-        return sign, usual, f"as other joints: {scale}; it is the motor's, times the gear"
+        return sign, usual, f"{OTHERS}: {scale}; it is the motor's, times the gear"
     return (1.0 if k > 0.0 else -1.0), abs(k), str(scale)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from bench.logs import look_up
 from bench.rigs.foreign_logs import Style, stranger, urdf_of, write_csv
 from common.arrays import Vector
 from daemon.config.load import load_robot
@@ -44,6 +45,10 @@ def test_the_page_from_a_csv_to_levels_and_a_touch(
     for line in commands:
         result = typed(line)
         output[line.split()[1] if "identify" not in line else line.split()[2]] = result.output
+        if line.startswith("contactd new"):  # the page asks for it
+            look_up(
+                tmp_path / "my_arm" / "config.yaml", quiet, np.random.default_rng(1), torque=False
+            )
         # Of a step that refuses one joint the others count.
         assert result.exit_code <= ("identify" in line), f"{line}\n{result.output}"
     assert "motor_velocity of elbow +4." in output["friction"]

@@ -14,8 +14,9 @@ from daemon.config.problem import figure
 from estimator.model import Model
 from estimator.urdf import JointRange, joint_ranges
 from programs.contactd.drafts.drive import DraftedDrive
-from programs.contactd.drafts.motor import MARK, Load
+from programs.contactd.drafts.motor import Load
 from programs.contactd.drafts.motors import DraftedMotor
+from programs.identify.guesses import MARK
 
 Draft = DraftedDrive | DraftedMotor
 

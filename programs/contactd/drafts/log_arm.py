@@ -20,7 +20,7 @@ from estimator.urdf import JointRange
 from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
 from identification.torque_columns import torque_parts
-from programs.contactd.drafts.motor import MARK
+from programs.identify.guesses import MARK
 
 _ROWS: Final = 20_000  # of a log, for the scales
 TURNS: Final = 12.57  # limits of a joint without any, either way [rad]
@@ -68,7 +68,7 @@ class Scale:
     def __str__(self) -> str:
         if not self.constant:
             return "the URDF's masses do not show it in the log"
-        return f"by the URDF's masses, which may be off, +- {max(self.error, 0.01):.0%}"
+        return "by the URDF's masses, and as far off as these"
 
 
 def scales(log: MotionLog, model: Model) -> list[Scale]:
@@ -140,7 +140,7 @@ def _joint(i: int, one: JointRange, log: MotionLog, constant: float, why: str) -
   - name: {quoted(one.joint)}
     wiring: {{node: {i + 1}, profile: logs, gear: 1, rated_current_A: {f(largest)}, \
 max_current_A: {f(largest)}}}   {MARK}: {_STRONGEST:g} x the largest in the log
-    torque_constant: {f(constant)}   {MARK}: {why}
+    torque_constant: {f(constant)}{f"   {MARK}: {why}" if why else ""}
     rotor_inertia: 0
     half_gap: {gap:g}   {MARK}: {"`contactd identify gap`" if gap else "no second position"}
     friction: {{motor_coulomb: {f(0.03 * torque)}}}   {MARK}: `contactd identify friction`

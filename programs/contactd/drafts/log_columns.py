@@ -17,7 +17,7 @@ from common.arrays import Vector
 from common.yaml_source import quoted
 from daemon.config.problem import figure
 from estimator.urdf import JointRange
-from programs.contactd.drafts.motor import MARK
+from programs.identify.guesses import MARK
 from programs.identify.log_names import UNITS
 
 

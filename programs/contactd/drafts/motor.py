@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-MARK = "# CHECK"
-
 
 @dataclass(frozen=True, slots=True)
 class Load:

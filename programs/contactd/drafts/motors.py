@@ -17,7 +17,8 @@ from daemon.config.problem import figure
 from drivers.damiao import settings as damiao
 from drivers.motors.settings import ModelFigures
 from drivers.robstride import settings as robstride
-from programs.contactd.drafts.motor import MARK, Load, Motor
+from programs.contactd.drafts.motor import Load, Motor
+from programs.identify.guesses import MARK
 
 MODELS: Final[dict[tuple[str, str], ModelFigures]] = {
     **{("damiao", model): figures for model, figures in damiao.MODELS.items()},

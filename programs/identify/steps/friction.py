@@ -74,6 +74,7 @@ def friction_outcome(
         rotor_doubts,
         wide_intervals,
     )
+    from programs.identify.guesses import guessed_constants
     from programs.identify.log_notes import late_encoders, offsets
     from programs.identify.plots import plot_friction
     from programs.identify.swinging import spoilt, swing_sentence
@@ -89,7 +90,7 @@ def friction_outcome(
     makes = [joint.wiring.profile for joint in c.joints]
     fits, shown = identify_friction(
         log, model, old, c.estimator, limit, shortest_s,
-        weighed=weighed, by_urdf=by_urdf, makes=makes,
+        weighed=weighed, by_urdf=by_urdf, makes=makes, guessed=guessed_constants(robot),
     )  # fmt: skip
     stiffness = row(c, lambda j: getattr(c.drives[j.wiring.profile], "stiffness", 0.0))
     fits = with_steps(fits, stiffness * c.period_s)

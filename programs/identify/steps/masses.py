@@ -56,9 +56,11 @@ def masses_outcome(
     from identification.limit_cycle import limit_cycles
     from identification.log_checks import refuse_implausible
     from identification.masses import MassesVerdict, identify_masses
+    from programs.identify.guesses import refuse_guessed_constants
     from programs.identify.log_notes import late_encoders, offsets
     from programs.identify.swinging import spoilt
 
+    refuse_guessed_constants(robot)
     c = robot.configuration
     limit = row(c, lambda j: j.wiring.max_current_A)
     refuse_implausible(measured.log, limit)

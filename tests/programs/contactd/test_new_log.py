@@ -18,6 +18,7 @@ from programs.contactd.contactd import main
 from programs.contactd.drafts.log_arm import loosened
 from programs.contactd.drafts.log_columns import guessed, named_columns
 from programs.identify.csv_log import read_csv
+from programs.identify.guesses import guessed_constants
 from programs.identify.log_names import beside
 
 JOINTS = ["shoulder_pan_joint", "elbow_joint", "joint_3"]
@@ -300,7 +301,7 @@ def test_a_constant_that_is_off_everywhere_is_no_surer_where_gravity_is_none(
     assert drafted(tmp_path, arm, Style()).exit_code == 0
     config = tmp_path / "arm" / "config.yaml"
     constants = iter(0.707 * arm.truth.torque_constant)
-    new = re.sub(r"torque_constant: \S+", lambda _: f"torque_constant: {next(constants):.6g}",
+    new = re.sub(r"torque_constant: .*", lambda _: f"torque_constant: {next(constants):.6g}",
                  config.read_text())  # fmt: skip
     config.write_text(new)
     given = ["--config", str(config.parent), "--log", str(tmp_path / "log.csv")]
@@ -311,3 +312,29 @@ def test_a_constant_that_is_off_everywhere_is_no_surer_where_gravity_is_none(
     found = base.friction.motor_coulomb + base.friction.link_coulomb
     assert found < 0.8 * arm.friction[0]
     assert abs(found - arm.friction[0]) < 2.0 * 1.96 * base.errors["K_theta_s"]
+
+
+def test_a_constant_by_the_urdfs_masses_proves_nothing_by_them(tmp_path: Path) -> None:
+    of = stranger(1000, 30.0, tmp_path / "truth", by_urdf=False)
+    assert drafted(tmp_path, of, Style()).exit_code == 0
+    config, given = tmp_path / "arm" / "config.yaml", [
+        "--config", str(tmp_path / "arm"), "--log", str(tmp_path / "log.csv")
+    ]  # fmt: skip
+    assert guessed_constants(load_robot(config)).tolist() == [np.inf, 0.2, 0.2, 0.2]
+    refused = CliRunner().invoke(main, ["identify", "masses", *given])
+    assert refused.exit_code == ConfigurationError.exit_code
+    assert "joints[0] (base).torque_constant: a guess" in refused.output
+    answer = CliRunner().invoke(main, ["identify", "friction", *given]).output
+    assert "torque constant unknown" in answer
+    assert "not written: base" in answer
+    identified = load_robot(config).identified
+    assert identified is not None
+    (entry,) = [one.friction for name, one in identified.joints.items() if name == "forearm"]
+    assert entry is not None
+    rubs = entry.friction.motor_coulomb + entry.friction.link_coulomb
+    assert entry.errors["K_theta_s"] > 0.2 * rubs
+    config.write_text(re.sub("(torque_constant: [^#]*)# CHECK.*", r"\1", config.read_text()))
+    assert not guessed_constants(load_robot(config)).any()
+    (torques := tmp_path / "torques").mkdir()
+    assert drafted(torques, of, Style(torque=True)).exit_code == 0
+    assert not guessed_constants(load_robot(torques / "arm")).any()

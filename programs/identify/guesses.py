@@ -1,0 +1,49 @@
+"""Torque constants of a configuration for logs that are guesses by the URDF's masses.
+
+Friction is as far off as these, and masses that they showed would confirm those they are from.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from common.arrays import Vector
+from common.errors import ConfigurationError
+from common.yaml_source import parse_yaml
+from daemon.config.load import Robot
+from drivers.log.settings import LogProfile
+from identification.possible_bodies import USUAL
+
+MARK: Final = "# CHECK"
+"""Mark of a guess in a line of a draft; who looks it up takes it off."""
+
+
+OTHERS: Final = "as other joints"
+"""Reason of a constant that no mass shows."""
+
+
+def guessed_constants(robot: Robot) -> Vector:
+    """Shares (n,) by which torque constants may be off that `contactd new --log-only` guessed:
+    infinite where it is that of other joints, 0 where it was looked up."""
+    c, lines = robot.configuration, robot.text.splitlines()
+    shares = np.zeros(len(c.joints))
+    for i, joint in enumerate(c.joints):
+        line = lines[_line(robot, i) - 1]
+        if MARK in line and isinstance(c.drives[joint.wiring.profile], LogProfile):
+            shares[i] = np.inf if OTHERS in line else USUAL
+    return shares
+
+
+def refuse_guessed_constants(robot: Robot) -> None:
+    """Raise ConfigurationError for the first torque constant that is such a guess."""
+    for i in np.flatnonzero(guessed_constants(robot)).tolist():
+        name = robot.configuration.joints[i].name
+        raise ConfigurationError(
+            f"{robot.path}:{_line(robot, i)}: joints[{i}] ({name}).torque_constant: a guess by the "
+            f"URDF's masses shows no others; look it up in the motor's data sheet, times the gear, "
+            f"and take off `{MARK[2:]}`"
+        )
+
+
+def _line(robot: Robot, i: int) -> int:
+    return parse_yaml(robot.text, robot.path).line(["joints", i, "torque_constant"])
