@@ -14,7 +14,7 @@ from estimator.needed_level cimport NeededLevel
 from estimator.residual cimport Residual
 from estimator.torques cimport Torques
 
-cdef double _SETS_OUT, _REST_VELOCITY
+cdef double _SETS_OUT, _REST_VELOCITY, _STATED, _MOST
 cdef long long _GRAZED, _FRICTION
 cdef Py_ssize_t _THETA_DOT, _BETA, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION
 
@@ -35,6 +35,9 @@ cdef class Adaptation:
 
     @cython.locals(doubt=double, doubted=double)
     cpdef double unknown(self, Py_ssize_t i) noexcept
+    @cython.locals(learned=double, most=double, stated=double)
+    cpdef double contested(self, Py_ssize_t i) noexcept
+    cpdef double unlearned(self, Py_ssize_t i) noexcept
     @cython.locals(slides=double, coulomb=double, load=double)
     cpdef double unknown_at(self, Py_ssize_t i, double speed, double transmitted) noexcept
     @cython.locals(own=double, share=double)
@@ -51,6 +54,8 @@ cdef class Adaptation:
         verdict="long long"
     )
     cpdef void compare(self, Py_ssize_t i, double dt) noexcept
-    @cython.locals(doubt=double, share=double, crossing=double)
+    @cython.locals(doubt=double, crossing=double)
     cpdef void apply(self, Py_ssize_t i) noexcept
     cdef double _doubted(self, Py_ssize_t i) noexcept
+    @cython.locals(share=double)
+    cdef double _share(self, Py_ssize_t i) noexcept

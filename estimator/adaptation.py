@@ -27,6 +27,8 @@ _SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
 # Rows of `interval.TERMS`.
 _THETA_DOT, _BETA, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION = 3, 4, 6, 7, 10
 _GRAZED, _FRICTION = GRAZED, FRICTION
+# Share of the configured level from which on a level counts as stated; of it, `contested` at most.
+_STATED, _MOST = 0.8, 0.5
 
 
 class Adaptation:
@@ -64,6 +66,20 @@ class Adaptation:
             return float(learning.unknown[i])
         doubted = learning.doubted_at(i, doubt) - self._levels.friction[i]
         return float(max(learning.unknown[i], doubted))
+
+    def contested(self, i: int) -> float:
+        """Part of the residual of joint i [Nm] that only learned friction makes, as far as the
+        level is the stated one: a cable is learned as friction, and pulls along after a turn."""
+        learned = self.learning.correction[i]
+        if self._residual.corrected[0, i] > 0.0:
+            learned = -learned
+        most = _MOST * self._levels.usual(i, 0.0)
+        stated = max((self._share(i) - _STATED) / (1.0 - _STATED), 0.0)
+        return float(min(max(learned, 0.0), most) * stated) if self._learns else 0.0
+
+    def unlearned(self, i: int) -> float:
+        """Torque [Nm] by which friction adds to the level of joint i."""
+        return self.unknown(i) + self.contested(i)
 
     def unknown_at(self, i: int, speed: float, transmitted: float) -> float:
         """Uncertainty of the friction of joint i [Nm] at a motor speed [rad/s], while its gear
@@ -104,6 +120,7 @@ class Adaptation:
         if speed > _SETS_OUT and learning.stood(i):
             self.doubt.raise_all(i)
         doubt = self._doubted(i)
+        level -= self.contested(i)
         learning.needed.carry(i, self._interval.now[_BETA], levels.usual(i, speed))
         learning.learn(
             i, residual.values[0, i], level / (1.0 + self.doubt.margin[i]), levels.usual(i, speed),
@@ -149,12 +166,15 @@ class Adaptation:
         # While learning is suspended, levels are the stated ones: the lowered ones are of an arm
         # without the load that was recognised.
         doubt = 1.0 if self.frozen else self._doubted(i)
-        needed = self.learning.needed
-        share = min(needed.level(i) * (1.0 + self.doubt.margin[i]), 1.0)
-        crossing = needed.crossing_level(i)
-        self._levels.share[i] = share + doubt * (1.0 - share)
+        crossing = self.learning.needed.crossing_level(i)
+        self._levels.share[i] = 1.0 if self.frozen else self._share(i)
         self._levels.crossing[i] = crossing + doubt * (1.0 - crossing)
 
     def _doubted(self, i: int) -> float:
         """Doubt of joint i where it is, 0 to 1."""
         return float(self.doubt.at(i, self._alignment.aligned[0, i]))
+
+    def _share(self, i: int) -> float:
+        """Share of the configured level of joint i that learning leaves, with the doubt in it."""
+        share = min(self.learning.needed.level(i) * (1.0 + self.doubt.margin[i]), 1.0)
+        return float(share + self._doubted(i) * (1.0 - share))

@@ -142,7 +142,7 @@ class Kernel:
             self.residual.correct(i, self.learning.correction[i])
             self.adaptation.apply(i)
             speed = abs(self.interval.begin[_THETA_DOT, i])
-            self.levels.add_up(i, self.adaptation.unknown(i), speed)
+            self.levels.add_up(i, self.adaptation.unlearned(i), speed)
             self._show(i)
         if self._pressed:
             self.touched_link = self.detector.touched_link(self.residual.corrected[0])
@@ -267,7 +267,7 @@ class Kernel:
 
     def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
         """Levels of joint i, over dt [s]."""
-        unknown = self.adaptation.unknown(i)
+        unknown = self.adaptation.unlearned(i)
         self.threshold[i] = self.levels.put_in_force(i, unknown, unsure, speed, dt)
 
     def _balance(

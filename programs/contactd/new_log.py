@@ -58,7 +58,7 @@ def new_log_arm(folder: Path, urdf: Path, logs: Sequence[Path]) -> None:
     if "half_gap: 0.002" in draft:
         steps.insert(0, "gap")
     also = ", without logs in which the arm is touched" if len(logs) > 1 else ""
-    click.echo(f"next, once the columns are right{also}:")
+    click.echo(f"next, once columns and constants are right{also}:")
     for step in steps:
         click.echo(f"  contactd identify {step} --config {folder} {all_of}")
     click.echo(f"  contactd plot {logs[0]} --config {folder}")

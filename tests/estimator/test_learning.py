@@ -447,3 +447,26 @@ def test_friction_per_load_is_as_unknown_as_it_was_identified(
     assert learning.unknown_at(0, 0.0, 0.0, 5.0) == pytest.approx(5.0 * unknown)
     learning.step(0, 0.0, 0.0, 5.0 * DT, DT, 0.0, 1.0 / DT)
     assert learning.doubted_at(0, 1.0) == pytest.approx(5.0 * doubted)
+
+
+@pytest.mark.parametrize(
+    ("needed", "coulomb", "w", "counts"),
+    [
+        *[(1.0, -0.06, 0.3, 1.0), (0.9, -0.06, -0.3, 0.5), (0.7, -0.06, 0.3, 0.0)],
+        *[(1.0, 0.02, -0.3, 0.0), (1.0, -0.6, 0.3, 0.757)],  # smaller by it; at most half the level
+    ],
+)
+def test_learning_is_no_contact(needed: float, coulomb: float, w: float, counts: float) -> None:
+    threshold = []
+    for share in (0.0, coulomb):
+        estimator, zero = build(load_robot(ROMEO), beside=()), np.zeros(7)
+        memory = estimator.memory()
+        learned = memory["learning"] | {"squares_s": [0.0] * 7, "carried_s": [1e4] * 7}
+        learned["shares"][2][2], learned["peak"][2] = share, needed / 1.6
+        estimator.restore(memory | {"learning": learned})
+        for tick in range(50):  # a hand drags it along, whatever rubs
+            seen = estimator.step(zero, q := zero + 0.01 * tick * w, zero + w, q)
+        threshold.append(seen.threshold[2])
+    learned = abs(seen.residual - seen.uncorrected)[2]
+    assert learned > 0.008
+    assert threshold[1] - threshold[0] == pytest.approx(counts * learned, abs=0.003)

@@ -120,7 +120,7 @@ def test_a_velocity_that_follows_nothing_is_in_the_unit_of_the_others() -> None:
 def test_what_is_next_names_no_log_in_which_the_arm_is_touched(
     tmp_path: Path, arm: Stranger
 ) -> None:
-    assert "once the columns are right:" in drafted(tmp_path, arm, Style()).output
+    assert "once columns and constants are right:" in drafted(tmp_path, arm, Style()).output
     touched = tmp_path / "touched.csv"
     shutil.copy(tmp_path / "log.csv", touched)
     given = ["--urdf", str(urdf_of(arm, tmp_path)), str(tmp_path / "log.csv"), str(touched)]
