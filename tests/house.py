@@ -141,12 +141,12 @@ def measures(root: Path = ROOT) -> list[Measure]:
     state = set(fields_of("State", daemon["daemon/protocol/state.py"])) - status
     steps = {path.stem for path in (root / "programs/identify/steps").glob("[a-z]*.py")}
     return [
-        Measure("lines of the product", lines(PRODUCT, root), 69_080, 44_000),
-        Measure("lines of daemon/", lines(["daemon"], root), 14_910, 12_500),
+        Measure("lines of the product", lines(PRODUCT, root), 69_340, 44_000),
+        Measure("lines of daemon/", lines(["daemon"], root), 14_950, 12_500),
         Measure("lines of bench/", lines(["bench"], root), 16_570, 12_000),
-        Measure("lines of tests/", lines(["tests"], root), 69_210, 45_000),
+        Measure("lines of tests/", lines(["tests"], root), 69_270, 45_000),
         Measure(f"files of the product over {LONG_FILE} lines", len(long), 0, 0, long),
-        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 49_950, 50_000),
+        Measure("words of README, CONTRIBUTING, docs/", words_of_docs(root), 49_990, 50_000),
         Measure("decision records", decisions, 28, 28),
         Measure("lines of README", len((root / "README.md").read_text().splitlines()), 90, 90),
         Measure("dialect words", sum(len(_DIALECT.findall(text)) for text in written), 10, 10),
