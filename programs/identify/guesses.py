@@ -15,8 +15,7 @@ from drivers.log.settings import LogProfile
 from identification.possible_bodies import USUAL
 
 MARK: Final = "# CHECK"
-"""Mark of a guess in a line of a draft; who looks it up takes it off."""
-
+"""Mark of a guess in a line of a draft, removed once it was looked up."""
 
 OTHERS: Final = "as other joints"
 """Reason of a constant that no mass shows."""
