@@ -13,7 +13,7 @@ def test_every_listed_test_exists() -> None:
         f"{path.relative_to(ROOT)}::{node.name}"
         for path in (ROOT / "tests").rglob("test_*.py")
         for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
     assert listed() - functions == set(), "renamed or removed: correct tests/slow.txt"
     assert listed(), "an empty list would make every test a fast one"
