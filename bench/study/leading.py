@@ -140,9 +140,7 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
     torque, speed = _along(hand, on.step, plant.q_dot, joint, on.period_s)
     on.drives.hold, theta = None, plant.theta.copy()
     on.run(1.0)
-    moved = plant.theta - theta
-    rebounds = max(-way * float(moved[joint]), 0.0)
-    moved[joint] += way * rebounds
+    coasts, rebounds = let_go(plant.theta - theta, joint, way)
     while yields(on):
         on.step()
     off, speed_off = _limp(on.subject, start, replace(hand, anchor=row @ start), joint)
@@ -157,9 +155,18 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
         leads_off=float(np.median(np.abs(off[late]))) / lever,
         work_off=float(off @ speed_off) * on.period_s,
         tremble=float(speed[late].std() / max(abs(speed[late].mean()), 1e-6)),
-        coasts_rad=float(np.abs(moved).max()),
+        coasts_rad=coasts,
         rebounds_rad=rebounds,
     )
+
+
+def let_go(moved: Vector, joint: int, way: float) -> tuple[float, float]:
+    """Furthest that motors go on by (n,) [rad], and how far that of a joint led this `way` (1, -1)
+    springs back."""
+    rebounds = max(-way * float(moved[joint]), 0.0)
+    onwards = np.abs(moved)
+    onwards[joint] = max(way * float(moved[joint]), 0.0)
+    return float(onwards.max()), rebounds
 
 
 def _set_out(on: ArmInTheLoop, joint: int) -> tuple[float, float, float] | None:

@@ -10,7 +10,7 @@ from bench.hand import Job, Result, targets
 from bench.rigs.arm_in_the_loop import ArmInTheLoop
 from bench.study import leading
 from bench.study.circle import circles
-from bench.study.leading import Led, Rested, arm_at_work, lead, pull, rest, robot_of
+from bench.study.leading import Led, Rested, arm_at_work, lead, let_go, pull, rest, robot_of
 from daemon.modes.table import Event, Mode
 
 SEED, WORK_S = 3, 10.0
@@ -70,6 +70,16 @@ def test_a_joint_is_led_and_with_less_force_where_the_arm_assists(arm: ArmInTheL
     assert 6.0 < without.leads < 15.0
     assert found.work_off < found.work < without.work
     assert 0.0 <= found.rebounds_rad < found.coasts_rad < 0.02
+
+
+@pytest.mark.parametrize(
+    ("moved", "way", "coasts", "rebounds"),
+    [(0.02, 1.0, 0.02, 0.0), (-0.02, -1.0, 0.02, 0.0), (-0.02, 1.0, 0.01, 0.02)],
+)
+def test_a_joint_coasts_onwards_and_springs_back(
+    moved: float, way: float, coasts: float, rebounds: float
+) -> None:
+    assert let_go(np.array([-0.01, moved]), 1, way) == (coasts, rebounds)
 
 
 def test_a_steady_torque_carries_an_arm_that_assists_further() -> None:
