@@ -51,7 +51,7 @@ _NOTHING = (
     "estimator.current_delay_ms hides it; B keeps its value"
 )
 _OF_OTHERS = (
-    "its `torque_constant` is that of other joints, a guess: look it up, and take off the mark"
+    "its `torque_constant` is a guess, that of other joints: look it up, and remove the mark"
 )
 _UNFILTERED = (
     "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
