@@ -39,8 +39,8 @@ def refuse_guessed_constants(robot: Robot) -> None:
         name = robot.configuration.joints[i].name
         raise ConfigurationError(
             f"{robot.path}:{_line(robot, i)}: joints[{i}] ({name}).torque_constant: a guess by the "
-            f"URDF's masses cannot identify masses; look it up in the motor's data sheet, times the "
-            f"gear, and remove `{MARK[2:]}` from its line"
+            f"URDF's masses cannot identify masses; look it up in the motor's data sheet, times "
+            f"the gear, and remove `{MARK[2:]}` from its line"
         )
 
 
