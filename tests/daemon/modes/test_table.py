@@ -126,6 +126,11 @@ def test_a_doubt_that_lasts_only_disarms_what_stands_or_stops(mode: Mode) -> Non
     assert not machine.armed
 
 
+@pytest.mark.parametrize("mode", Mode)
+def test_disarm_stops_only_what_a_contact_moves(mode: Mode) -> None:
+    assert next_mode(mode, Event.DISARM) is (Mode.STOPPING if mode in GUIDED else mode)
+
+
 @pytest.mark.parametrize("mode", sorted(set(Mode) - ENERGISED))
 def test_nothing_energises_but_enable(mode: Mode) -> None:
     into = [event for event in Event if next_mode(mode, event) in ENERGISED]
