@@ -44,10 +44,10 @@ from bench.rigs.guardian_at_bus import GuardianAtBus
 from bench.rigs.measurement_faults import all_frozen, encoder_frozen
 from bench.study.fault_pairs import PAIRS, judged_each, sampled
 from common.errors import ProgramError
-from daemon.ending import stop_on_error
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
+from daemon.shutdown import stop_on_error
 from drivers.motors.guardian import Doing
 
 STOP_TICKS = 2

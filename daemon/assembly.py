@@ -22,11 +22,11 @@ from daemon.faults.ignored_setpoints import IgnoredSetpoints
 from daemon.faults.plausibility import Plausibility, PlausibilitySettings
 from daemon.modes.contact_reactions import Reactions
 from daemon.motion.admittance import AdmittanceLaw, AllowanceSettings, Gains
+from daemon.motion.covered_range import CoveredRange
 from daemon.motion.hand_witness import HandWitness
 from daemon.motion.motion import Motion, MotionSettings
 from daemon.motion.path import Follower, Place
 from daemon.motion.release import ReleaseSettings
-from daemon.motion.seen import SeenMotion
 from daemon.protocol.replies import Check
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControllerSettings
@@ -67,7 +67,7 @@ def build_arming_checks(robot: Robot, tick: Tick, identification: Check) -> Armi
     )
 
 
-def seen_motion(robot: Robot) -> SeenMotion:
+def covered_range(robot: Robot) -> CoveredRange:
     """Motion covered by the identified thresholds; unbounded where they do not record it."""
     c = robot.configuration
     speed, lower, upper = (np.full(len(c.joints), end) for end in (np.inf, -np.inf, np.inf))
@@ -75,7 +75,7 @@ def seen_motion(robot: Robot) -> SeenMotion:
         entry = used_entries(joint, robot.identified).get("thresholds")
         if isinstance(entry, ThresholdsEntry) and (seen := entry.seen) is not None:
             speed[i], lower[i], upper[i] = seen.speed, seen.lower, seen.upper
-    return SeenMotion(speed, lower, upper)
+    return CoveredRange(speed, lower, upper)
 
 
 def check_identification(robot: Robot, serials: Sequence[int | None]) -> Check:

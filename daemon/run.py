@@ -30,7 +30,6 @@ from daemon.drives import (
     frames_per_second,
     open_wire,
 )
-from daemon.ending import bring_to_rest, stop_on_error
 from daemon.modes.table import Mode
 from daemon.protocol.replies import Grant
 from daemon.protocol.trend_row import trends_folder
@@ -42,6 +41,7 @@ from daemon.service.service import Service
 from daemon.service.socket import ControlSocket
 from daemon.service.status import Process, context_of
 from daemon.service.trend_line import TrendLine
+from daemon.shutdown import bring_to_rest, stop_on_error
 from daemon.tick.loop import Clock, Loop
 from daemon.tick.tick import Tick
 from drivers.api import BootableDrives

@@ -9,7 +9,7 @@ from daemon.config.schema import Configuration
 from daemon.modes.table import Mode
 from daemon.protocol.state import State
 from daemon.tick.controller import RESET_PATIENCE_S
-from daemon.tick.news import STOP_PROVED
+from daemon.tick.notices import STOP_PROVED
 from programs.contactd.travels import travels
 
 # No motor moves so long after a proof [s], faster than one that stands [rad/s], in so many readings

@@ -1,7 +1,7 @@
 """Arming checks: conditions for the arm to yield to hands, each passed or failed.
 
 They judge the record of the last tick, between two ticks. A tick itself only notes what its record
-will not show later (`daemon.tick.lately`). No I/O; time is an argument.
+will not show later (`daemon.tick.recent`). No I/O; time is an argument.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ from daemon.modes.table import ARMABLE, Mode, refusal
 from daemon.motion.limits import Limits
 from daemon.protocol.lease import SENSES_S
 from daemon.protocol.replies import Check
-from daemon.tick.lately import LATE_TICKS
+from daemon.tick.recent import LATE_TICKS
 from daemon.tick.sensing import HARMLESS
 from daemon.tick.telemetry import FLAG_NAMES, TickRecord
 from daemon.tick.tick import Tick
@@ -154,7 +154,7 @@ class ArmingChecks:
                 f"{np.ceil(100.0 * estimate.threshold[i] / RAISED) / 100.0:.2f} Nm)",
             )
         for i in np.flatnonzero(estimate.thresholded == 0.0).tolist():
-            if (for_s := time_s - self._tick.lately.touched_s[i]) < SENSES_S:
+            if (for_s := time_s - self._tick.recent.touched_s[i]) < SENSES_S:
                 text = f"{self._joints[i]} has been below its threshold for only {for_s:.2f} s"
                 needed = f"at least {SENSES_S:g} s required: let go, and ask again"
                 yield _failed("residual", f"residual of {text}, {needed}")
@@ -196,7 +196,7 @@ class ArmingChecks:
             )
 
     def _of_loop(self, ticked_s: float, time_s: float) -> Iterator[Check]:
-        late = self._tick.lately.late_s
+        late = self._tick.recent.late_s
         if len(late) > LATE_TICKS and (ago_s := ticked_s - late[0]) < LATE_WITHIN_S:
             yield _failed("loop", f"{len(late)} ticks were late in the last {ago_s:.1f} s")
         if (age_s := time_s - ticked_s) > OLDEST * self._period_s:

@@ -30,13 +30,13 @@ from daemon.protocol.requests import (
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.strict_json import StrictDecoder
 from daemon.service.connections import Connection, Connections
-from daemon.service.mishaps import error_in_words
+from daemon.service.internal_errors import error_in_words
 
 SHORT_BYTES: Final = 128  # a stop is no longer; longer packets are decoded in their turn
 SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
 
 Handler = Callable[[Request, Peer], Reply]
-MishapListener = Callable[[bytes, Peer, Exception], None]
+InternalErrorListener = Callable[[bytes, Peer, Exception], None]
 
 
 class Answers:
@@ -45,7 +45,7 @@ class Answers:
     def __init__(self, connections: Connections) -> None:
         self.moment = 0
         # called with the packet, its sender, and the error that no request should raise
-        self.on_mishap: MishapListener = lambda *_: None
+        self.on_internal_error: InternalErrorListener = lambda *_: None
         self._connections = connections
         self._served: set[Command] = set()  # stops that were served in this poll
         self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
@@ -84,11 +84,11 @@ class Answers:
         except ContactdError as error:
             return Reply(ok=False, message=str(error))
         except Exception as error:
-            return self.mishap(connection, packet or b"", error)
+            return self.internal_error(connection, packet or b"", error)
 
-    def mishap(self, connection: Connection, packet: bytes, error: Exception) -> Reply:
+    def internal_error(self, connection: Connection, packet: bytes, error: Exception) -> Reply:
         """Answer to a packet at which the program raised an error."""
-        self.on_mishap(packet, connection.peer, error)
+        self.on_internal_error(packet, connection.peer, error)
         return Reply(ok=False, message=f"{error_in_words(error)}; see the daemon's log")
 
     def _answered(self, connection: Connection, packet: bytes | None, after: int) -> Reply:

@@ -18,7 +18,7 @@ from daemon.protocol.replies import Reply, Status
 from daemon.protocol.requests import AT_THE_END, SEEN_TO_STAND, Request
 from daemon.protocol.socket_path import Peer
 from daemon.service.attendance import Attendance
-from daemon.service.mishaps import Checkpoint
+from daemon.service.internal_errors import Checkpoint
 from daemon.service.sensitivity import sensitivity_now
 from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket

@@ -10,8 +10,8 @@ from daemon.protocol.socket_path import Peer
 from daemon.protocol.text import printable
 from daemon.service.black_box import BlackBox
 from daemon.service.commands import Commands, outcome
+from daemon.service.internal_errors import error_in_words, place_of
 from daemon.service.journal import LogLimit
-from daemon.service.mishaps import error_in_words, place_of
 from daemon.service.notify import Notifier
 from daemon.service.set_up import SetUp
 from daemon.service.socket import ControlSocket
@@ -59,7 +59,7 @@ class Service:
         permission = Permission(self.loop.tick, checks)
         parts = self.process, self.loop, self.control, permission
         self.commands = Commands(*parts, set_up, self.trends)
-        self.control.answers.on_mishap = self._on_mishap
+        self.control.answers.on_internal_error = self._on_internal_error
 
     def doors(self) -> None:
         """Publish the tick, log its events, serve the control socket: bounded work."""
@@ -107,7 +107,7 @@ class Service:
         refused = self.process.not_taken_up if machine.mode is Mode.OFF else ""
         return f"{line}; not taken up: {refused}" if refused else line
 
-    def _on_mishap(self, packet: bytes, peer: Peer, error: Exception) -> None:
+    def _on_internal_error(self, packet: bytes, peer: Peer, error: Exception) -> None:
         """Log an error of the program in answering a request."""
         asked = printable(packet[:SHOWN_BYTES].decode(errors="replace"))
         text = f"{error_in_words(error)} at {place_of(error)}, answering uid {peer.uid}: {asked}"

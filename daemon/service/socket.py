@@ -38,15 +38,15 @@ from daemon.protocol.socket_path import Peer
 from daemon.protocol.state import State
 from daemon.service.answers import Answers, Handler
 from daemon.service.connections import Connection, Connections
-from daemon.service.entrance import MOST_OUTSIDE, Entrance, NoDescriptorError, places
-from daemon.service.hearing import Hearing
+from daemon.service.listener import MOST_OUTSIDE, Listener, NoDescriptorError, places
+from daemon.service.receiver import Receiver
 
 TURNS_PER_POLL: Final = 4
 _MADE_ROOM: Final = Reply(
     ok=False,
     message=f"closed to make room: more than {MAX_CONNECTIONS} connections, and this one idle",
 )
-LEAST_SHARE: Final = 0.5  # of the time for the entrance, left after reading all connections
+LEAST_SHARE: Final = 0.5  # of the time for the listener, left after reading all connections
 
 
 class ControlSocket:
@@ -60,18 +60,18 @@ class ControlSocket:
         self.path = path
         with contextlib.ExitStack() as opened:
             numbers = itertools.count(1)
-            self._entrances: dict[int, Entrance] = {}  # by descriptor, that for commands first
+            self._listeners: dict[int, Listener] = {}  # by descriptor, that for commands first
             for door, place in ((Door.CONTROL, path), (Door.VIEW, view_socket_path(path))):
-                entrance = Entrance(place, door, numbers)
-                opened.callback(entrance.close)
-                self._entrances[entrance.fileno()] = entrance
+                listener = Listener(place, door, numbers)
+                opened.callback(listener.close)
+                self._listeners[listener.fileno()] = listener
             opened.pop_all()
         self._epoll = select.epoll()
-        for file in self._entrances:
+        for file in self._listeners:
             self._epoll.register(file, select.EPOLLIN)
         self._connections = Connections(places())
         self.answers = Answers(self._connections)
-        self._hearing = Hearing(self._connections, self.answers, self._drop)
+        self._receiver = Receiver(self._connections, self.answers, self._drop)
         self._poll = 0
         self._began, self._began_before = 0, 0  # moments: this poll, and the one before
         self.clock: Callable[[], float] = time.monotonic
@@ -108,23 +108,23 @@ class ControlSocket:
         begun. At least one of each is served.
         """
         self._poll += 1
-        self._began_before, self._began = self._began, self._hearing.begin_poll(handle)
+        self._began_before, self._began = self._began, self._receiver.begin_poll(handle)
         if events := self._epoll.poll(0, MAX_CONNECTIONS + 1):
             until_s = self.clock() + entrance_s  # including the packets of connections
             called = set()
             for file, what in events:
-                if file in self._entrances:
+                if file in self._listeners:
                     called.add(file)
                 elif connection := self._connections.all.get(file):
                     self._look_at(connection, what)
             # However many packets connections have sent: a client with a stop may be outside.
             until_s = max(until_s, self.clock() + LEAST_SHARE * entrance_s)
-            doors = [file for file in self._entrances if file in called]
+            doors = [file for file in self._listeners if file in called]
             for file in doors if self._poll % 2 else doors[::-1]:  # another one first each time
                 # A crowd at one door does not keep clients at the other from entering.
                 share_s = max(until_s - self.clock(), 0.0) / len(called)
                 called.discard(file)
-                self._let_in(self._entrances[file], self.clock() + share_s)
+                self._let_in(self._listeners[file], self.clock() + share_s)
         self._serve_in_turn(turns_s)
 
     def _look_at(self, connection: Connection, events: int) -> None:
@@ -134,12 +134,12 @@ class ControlSocket:
             connection.silent_at = self._began_before
         connection.looked = self._poll
         if events & select.EPOLLHUP:
-            self._hearing.hear_out(connection)
+            self._receiver.drain(connection)
             if connection.file in self._connections.waiting:
                 # Its pending packets wait for their turn; its lease and motion end now.
                 self.on_close(connection.peer)
         else:
-            self._hearing.hear_all(connection)
+            self._receiver.receive_all(connection)
 
     def _serve_in_turn(self, turns_s: float) -> None:
         waiting = self._connections.waiting
@@ -149,9 +149,9 @@ class ControlSocket:
         for _ in range(TURNS_PER_POLL):
             connection = self._connections.next_turn()
             packet, after = connection.pending.popleft()
-            heard = self._hearing.answer(connection, packet, after)
+            heard = self._receiver.answer(connection, packet, after)
             if not heard and not connection.gone:
-                self._hearing.hear_out(connection)
+                self._receiver.drain(connection)
             if connection.gone and not connection.pending:
                 self._drop(connection)
             if not waiting or self.clock() >= deadline:
@@ -179,34 +179,34 @@ class ControlSocket:
         for connection in list(self._connections.all.values()):
             self._drop(connection)
         self.spare, self.on_close = 0, lambda _: None
-        self.answers.on_mishap = lambda *_: None
+        self.answers.on_internal_error = lambda *_: None
 
     def close(self) -> None:
-        """Close every connection, and the entrance."""
+        """Close every connection, and the listener."""
         self.drop_all()
         self._epoll.close()
-        for entrance in self._entrances.values():
-            entrance.close()
+        for listener in self._listeners.values():
+            listener.close()
 
-    def _let_in(self, entrance: Entrance, until_s: float) -> None:
+    def _let_in(self, listener: Listener, until_s: float) -> None:
         """Admit the clients that wait outside, and read the packets of each at once."""
-        if entrance.looked < self._poll - 1:
-            entrance.silent_at = self._began_before
-        entrance.looked = self._poll
+        if listener.looked < self._poll - 1:
+            listener.silent_at = self._began_before
+        listener.looked = self._poll
         for _ in range(MOST_OUTSIDE):
             try:
-                connection = entrance.next()
+                connection = listener.next()
             except NoDescriptorError:
                 # The next client gets the descriptor of a connection that is closed for it.
                 if self._free_one(uid=-1):
                     continue
                 return
             if connection is None:
-                entrance.silent_at = self.answers.next_moment()
+                listener.silent_at = self.answers.next_moment()
                 return
-            connection.silent_at = entrance.silent_at
+            connection.silent_at = listener.silent_at
             connection.entered = connection.looked = self._poll
-            while self._connections.full(entrance.door) and self._free_one(connection.peer.uid):
+            while self._connections.full(listener.door) and self._free_one(connection.peer.uid):
                 pass
             try:
                 self._epoll.register(connection.file, select.EPOLLIN)
@@ -214,7 +214,7 @@ class ControlSocket:
                 connection.socket.close()
                 continue
             self._connections.add(connection)
-            self._hearing.hear_all(connection)
+            self._receiver.receive_all(connection)
             if self.clock() >= until_s:
                 return
 
@@ -223,11 +223,11 @@ class ControlSocket:
         if none can be closed."""
         while connection := self._connections.makes_room(self.spare, uid, self._poll):
             if connection.pending:
-                self._hearing.hear_out(connection)  # its last packet may be a stop
-            elif self._hearing.hear(connection):
+                self._receiver.drain(connection)  # its last packet may be a stop
+            elif self._receiver.receive(connection):
                 continue
             if not connection.gone:
-                self._hearing.send(connection, _MADE_ROOM)
+                self._receiver.send(connection, _MADE_ROOM)
             self._drop(connection)
             return True
         return False

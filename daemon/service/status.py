@@ -10,15 +10,15 @@ from msgspec.structs import replace
 
 from common.errors import ControlError
 from daemon.arming.permission import Permission
-from daemon.assembly import seen_motion
+from daemon.assembly import covered_range
 from daemon.config.files import Files
 from daemon.config.load import Robot
 from daemon.drives import load_of
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.symptoms import advice_of
 from daemon.modes.table import SENSING, Mode
+from daemon.motion.covered_range import CoveredRange
 from daemon.motion.path import stands
-from daemon.motion.seen import SeenMotion
 from daemon.protocol.replies import Grant, Learned, Status, Trajectory
 from daemon.protocol.state import STATE_FORMAT, Snapshot
 from daemon.service.payloads import Payloads
@@ -48,13 +48,13 @@ class Process:
     place: str = field(init=False)  # of config.yaml; the file system is queried only once
     payloads: Payloads = field(init=False)
     poses: Poses = field(init=False)
-    seen: SeenMotion = field(init=False)
+    seen: CoveredRange = field(init=False)
 
     def __post_init__(self) -> None:
         self.files = self.read or Files.of(self.robot)
         self.payloads = Payloads(self.robot)
         self.poses = Poses(self.robot)
-        self.seen = seen_motion(self.robot)
+        self.seen = covered_range(self.robot)
         self.place = str(self.robot.place())
 
     def newer(self) -> list[str]:
@@ -158,7 +158,7 @@ def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
             advice.append(f"announce the payload of the hand ({load}), or remove it")
         ask_again = attended and tick.controller.stream is None
         advice.append(ASK_AGAIN if ask_again else "`contactctl start` goes on with the trajectory")
-    advice += [words for words in (tick.loads.hint, tick.learning_news.load) if words]
+    advice += [words for words in (tick.loads.hint, tick.learning_notices.load) if words]
     found = tick.last.findings if tick.last else ()
     advice += [one.advice for one in found if one.response is Response.CONTINUE]
     return "\n".join(dict.fromkeys(advice))

@@ -8,9 +8,9 @@ import numpy as np
 
 from common.arrays import Vector
 from common.errors import TrajectoryError
+from daemon.motion.covered_range import CoveredRange
 from daemon.motion.limits import Limits
 from daemon.motion.playout import Target
-from daemon.motion.seen import SeenMotion
 from daemon.motion.target_stream import StreamSettings, TargetStream
 from daemon.protocol import requests
 from daemon.tick.refusals import way_to
@@ -78,7 +78,7 @@ class Streams:
         in which they came."""
         return list(self._warnings.values())
 
-    def compare(self, seen: SeenMotion) -> None:
+    def compare(self, seen: CoveredRange) -> None:
         """Warn where the stream moves faster or further than its thresholds cover: a path is
         compared before it runs, of a stream only what it did is known."""
         assert self._stream is not None

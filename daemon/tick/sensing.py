@@ -66,7 +66,7 @@ class Sensing:
         self.sure = self.settled and not raised and all(now)
 
 
-class SensingNews:
+class SensingNotices:
     """Notices about joints that do not sense contact: one when it begins, and one when it is over.
     Sensing that comes and goes with every burst of losses is not reported each time."""
 

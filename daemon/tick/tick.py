@@ -17,10 +17,10 @@ from daemon.motion.hand_witness import IndependentResidual, agreed
 from daemon.motion.limits import all_finite
 from daemon.tick.controller import Controller
 from daemon.tick.decision import ControlInput, Decision
-from daemon.tick.lately import Lately
-from daemon.tick.learning_news import LearningNews
+from daemon.tick.learning_notices import LearningNotices
 from daemon.tick.load_watch import LoadWatch
-from daemon.tick.news import News
+from daemon.tick.notices import Notices
+from daemon.tick.recent import RecentEvents
 from daemon.tick.sample_losses import SampleLosses
 from daemon.tick.sensing import Sensing
 from daemon.tick.telemetry import ON_TIME, TickRecord, Wakeup, near_of
@@ -60,14 +60,14 @@ class Tick:
         self._gaps = np.zeros(len(drives.names))
         self._was_complete = False  # of the samples before
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
-        self.lately = Lately(len(drives.names))
-        self._news = News(drives.names, controller.machine)
+        self.recent = RecentEvents(len(drives.names))
+        self._notices = Notices(drives.names, controller.machine)
         self.losses = SampleLosses(drives.names, period_s)
         self._standstill = np.zeros(len(drives.names))
         self.payload: Payload | None = None
         """Payload at the hand in the model, from the next tick on."""
         self.loads = LoadWatch(estimator)
-        self.learning_news = LearningNews(estimator, drives.names)
+        self.learning_notices = LearningNotices(estimator, drives.names)
 
     def begin(self, time_s: float) -> None:
         """Send SYNC: the drives sample now."""
@@ -99,7 +99,7 @@ class Tick:
             sensing=self._sensing.joints,
             settled=self._sensing.settled,
         )
-        self.lately.step(findings, estimate, time_s)
+        self.recent.step(findings, estimate, time_s)
         self.fatal = self.fatal or _fatal(findings)
         decision = self._decided(samples, estimate, findings, complete=complete)
         if mode is Mode.ENABLING and machine.mode is Mode.HOLDING:
@@ -112,8 +112,8 @@ class Tick:
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
         losses = self.losses.step(samples.came, complete=complete)
-        news = self.learning_news.step(led=mode in YIELDING) if mode in SENSING else ()
-        others = (*losses, *loads, *news)
+        learned = self.learning_notices.step(led=mode in YIELDING) if mode in SENSING else ()
+        others = (*losses, *loads, *learned)
         self.last = TickRecord(
             number=self.number,
             time_s=time_s,
@@ -138,7 +138,7 @@ class Tick:
             near=near_of(self.controller.motion.walls) if machine.mode in SENSING else UNSET,
             meeting=self.controller.motion.meeting or UNSET,
             guide=self.controller.motion.guidance.words or UNSET,
-            notices=self._news.step(time_s, self._sensing, findings, contacts, unproved, others),
+            notices=self._notices.step(time_s, self._sensing, findings, contacts, unproved, others),
         )
 
     def _gaps_of(self, samples: Samples, interval_s: float, *, complete: bool) -> Vector:
@@ -228,7 +228,7 @@ class Tick:
             load=load,
             struck=any(one.level == "collision" for one in estimate.contacts),
             sure=self._sensing.sure,
-            too_often=self.learning_news.too_often,
+            too_often=self.learning_notices.too_often,
             drives=samples.drives,
             findings=findings,
             recent=complete or bool((samples.age_s < RECENT_PERIODS * self._period_s).all()),

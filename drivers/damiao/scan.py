@@ -7,7 +7,7 @@ from typing import Final
 from drivers.can.wire import Wire
 from drivers.damiao.frames import Register, read, register_of, value_of
 from drivers.damiao.settings import MODELS
-from drivers.motors.asking import heard
+from drivers.motors.queries import heard
 from drivers.motors.scan import scanned
 
 #: Time for the answer of one motor [s].

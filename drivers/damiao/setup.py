@@ -21,11 +21,11 @@ from drivers.damiao.frames import (
 )
 from drivers.damiao.settings import DamiaoDrive
 from drivers.motors.arm import MotorIdentity
-from drivers.motors.asking import TRIES, Asking, same
+from drivers.motors.queries import TRIES, Queries, same
 from drivers.motors.replies import FAR
 
 
-class DamiaoSetup(Asking):
+class DamiaoSetup(Queries):
     """Set-up of the motors on one wire."""
 
     def identified(self, drive: DamiaoDrive) -> MotorIdentity:

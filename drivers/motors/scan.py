@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 from common.errors import BusError
 from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Wire, digits_of
-from drivers.motors.asking import heard
+from drivers.motors.queries import heard
 
 LISTEN_S: Final = 0.15  # for a master
 

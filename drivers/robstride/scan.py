@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from drivers.can.wire import Wire
-from drivers.motors.asking import heard
+from drivers.motors.queries import heard
 from drivers.motors.scan import scanned
 from drivers.robstride.frames import (
     Kind,

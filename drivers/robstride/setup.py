@@ -11,7 +11,7 @@ from typing import Final
 from common.errors import DriveError, SilentDriveError
 from drivers.can.wire import Frame
 from drivers.motors.arm import MotorIdentity
-from drivers.motors.asking import TRIES, Answer, Asking, T, same
+from drivers.motors.queries import TRIES, Answer, Queries, T, same
 from drivers.robstride.frames import (
     IMPEDANCE_MODE,
     RUN,
@@ -35,7 +35,7 @@ from drivers.robstride.settings import RobStrideDrive, serial_of
 AGREE: Final = 0.003
 
 
-class RobStrideSetup(Asking):
+class RobStrideSetup(Queries):
     """Set-up of the motors on one wire."""
 
     def identified(self, drive: RobStrideDrive) -> MotorIdentity:

@@ -15,9 +15,10 @@ from rich.text import Text
 
 from daemon.modes.table import Mode
 from daemon.protocol.state import Snapshot, State
-from programs.clients.near import near_words
-from programs.clients.sensed import not_sensing, sensing_for_s
-from programs.clients.shown import (
+from programs.clients.nearest_pair import nearest_pair_words
+from programs.clients.sensing import not_sensing, sensing_for_s
+from programs.clients.stream_words import AFTER_CONTACT, quality_in_words
+from programs.clients.styles import (
     MODE_STYLES,
     SIDE_STYLES,
     clock,
@@ -25,7 +26,6 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
-from programs.clients.stream_words import AFTER_CONTACT, quality_in_words
 
 SHOWN_LAG_S = 0.5
 SHOWN_SILENCE_S = 0.5
@@ -119,7 +119,7 @@ class Dashboard:
             self._lagging(),
             not_seen_to_stand(state, " "),
             self._not_sensing(),
-            Text(f" near: {near_words(state.near)}") if state.near else Text(),
+            Text(f" near: {nearest_pair_words(state.near)}") if state.near else Text(),
             Text(f" guide for a hand: {state.guide}") if state.guide else Text(),
         ]
         doubt_lines = [

@@ -16,9 +16,9 @@ from common.errors import UnreachableError
 from common.new_file import open_new, refuse_unless_new
 from daemon.protocol.state import Snapshot, State
 from programs.clients.client import Client
-from programs.clients.cut_short import cut_short
 from programs.clients.log_reader import holds_a_state
 from programs.clients.log_writer import LogWriter
+from programs.clients.truncated import truncated
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def record(
                 finally:
                     log.finish()
         except OSError as error:
-            raise cut_short(path, error, holds_a_state) from error
+            raise truncated(path, error, holds_a_state) from error
     finally:
         client.close()
     return Recording(str(path), log.duration_s, log.states, log.lost, log.snapshots, ended)

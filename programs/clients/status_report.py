@@ -9,11 +9,12 @@ from rich.text import Text
 from daemon.protocol.lease import in_words
 from daemon.protocol.replies import Grant, Status, Trajectory
 from daemon.protocol.state import StreamState
-from programs.clients.near import near_words
+from programs.clients.nearest_pair import nearest_pair_words
 from programs.clients.payload import payload_in_words
-from programs.clients.sensed import lost_samples, not_sensing, sensing_for_s
+from programs.clients.sensing import lost_samples, not_sensing, sensing_for_s
 from programs.clients.sensitivity import sensitivity_lines
-from programs.clients.shown import (
+from programs.clients.stream_words import AFTER_CONTACT, phase_in_words, quality_in_words
+from programs.clients.styles import (
     MODE_STYLES,
     SIDE_STYLES,
     clock,
@@ -21,7 +22,6 @@ from programs.clients.shown import (
     not_seen_to_stand,
     strain_style,
 )
-from programs.clients.stream_words import AFTER_CONTACT, phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
 from programs.clients.wrench import wrench_words
 
@@ -64,7 +64,7 @@ def status_report(status: Status, socket: Path | None = None, point: str = "") -
         table.add_row("force", Text(wrench_words(status.wrench, status.wrench_axes)))
     if point:
         table.add_row("touched", Text(point))
-    if near := status.unguarded or (near_words(status.near) if status.near else ""):
+    if near := status.unguarded or (nearest_pair_words(status.near) if status.near else ""):
         table.add_row("near", Text(near, "yellow" if status.unguarded else ""))
     missed = f"{status.missed} missed, late at most {status.lateness_max_us / 1e3:.2f} ms"
     work = f"work at most {status.work_max_us / 1e3:.2f} ms"

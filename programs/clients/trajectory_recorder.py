@@ -14,7 +14,7 @@ from common.new_file import open_new, refuse_unless_new
 from daemon.motion.trajectory_file import MAX_ROWS, TIME
 from daemon.protocol.state import State
 from programs.clients.client import Client
-from programs.clients.cut_short import cut_short, holds_a_row
+from programs.clients.truncated import holds_a_row, truncated
 
 # Each sample is the mean over this time [s]: short enough for a hand, and long enough that an
 # encoder's last digit makes no acceleration.
@@ -79,7 +79,7 @@ def record_trajectory(
         except UnreachableError as error:
             ended = str(error)
         except OSError as error:
-            raise cut_short(path, error, holds_a_row) from error
+            raise truncated(path, error, holds_a_row) from error
     return Recorded(str(path), last_s - first_s, samples, ended)
 
 

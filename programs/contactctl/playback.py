@@ -39,13 +39,13 @@ def playback(options: Options, file: Path, speed: float | None, yes: bool) -> No
     collisions only where the arm has shapes.
     """
     from daemon.motion.trajectory_file import read_trajectory
-    from programs.clients.led_way import led_way
+    from programs.clients.led_path import led_path
 
     if not file.exists():
         _record_lead(options, file)
     with options.connect() as client:
         recorded = read_trajectory(file, client.ask_status().joints)
-        times, positions = led_way(recorded.times, recorded.positions)
+        times, positions = led_path(recorded.times, recorded.positions)
         if not times:
             hint = "without the file, a lead is recorded"
             raise TrajectoryError(f"{file}: no joint moves in it; {hint}")

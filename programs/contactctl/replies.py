@@ -67,7 +67,7 @@ def carry_out(options: Options, command: "Command", wait: bool = False) -> None:
 def until_it_senses(options: Options) -> None:
     """Wait until every joint of an arm that holds has sensed contact for as long as `arm` asks for,
     at most SENSING_WAIT_S: a joint that does not sense is for `arm` to name."""
-    from programs.clients.sensed import sensing_for_s
+    from programs.clients.sensing import sensing_for_s
     from programs.clients.waiting import asked_until
 
     def settled(now: "Status") -> bool:

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from programs.zenoh.fleet import Arm
     from programs.zenoh.supervisor import Supervisor
 
-#: Every arm publishes at least once a second.
+#: Every arm publishes at least once a second; longest wait for one that is held up.
 LISTEN_S: Final = 1.5
+HELD_UP_S: Final = 8.0
 PATIENCE_MS: Final = 3000
 FRAME_S: Final = 0.5
 
@@ -74,9 +75,11 @@ def _with_supervisor(
 
 
 def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
-    """Listen for a moment, and print a line for each arm; 69 where there is none."""
+    """Listen until each arm has reported, and print a line for each; 69 where there is none."""
+    until_s = time.monotonic() + HELD_UP_S
     time.sleep(LISTEN_S)
-    arms = supervisor.arms()
+    while _awaited(arms := supervisor.arms()) and time.monotonic() < until_s:
+        time.sleep(FRAME_S)
     if as_json:
         print_json([_row(arm, time.monotonic()) for arm in arms])
     elif arms:
@@ -86,6 +89,11 @@ def _show(supervisor: "Supervisor", *, as_json: bool) -> int:
     else:
         click.echo("contactd: no arm is heard", err=True)
     return 0 if arms else UnreachableError.exit_code
+
+
+def _awaited(arms: Sequence["Arm"]) -> bool:
+    """True while an arm that is alive has not reported yet."""
+    return any(arm.alive and not arm.mode for arm in arms)
 
 
 def _watch(supervisor: "Supervisor") -> int:

@@ -9,8 +9,8 @@ from daemon.faults.finding import advice_on
 from daemon.modes.table import SENSING, Mode
 from daemon.protocol.replies import Check, Learned, Status
 from daemon.protocol.state import Meeting, Permit, Snapshot, State, Wrench
-from programs.clients.near import near_words
-from programs.clients.sensed import lost_samples
+from programs.clients.nearest_pair import nearest_pair_words
+from programs.clients.sensing import lost_samples
 from programs.clients.stream_words import phase_in_words, quality_in_words
 from programs.clients.user_names import user_name
 from programs.clients.wrench import NO_FIT, bound_N, most_aside_N
@@ -223,7 +223,7 @@ def words(arm: int, state: State, found: TouchPoint | None = None) -> Words:
         force=force(state),
         touch=touch(found) if found is not None and found.placed else None,
         stream=phase_in_words(state.stream) if state.stream else "",
-        near=near_words(near) if (near := getattr(state, "near", None)) else "",
+        near=nearest_pair_words(near) if (near := getattr(state, "near", None)) else "",
         meeting=getattr(state, "meeting", None) or None,
         guide=getattr(state, "guide", "") or "",
     )

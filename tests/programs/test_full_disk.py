@@ -16,8 +16,8 @@ from bench.rigs.lockstep import ROMEO
 from common.errors import LogError
 from common.new_file import whole_file
 from daemon.protocol.trend_row import trends_folder
-from programs.clients.cut_short import cut_short
 from programs.clients.log_reader import read_log
+from programs.clients.truncated import truncated
 from programs.contactd import contactd
 from programs.trends.day import write_day
 from tests.fake_daemon import snapshot_at, state_at
@@ -110,7 +110,7 @@ def test_what_is_no_file_is_neither_replaced_nor_removed(tmp_path: Path) -> None
         partial.write_text("page")
     assert os.read(reader, 100) == b"page"
     os.close(reader)
-    cut_short(pipe, OSError(errno.ENOSPC, "No space left on device"), lambda path: False)
+    truncated(pipe, OSError(errno.ENOSPC, "No space left on device"), lambda path: False)
     assert pipe.is_fifo()
 
 

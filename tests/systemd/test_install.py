@@ -10,7 +10,7 @@ import pytest
 
 from daemon.config.load import load_robot
 from daemon.config.schema import FaultSettings
-from daemon.ending import PATIENCE_S
+from daemon.shutdown import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 

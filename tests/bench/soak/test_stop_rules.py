@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from daemon.protocol.state import Notice, State
-from daemon.tick.news import STOP_PROVED
+from daemon.tick.notices import STOP_PROVED
 from programs.contactd.travels import travels
 from tests.bench.soak.scenes import MIDDLE, C, Scene, broken_by, first, ledger_of, notices, state
 

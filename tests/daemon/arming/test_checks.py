@@ -71,14 +71,14 @@ def test_at_rest_every_check_passes_and_says_why(calm: Rig) -> None:
 
 def test_a_hand_that_is_below_its_level_at_times_is_not_armed_in_a_good_moment(rig: Rig) -> None:
     touched = structs.replace(rig.estimate, thresholded=np.ones(1))
-    rig.tick.lately.step((), touched, rig.time_s)
+    rig.tick.recent.step((), touched, rig.time_s)
     found = []
     for _ in range(30):
         rig.run(0.01)
         found.append(failed(rig))
     assert found[:24] == [["residual"]] * 24
     assert found[25:] == [[]] * 5
-    rig.tick.lately.step((), touched, rig.time_s)
+    rig.tick.recent.step((), touched, rig.time_s)
     rig.run(0.05)
     assert "below its threshold for only 0.0" in checks(rig)["residual"].text
 

@@ -10,7 +10,7 @@ import pytest
 
 from bench.rigs.lockstep import DESK_ARM, ROMEO, SINGLE_JOINT, lockstep_rig
 from common.errors import ConfigurationError
-from daemon.assembly import check_parameters, seen_motion
+from daemon.assembly import check_parameters, covered_range
 from daemon.config.evidence import objections
 from daemon.config.identified import (
     Entry,
@@ -223,8 +223,8 @@ def test_a_stated_level_stays_in_force_beside_an_identified_one(tmp_path: Path) 
     text = "known otherwise: thresholds of all: by hand (the identified ones are not used)"
     assert check_parameters(robot).text == text
     assert identified_keys(["joints", 0, "thresholds", "contact"], c, robot.identified) == []
-    assert seen_motion(robot).speed > 1.0
-    assert seen_motion(arm(tmp_path, "", *ENTRIES)).speed == 1.0
+    assert covered_range(robot).speed > 1.0
+    assert covered_range(arm(tmp_path, "", *ENTRIES)).speed == 1.0
 
 
 @pytest.mark.parametrize(

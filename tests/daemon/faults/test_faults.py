@@ -10,10 +10,10 @@ from bench.rigs.breakable_arm import MAKES, BreakableArm, restore, start
 from bench.rigs.faults import CASES, EXCLUDED, PLACES, SHOWN, TRIALS, Case, MakeOnWire, Trial
 from bench.rigs.lines import LINES
 from common.errors import ProgramError
-from daemon.ending import REPEATS, stop_on_error
 from daemon.faults.conditions import Condition, Response
 from daemon.faults.table import TABLE
 from daemon.modes.table import Event, Mode
+from daemon.shutdown import REPEATS, stop_on_error
 from drivers.canopen.ids import EMERGENCY
 
 # A stop command is on the bus so many ticks after the fault was found, at most; where the bus does

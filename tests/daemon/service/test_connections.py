@@ -12,9 +12,9 @@ import pytest
 from daemon.protocol.doors import MAX_CONNECTIONS, Door
 from daemon.protocol.requests import Stop
 from daemon.protocol.socket_path import Peer
-from daemon.service import entrance
+from daemon.service import listener
 from daemon.service.connections import GRACE, Connection, Connections
-from daemon.service.entrance import FEWEST_PLACES, SPARED_FILES, places
+from daemon.service.listener import FEWEST_PLACES, SPARED_FILES, places
 from daemon.service.socket import ControlSocket
 from tests.socket_peers import Dial, Handler, reported
 
@@ -110,8 +110,8 @@ def test_places_leave_the_daemon_its_own_files(
     monkeypatch: pytest.MonkeyPatch, soft: int, hard: int, left: int, after: int | None
 ) -> None:
     limits = [(soft, hard)]
-    monkeypatch.setattr(entrance.resource, "getrlimit", lambda _: limits[-1])
-    monkeypatch.setattr(entrance.resource, "setrlimit", lambda _, new: limits.append(new))
+    monkeypatch.setattr(listener.resource, "getrlimit", lambda _: limits[-1])
+    monkeypatch.setattr(listener.resource, "setrlimit", lambda _, new: limits.append(new))
     assert places() == left
     assert after is None or limits[-1] == (after, hard)
 
@@ -151,19 +151,19 @@ def test_a_stop_is_answered_without_a_descriptor_left(
 
 
 def test_a_crowd_at_one_door_leaves_time_for_the_other(tmp_path: Path) -> None:
-    """Both entrances get their share, whichever of them is crowded, in every poll."""
+    """Both listeners get their share, whichever of them is crowded, in every poll."""
     with ControlSocket(tmp_path / "control") as control:
         shares: list[tuple[Door, float]] = []
         began: list[float] = []
 
-        def let_in(at: entrance.Entrance, until_s: float) -> None:
+        def let_in(at: listener.Listener, until_s: float) -> None:
             shares.append((at.door, until_s - began[0]))
             began[0] = until_s  # it took all of that
 
         now = control_clock(control, began)
         control._let_in = let_in  # type: ignore[method-assign]
         peers = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(2)]
-        for one, at in zip(peers, control._entrances.values(), strict=True):
+        for one, at in zip(peers, control._listeners.values(), strict=True):
             one.connect(str(at.path))
         for _ in range(2):
             began[:] = [now]

@@ -18,7 +18,7 @@ from contactd_client.errors import ControlError
 from contactd_client.packets import encode
 from contactd_client.stream import Stream
 from daemon.modes.table import Mode
-from daemon.motion.seen import SeenMotion
+from daemon.motion.covered_range import CoveredRange
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_a_stream_beyond_what_the_thresholds_have_seen_is_answered_with_warnings
 ) -> None:
     begun = here(served)
     at = np.array([begun])
-    served.service.process.seen = SeenMotion(np.array([0.2]), at - 0.15, at + 0.15)
+    served.service.process.seen = CoveredRange(np.array([0.2]), at - 0.15, at + 0.15)
     for k in range(60):
         leader.to(begun + 0.15 * math.sin(0.01 * k))
     assert leader.stream.reply is not None

@@ -15,7 +15,7 @@ from bench.rigs.served_daemon import ServedDaemon, served_daemon
 from common.errors import ControlError, LogError, TrajectoryError
 from daemon.config.schema import Configuration, Trajectory
 from daemon.modes.table import Mode
-from daemon.motion.seen import SeenMotion
+from daemon.motion.covered_range import CoveredRange
 from daemon.motion.trajectory_file import read_trajectory
 from programs.clients.client import Client
 from programs.clients.trajectory_recorder import Recorded, record_trajectory
@@ -103,8 +103,8 @@ def test_a_path_beyond_what_the_thresholds_have_seen_is_started_with_a_warning(
     here = np.array([stands(served)])
     process = served.service.process
 
-    def seen(speed: float, further: float) -> SeenMotion:
-        return SeenMotion(np.array([speed]), here - further, here + further)
+    def seen(speed: float, further: float) -> CoveredRange:
+        return CoveredRange(np.array([speed]), here - further, here + further)
 
     for motion, words in (
         (seen(0.45, 0.25), []),

@@ -54,7 +54,7 @@ def test_the_last_word_of_who_makes_room_is_heard(control: ControlSocket, dial: 
     control.poll(handler)
     inside(control, dial, handler, 255)
     assert control.connections == 256
-    epoll, control._epoll = control._epoll, Unready(control._epoll, next(iter(control._entrances)))
+    epoll, control._epoll = control._epoll, Unready(control._epoll, next(iter(control._listeners)))
     person.send(b'{"command": "stop"}')
     dial()
     control.poll(handler)
@@ -66,11 +66,11 @@ def test_the_last_word_of_who_makes_room_is_heard(control: ControlSocket, dial: 
 class Unready:
     """An epoll that has seen only those who wait outside."""
 
-    def __init__(self, epoll: select.epoll, entrance: int) -> None:
-        self._epoll, self._entrance = epoll, entrance
+    def __init__(self, epoll: select.epoll, listener: int) -> None:
+        self._epoll, self._listener = epoll, listener
 
     def poll(self, timeout: float, most: int) -> list[tuple[int, int]]:
-        return [(self._entrance, select.EPOLLIN)]
+        return [(self._listener, select.EPOLLIN)]
 
     def register(self, file: int, events: int) -> None:
         self._epoll.register(file, events)

@@ -14,7 +14,7 @@ from daemon.protocol.requests import Request
 from daemon.protocol.socket_path import Peer
 from daemon.protocol.state import Snapshot, State
 from daemon.service.answers import Handler
-from daemon.service.entrance import Entrance
+from daemon.service.listener import Listener
 from daemon.service.socket import ControlSocket
 
 Dial = Callable[[], socket.socket]
@@ -104,8 +104,8 @@ def test_no_user_can_hold_all_places_of_readers(
     def peer_of(connected: socket.socket, number: int) -> Peer:
         return Peer(next(users), 4700 + number, number)
 
-    monkeypatch.setattr("daemon.service.entrance.peer_of", peer_of)
-    monkeypatch.setattr(Entrance, "_admits", lambda *_: True)
+    monkeypatch.setattr("daemon.service.listener.peer_of", peer_of)
+    monkeypatch.setattr(Listener, "_admits", lambda *_: True)
     for _ in range(16):
         subscribed(control, dial, make_snapshot(0))
     assert len(control.readers) == 16

@@ -16,7 +16,7 @@ from contactd_client.errors import ControlError
 from contactd_client.messages import Request
 from contactd_client.stream import Stream
 from daemon.modes.table import Mode
-from daemon.motion.seen import SeenMotion
+from daemon.motion.covered_range import CoveredRange
 
 
 @pytest.fixture
@@ -167,7 +167,7 @@ def test_a_slow_sender_hears_of_a_short_touch(served: ServedDaemon, ticks: int) 
 def test_a_stream_of_follow_requests_is_warned_too(served: ServedDaemon) -> None:
     begun, warnings = here(served), []
     at = np.array([begun])
-    served.service.process.seen = SeenMotion(np.array([0.05]), at - 0.01, at + 0.01)
+    served.service.process.seen = CoveredRange(np.array([0.05]), at - 0.01, at + 0.01)
     with Client(served.path) as client:
         for k in range(40):
             q = begun + 0.2 * math.sin(0.1 * k)

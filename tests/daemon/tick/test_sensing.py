@@ -8,7 +8,7 @@ import pytest
 from daemon.faults.conditions import Condition
 from daemon.faults.finding import Finding
 from daemon.protocol.state import Notice
-from daemon.tick.sensing import AGAIN_S, SETTLED, Sensing, SensingNews
+from daemon.tick.sensing import AGAIN_S, SETTLED, Sensing, SensingNotices
 from estimator.estimate import Estimate, Flag
 
 T = 0.01
@@ -130,7 +130,7 @@ AGAIN = round(AGAIN_S / T)
 
 def news(*story: tuple[str, int]) -> list[tuple[int, Notice]]:
     """News of ticks (what senses, how many): a joint is found deaf in its third and after."""
-    reported, made, deaf = Reported().tell(ALL, 10), SensingNews(NAMES), 0
+    reported, made, deaf = Reported().tell(ALL, 10), SensingNotices(NAMES), 0
     found = []
     for sensing, ticks in story:
         for _ in range(ticks):

@@ -20,9 +20,9 @@ from programs.clients.dashboard import (
     last_known,
     residual_bar,
 )
-from programs.clients.shown import MODE_STYLES, not_seen_to_stand
 from programs.clients.status_report import status_report
 from programs.clients.stream_words import quality_in_words
+from programs.clients.styles import MODE_STYLES, not_seen_to_stand
 from tests.fake_daemon import FakeDaemon
 from tests.golden_words import same_words
 from tests.programs.clients.test_sensitivity import smallest

@@ -1,4 +1,4 @@
-"""Asking again until the answer is the one, or patience ends."""
+"""Queries again until the answer is the one, or patience ends."""
 
 from types import SimpleNamespace
 from typing import cast

@@ -24,7 +24,7 @@ from drivers.damiao.frames import Status
 from drivers.damiao.language import STATUSES
 from drivers.robstride.frames import RUN
 from drivers.robstride.language import status_of
-from programs.clients.shown import OPERATING
+from programs.clients.styles import OPERATING
 from programs.recordings.touch_point import TouchPoint
 from programs.web.words import Load, Touch, force, load, owner, words
 

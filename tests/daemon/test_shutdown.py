@@ -11,9 +11,9 @@ import pytest
 from bench.rigs.lockstep import SINGLE_JOINT, Rig, lockstep_rig
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.config.schema import Configuration
-from daemon.ending import bring_to_rest
 from daemon.modes.table import Event, Mode
 from daemon.protocol.requests import AT_THE_END, COMMANDS, Command, Follow, SetGain, Target, bare
+from daemon.shutdown import bring_to_rest
 from daemon.tick.loop import Clock, Loop
 from programs.clients.client import Client
 from simulator.state_machine import State

@@ -19,8 +19,8 @@ TOO_OFTEN: Final = 5
 LOAD, LOOKS_TICKS = 0.1, 50
 
 
-class LearningNews:
-    """News of one arm, tick by tick."""
+class LearningNotices:
+    """Learning notices of one arm, tick by tick."""
 
     def __init__(self, estimator: Estimator, names: Sequence[str]) -> None:
         self._estimator, self._names = estimator, tuple(names)
@@ -64,7 +64,7 @@ class LearningNews:
         return f"{self._estimator.place(i):.2f}"
 
     def step(self, *, led: bool = False) -> tuple[Notice, ...]:
-        """News of this tick, in which a hand may have led the arm; most often none."""
+        """Notices of this tick, in which a hand may have led the arm; most often none."""
         estimator = self._estimator
         self._ticks, self._led = self._ticks + 1, self._led or led
         if self._ticks % LOOKS_TICKS == 0:

@@ -10,9 +10,8 @@ import pytest
 from bench.rigs.served_daemon import ServedDaemon
 from daemon.modes.table import ENERGISED, Event, Mode
 from daemon.protocol.requests import STILLING, SetPayload, bare
-from daemon.service import mishaps
 from daemon.service.commands import Commands
-from daemon.service.mishaps import Checkpoint, remedy
+from daemon.service.internal_errors import Checkpoint, error_in_words, remedy
 from daemon.tick.controller import Controller
 from daemon.tick.tick import Tick
 from programs.clients.client import Client
@@ -60,7 +59,7 @@ def test_one_that_breaks_is_answered_logged_and_over(
     assert (reply.ok, reply.message) == (False, BROKEN)
     (entry,) = [r for r in caplog.records if "internal error" in r.message]
     assert entry.levelno == logging.ERROR
-    assert "ZeroDivisionError: on purpose at test_mishaps.py:" in entry.message
+    assert "ZeroDivisionError: on purpose at test_internal_errors.py:" in entry.message
     assert "in breaks, answering uid" in entry.message
     assert '{"command":"status"}' in entry.message
     served.run(0.5)
@@ -86,13 +85,13 @@ def test_what_cannot_be_read_or_written_is_answered(
 ) -> None:
     control = served.service.control
     if encodes:
-        encode, calls = control._hearing._encoder.encode, iter([breaks])
+        encode, calls = control._receiver._encoder.encode, iter([breaks])
 
         class Encoder:
             def encode(self, reply: Any) -> bytes:
                 return bytes(next(calls, encode)(reply))
 
-        control._hearing._encoder = Encoder()  # type: ignore[assignment]
+        control._receiver._encoder = Encoder()  # type: ignore[assignment]
     else:
 
         class Decoder:
@@ -174,6 +173,6 @@ def test_an_error_of_the_tick_is_still_one(
 
 
 def test_its_words_are_one_line_of_bounded_length() -> None:
-    text = mishaps.error_in_words(ValueError("a\nb" + 1000 * "x"))
+    text = error_in_words(ValueError("a\nb" + 1000 * "x"))
     assert text.startswith("internal error: ValueError: a?bx")
     assert len(text) < 300

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from daemon.motion.covered_range import CoveredRange
 from daemon.motion.path import Place
 from daemon.motion.pose_path import PosePath
-from daemon.motion.seen import SeenMotion
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from daemon.motion.seen import SeenMotion
     ],
 )
 def test_the_way_begins_where_the_arm_stands(start: float, goal: float, said: str | None) -> None:
-    seen = SeenMotion(np.array([1.0]), np.array([-0.12]), np.array([0.12]))
+    seen = CoveredRange(np.array([1.0]), np.array([-0.12]), np.array([0.12]))
     q = np.array([start])
     path = PosePath("pose", q, np.array([goal]), np.array([0.2]))
     expected = f"elbow moves within {said} rad; its thresholds cover [-0.12, 0.12]"

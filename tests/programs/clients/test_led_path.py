@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from daemon.motion.trajectory_file import slopes
-from programs.clients.led_way import OFF_RAD, SMOOTHS_S, led_way
+from programs.clients.led_path import OFF_RAD, SMOOTHS_S, led_path
 
 STEP_S = 0.05
 
@@ -32,7 +32,7 @@ def played(times: list[float], positions: list[list[float]], at: np.ndarray) -> 
 @pytest.mark.parametrize("tremor", [0.0, 0.004])
 def test_loops_and_pauses_stay_and_rests_and_tremor_go(tremor: float) -> None:
     t, q = recorded(tremor)
-    times, positions = led_way(t.tolist(), q.tolist())
+    times, positions = led_path(t.tolist(), q.tolist())
     assert times[0] == 0.0
     assert len(times) < len(t) / 4
     assert 13.0 <= times[-1] <= 13.0 + SMOOTHS_S  # the rests are gone
@@ -49,7 +49,7 @@ def test_loops_and_pauses_stay_and_rests_and_tremor_go(tremor: float) -> None:
 
 def test_what_is_kept_stays_near_the_way() -> None:
     t, q = recorded()
-    times, positions = led_way(t.tolist(), q.tolist())
+    times, positions = led_path(t.tolist(), q.tolist())
     shift = np.abs(np.array(t)[:, None] - 2.0).argmin() * STEP_S
     at = np.arange(1.0, times[-1] - 1.0, STEP_S)
     angle = np.interp(at + shift, [2.0, 8.0, 11.0, 15.0], [0.0, 2 * np.pi, 2 * np.pi, np.pi])
@@ -59,4 +59,4 @@ def test_what_is_kept_stays_near_the_way() -> None:
 
 def test_where_nothing_moved_nothing_is_kept() -> None:
     t = np.arange(0.0, 5.0, STEP_S).tolist()
-    assert led_way(t, [[0.001 * np.sin(s), 0.5] for s in t]) == ([], [])
+    assert led_path(t, [[0.001 * np.sin(s), 0.5] for s in t]) == ([], [])

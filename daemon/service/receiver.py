@@ -1,4 +1,4 @@
-"""Hearing of connections: a stop is answered at once, any other packet waits for its turn."""
+"""Receiver of connections: a stop is answered at once, any other packet waits for its turn."""
 
 import contextlib
 import errno
@@ -13,39 +13,41 @@ from daemon.protocol.requests import MAX_REQUEST_BYTES
 from daemon.service.answers import Answers, Handler, has_hung_up
 from daemon.service.connections import Connection, Connections
 
-LAST_WORDS: Final = 1024  # packets of closed clients read in one poll; the kernel keeps 300 of each
+MOST_LAST_PACKETS: Final = (
+    1024  # packets of closed clients read in one poll; the kernel keeps 300 of each
+)
 
 
-class Hearing:
-    """Hearing of all connections of one daemon; `drop` closes one."""
+class Receiver:
+    """Receiver of all connections of one daemon; `drop` closes one."""
 
     def __init__(
         self, connections: Connections, answers: Answers, drop: Callable[[Connection], None]
     ) -> None:
         self._connections, self._answers, self._drop = connections, answers, drop
-        self._last_words = LAST_WORDS
+        self._left = MOST_LAST_PACKETS
         self._buffer = bytearray(MAX_REQUEST_BYTES)
         self._encoder = msgspec.json.Encoder()
 
     def begin_poll(self, handle: Handler) -> int:
         """Begin a poll, in which `handle` answers requests; returns its first moment."""
-        self._last_words = LAST_WORDS
+        self._left = MOST_LAST_PACKETS
         return self._answers.begin_poll(handle)
 
-    def hear_all(self, connection: Connection) -> None:
+    def receive_all(self, connection: Connection) -> None:
         """Read the packets of a connection, as far as they may be kept."""
-        while not connection.full and self.hear(connection):
+        while not connection.full and self.receive(connection):
             pass
 
-    def hear_out(self, connection: Connection) -> None:
+    def drain(self, connection: Connection) -> None:
         """Read the last packets of a connection, in several polls if there are many; a stop among
         them counts, however many there are."""
-        while self._last_words:
-            self._last_words -= 1
-            if not self.hear(connection):
+        while self._left:
+            self._left -= 1
+            if not self.receive(connection):
                 return
 
-    def hear(self, connection: Connection) -> bool:
+    def receive(self, connection: Connection) -> bool:
         """Read the next packet of a connection: serve a stop at once, keep anything else for its
         turn if there is room. A client that has hung up is marked as gone, and dropped if it waits
         for no turn. False if there was no packet."""
@@ -97,7 +99,7 @@ class Hearing:
         try:
             packet = self._encoder.encode(reply)
         except Exception as error:
-            packet = self._encoder.encode(self._answers.mishap(connection, b"", error))
+            packet = self._encoder.encode(self._answers.internal_error(connection, b"", error))
         try:
             connection.socket.send(packet)
         except OSError as error:

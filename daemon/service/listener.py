@@ -1,4 +1,4 @@
-"""Entrance of one door: listens, and admits the clients that the socket file's group allows.
+"""Listener of one door: listens, and admits the clients that the socket file's group allows.
 
 The file's mode already ensures this; the kernel is asked once more, as the file may have been
 opened to all.
@@ -43,13 +43,13 @@ class NoDescriptorError(Exception):
     """A client waits outside, and the process or the machine has no descriptor left."""
 
 
-class Entrance:
+class Listener:
     """Listens at `path` from construction to `close`; `numbers` counts connections, through all
     doors. Raises ControlError if another daemon serves `path`, or the file cannot be made."""
 
     def __init__(self, path: Path, door: Door, numbers: Iterator[int]) -> None:
         self.path, self.door = path, door
-        self._listener = listen(path, DOORS[door].group)
+        self._socket = listen(path, DOORS[door].group)
         file = path.stat()
         self._inode, self._group = file.st_ino, file.st_gid
         self._numbers, self._own_uid = numbers, os.getuid()
@@ -57,11 +57,11 @@ class Entrance:
 
     def fileno(self) -> int:
         """Descriptor that is readable while a client waits outside."""
-        return self._listener.fileno()
+        return self._socket.fileno()
 
     def close(self) -> None:
         """Remove the socket file, if it still is this one's."""
-        self._listener.close()
+        self._socket.close()
         with contextlib.suppress(OSError):
             if self.path.stat().st_ino == self._inode:
                 self.path.unlink()
@@ -71,7 +71,7 @@ class Entrance:
         NoDescriptorError if a client is outside, and no descriptor is left for it."""
         for _ in range(MOST_OUTSIDE):
             try:
-                accepted, _ = self._listener.accept()
+                accepted, _ = self._socket.accept()
             except OSError as error:
                 # The kernel looks for a descriptor before it looks for a client.
                 if error.errno in (errno.EMFILE, errno.ENFILE) and self._is_called():
@@ -93,7 +93,7 @@ class Entrance:
     def _is_called(self) -> bool:
         """True while a client waits outside."""
         looked = select.poll()
-        looked.register(self._listener, select.POLLIN)
+        looked.register(self._socket, select.POLLIN)
         return bool(looked.poll(0))
 
     def _admits(self, accepted: socket.socket, peer: Peer) -> bool:

@@ -10,7 +10,7 @@ from bench.rigs.lockstep import ROMEO, lockstep_rig
 from bench.study.world import load_known
 from daemon.config.load import load_robot
 from daemon.modes.table import Event
-from daemon.tick.learning_news import LOOKS_TICKS, LearningNews
+from daemon.tick.learning_notices import LOOKS_TICKS, LearningNotices
 from simulator.gear_settings import GearSettings
 
 LOSSY = GearSettings(load_driving=0.3, load_driven=0.24)
@@ -34,7 +34,7 @@ def test_friction_of_load_that_was_not_identified_is_said_once(
         rig.enable()
         rig.request(Event.START)
         texts = [notice.text for state in rig.states(12.0) for notice in state.notices]
-        load = rig.tick.learning_news.load
+        load = rig.tick.learning_notices.load
     assert len([text for text in texts if "identify friction" in text]) == times
     assert ("LShoulderPitch" in load) == bool(times)
 
@@ -47,7 +47,7 @@ def test_friction_of_load_that_a_hand_made_is_not_said(led: range, news: int) ->
         learned=lambda: SimpleNamespace(load=load.copy()), given_up=none, met=none,
         transmission=SimpleNamespace(load_friction_error=np.zeros(1)),
     )  # fmt: skip
-    found = LearningNews(estimator, ["a"])  # type: ignore[arg-type]
+    found = LearningNotices(estimator, ["a"])  # type: ignore[arg-type]
     said = []
     for tick in range(4 * LOOKS_TICKS):
         load[0] = 0.18 * min(tick / (2 * LOOKS_TICKS), 1.0)

@@ -27,7 +27,7 @@ Answer = Callable[[int, bytes | bytearray], T | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Asking:
+class Queries:
     """Questions on one wire. `meanwhile` is called at least every SLICE_S."""
 
     wire: Wire

@@ -3,7 +3,7 @@
 from daemon.protocol.state import Near
 
 
-def near_words(near: Near) -> str:
+def nearest_pair_words(near: Near) -> str:
     """`forearm - table, 31 mm, slowed`."""
     where = f"{1000.0 * near.distance:.0f} mm"
     if near.distance < 0.0:

@@ -1,4 +1,4 @@
-"""Recording that was cut short, such as by a full disk: what is left of it."""
+"""Truncated recording, such as by a full disk: what is left of it."""
 
 import stat
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from pathlib import Path
 from common.errors import LogError
 
 
-def cut_short(path: Path, error: OSError, holds_any: Callable[[Path], bool]) -> LogError:
+def truncated(path: Path, error: OSError, holds_any: Callable[[Path], bool]) -> LogError:
     """Error of a recording into the new file `path`, which states whether anything is in it. A file
     in which `holds_any` finds nothing recorded is removed."""
     why = f"cannot write {path}: {error.strerror or error}"

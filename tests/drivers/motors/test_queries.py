@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from drivers.can.wire import Frame
-from drivers.motors.asking import Asking, heard
+from drivers.motors.queries import Queries, heard
 
 TIMEOUT_S = 0.05
 ANSWER = (0x11, b"answer")
@@ -41,7 +41,7 @@ def test_what_came_meanwhile_is_an_answer(held_up_s: float, others: int) -> None
         wire.now_s += held_up_s
         return wire.now_s
 
-    asking = Asking(wire, clock=held_up)
+    asking = Queries(wire, clock=held_up)
     answer = asking.ask((1, b""), lambda can_id, _: can_id == ANSWER[0] or None, TIMEOUT_S)
     assert answer is True
     wire.send([])
@@ -50,7 +50,7 @@ def test_what_came_meanwhile_is_an_answer(held_up_s: float, others: int) -> None
 
 def test_silence_ends_after_three_times_the_patience() -> None:
     wire = HeldUp(0.0)
-    asking = Asking(wire, clock=lambda: wire.now_s)
+    asking = Queries(wire, clock=lambda: wire.now_s)
     assert asking.ask((1, b""), lambda *_: None, TIMEOUT_S) is None
     assert wire.now_s == pytest.approx(3 * TIMEOUT_S, abs=0.02)
 
@@ -62,5 +62,5 @@ def test_a_flood_does_not_hold_it_for_ever() -> None:
             return 0x12, b"other"
 
     wire = Flood(0.0)
-    assert Asking(wire, clock=lambda: wire.now_s).ask((1, b""), lambda *_: None, TIMEOUT_S) is None
+    assert Queries(wire, clock=lambda: wire.now_s).ask((1, b""), lambda *_: None, TIMEOUT_S) is None
     assert wire.now_s < 2.0

@@ -17,7 +17,7 @@ _FURTHER = 0.1  # [rad] outside the range seen
 
 
 @dataclass(frozen=True, slots=True)
-class SeenMotion:
+class CoveredRange:
     """Largest speed [rad/s] and range of the links [rad], (n,); infinite where unknown."""
 
     speed: Vector

@@ -1,5 +1,5 @@
-"""Way of a lead, worth keeping: a recorded motion without the rests at its ends, smooth, and of few
-samples. Loops and pauses stay, as time does. Pure; times (m,) [s], positions (m, k) [rad]."""
+"""Path of a lead, worth keeping: a recorded motion, smoothed, without the rests at its ends, and of
+few samples. Loops and pauses stay, as time does. Pure; times (m,) [s], positions (m, k) [rad]."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -16,7 +16,7 @@ OFF_RAD: Final = 0.001
 SMOOTHS_S: Final = 0.5
 
 
-def led_way(
+def led_path(
     times: Sequence[float], positions: Sequence[Sequence[float]]
 ) -> tuple[list[float], list[list[float]]]:
     """Kept samples of a recorded motion, from time 0 on; none where nothing moved."""

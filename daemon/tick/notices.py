@@ -8,20 +8,20 @@ from daemon.faults.finding import Finding
 from daemon.modes.machine import ModeMachine
 from daemon.modes.table import Mode
 from daemon.protocol.state import Notice
-from daemon.tick.sensing import Sensing, SensingNews
+from daemon.tick.sensing import Sensing, SensingNotices
 from daemon.tick.telemetry import contact_notice
 from estimator.contact import Contact
 
 STOP_PROVED: Final = "stop proved: every drive is at standstill"
 
 
-class News:
-    """News of one arm, tick by tick. A finding is reported once until the latch is reset."""
+class Notices:
+    """Notices of one arm, tick by tick. A finding is reported once until the latch is reset."""
 
     def __init__(self, names: Sequence[str], machine: ModeMachine) -> None:
         """names: of the joints, (n,)."""
         self._machine = machine
-        self._sensing = SensingNews(names)
+        self._sensing = SensingNotices(names)
         self._reported: frozenset[Finding] = frozenset()
         self._proved = False  # every stop, in the tick before
 
@@ -44,7 +44,7 @@ class News:
                 for finding in findings
                 if finding.response > Response.CONTINUE
                 and finding not in self._reported
-                and finding.condition is not Condition.DEAF  # reported by SensingNews
+                and finding.condition is not Condition.DEAF  # reported by SensingNotices
             ]
             self._reported = (self._reported if faulted else frozenset()).union(findings)
         changes = self._machine.changes

@@ -1,4 +1,4 @@
-"""Memory of late ticks and of touches, which the record of a single tick does not show.
+"""Recent late ticks and touches, which the record of a single tick does not show.
 
 Pure; time is an argument.
 """
@@ -17,7 +17,7 @@ from estimator.estimate import Estimate
 LATE_TICKS = 2
 
 
-class Lately:
+class RecentEvents:
     """Latest late ticks of an arm of n joints, and the last touch of each joint."""
 
     def __init__(self, n: int) -> None:
