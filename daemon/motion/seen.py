@@ -1,7 +1,7 @@
 """Range of motion covered by the thresholds, compared with a path, or with a stream so far.
 
 A level was learned at certain speeds and in certain poses. Beyond them the residual may be larger,
-and exceed its level without a touch. Pure.
+and exceed its level without a contact. Pure.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ class SeenMotion:
     def warnings(
         self, joints: Sequence[str], fastest: Vector, lowest: Vector, highest: Vector
     ) -> list[str]:
-        """The same, of the largest speed (n,) [rad/s] and the range (n,) [rad]."""
+        """Warnings about a motion of this largest speed (n,) [rad/s] and range (n,) [rad]."""
         warnings = []
         for i, name in enumerate(joints):
             if fastest[i] > _FASTER * self.speed[i]:
