@@ -1,4 +1,4 @@
-"""Poses for the `go` command: given by values of joints, or by their names in the configuration."""
+"""Poses for the `go` command: given as joint positions, or by their names in the configuration."""
 
 from dataclasses import dataclass, field
 
@@ -26,7 +26,7 @@ class Poses:
     robot: Robot
     joints: list[str] = field(init=False)
     named: dict[str, dict[str, float]] = field(init=False)
-    """each with the joints that it names [rad]; others stay"""
+    """Joint positions by name of the pose [rad]; other joints stay"""
     _limits: Limits = field(init=False)
     _ramp_s: float = field(init=False)
 
@@ -59,7 +59,7 @@ class Poses:
         )
 
     def way(self, path: PosePath) -> Way:
-        """Figures of the path, for a person to check before the arm moves."""
+        """Description of the path, for a person to check before the arm moves."""
         return Way(
             name=path.name,
             joints=self.joints,
@@ -71,8 +71,8 @@ class Poses:
         )
 
     def short_of(self, path: PosePath) -> list[str]:
-        """Warnings for joints that the path moves nearer to a limit than a link may fall in its
-        gap: they stop short of it, unless the link has fallen to that side already."""
+        """Warnings for joints that the path moves nearer to a limit than the width of their gap:
+        they stop short, unless the link has fallen to that side of the gap already."""
         goal, limits = path.goal, self._limits
         gaps = np.array([2.0 * joint.half_gap for joint in self.robot.configuration.joints])
         short = gaps - np.minimum(goal - limits.lower, limits.upper - goal)

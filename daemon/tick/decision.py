@@ -44,7 +44,7 @@ class ControlInput:
     struck: bool = False  # a collision began in this tick
     sure: bool = True  # every joint senses, and no residual has just restarted
     load: str = ""  # description of a load at the hand that explains the whole residual
-    too_often: str = ""  # description of doubtful contacts that recur at one place
+    too_often: str = ""  # description of contacts in doubt that recur at one place
     play: Vector | float = 0.0  # free travel of links down and up in their gaps, (2, n) [rad]
     # Residual that may move the arm; None: the thresholded residual.
     independent: IndependentResidual | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from daemon.protocol.state import Notice
 from estimator.estimator import Estimator
 
-#: Number of doubtful contacts at one place that is reported, and that makes the arm hold: without a
+#: Number of contacts in doubt at one place that is reported, and that makes the arm hold: without a
 #: hand, it would be interrupted forever.
 OFTEN: Final = 3
 TOO_OFTEN: Final = 5
