@@ -205,7 +205,7 @@ class Status(TypedDict):
     recognised: NotRequired[str]
     guide: NotRequired[GuideAxes]  # of an arm that is led by hand
     wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode without contact sensing
-    wrench_at: NotRequired[str]  # its point, in words
+    wrench_at: NotRequired[str]  # description of its point
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
     # None without shapes, or in a mode in which the arm does not move
     near: NotRequired[Near | None]

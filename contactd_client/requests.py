@@ -68,7 +68,7 @@ class Request(TypedDict):
     name: NotRequired[str | None]  # `payload`: by its name in the configuration, or
     # `payload`: by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
     mass: NotRequired[float | None]
-    # `payload`: beside `mass`: its centre in the hand's frame, three numbers [m]
+    # `payload`: with `mass`: its centre in the hand's frame, three numbers [m]
     com: NotRequired[list[float] | None]
     # `payload`: edges of a box about that centre, along the hand's axes, three numbers [m]
     box: NotRequired[list[float] | None]

@@ -108,10 +108,10 @@ def run_daemon(read: ReadRobot, socket: Path | None) -> None:
                         continue
                     if not _serve(arm, control, notifier, signals):
                         return
-                before, basis = _read_anew(basis, read)
+                before, basis = _reload(basis, read)
 
 
-def _read_anew(basis: Basis, read: ReadRobot) -> tuple[Basis | None, Basis]:
+def _reload(basis: Basis, read: ReadRobot) -> tuple[Basis | None, Basis]:
     """Basis to fall back to (None if it is the same), and basis of the next run."""
     leave_realtime()
     try:
@@ -190,7 +190,7 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     if tick.fatal:
         raise BusError(f"{tick.fatal}; the drives stop by themselves")
     if not stragglers and tick.controller.machine.mode is Mode.OFF:
-        _let_go(arm.drives, again=anew)
+        _release_drives(arm.drives, again=anew)
     arm.drives.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
@@ -199,7 +199,7 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     return anew and not signals.received
 
 
-def _let_go(drives: BootableDrives, *, again: bool) -> None:
+def _release_drives(drives: BootableDrives, *, again: bool) -> None:
     """Release the drives from watching our heartbeat, as the arm is at rest for good. A failure is
     only logged if they will be set up `again`, which tries it more than once."""
     try:

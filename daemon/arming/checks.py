@@ -115,7 +115,7 @@ class ArmingChecks:
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
         ]
-        failures += self._unknown(record.samples, {failure.name for failure in failures})
+        failures += self._stale_failures(record.samples, {failure.name for failure in failures})
         reasons: dict[str, list[str]] = {}
         for failure in failures:
             reasons.setdefault(failure.name, []).append(failure.text)
@@ -128,7 +128,7 @@ class ArmingChecks:
         )
         return ArmingResult(checks, tuple(dict.fromkeys(f.text for f in failures)))
 
-    def _unknown(self, samples: Samples, failed: set[str]) -> list[Check]:
+    def _stale_failures(self, samples: Samples, failed: set[str]) -> list[Check]:
         """Failures of checks that would otherwise pass on samples from before this tick."""
         old = ", ".join(self._joints[i] for i in np.flatnonzero(~samples.fresh).tolist())
         text = f"unknown: no samples of {old} in this tick"

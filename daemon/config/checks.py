@@ -70,7 +70,7 @@ def identified_checks(
 
 def _limits_in_order(c: Configuration) -> Configuration:
     """Configuration with swapped limits put in order, so that consequences of the swap at other
-    fields are not reported beside it."""
+    fields are not reported with it."""
 
     def ordered(joint: Joint) -> Joint:
         lower, upper = sorted((joint.limits.lower, joint.limits.upper))
@@ -259,11 +259,11 @@ def _urdf(c: Configuration, urdf: str, model: Model | ModelError) -> Iterator[Pr
             yield Problem(
                 *at(i, joint, "limits"),
                 f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
-                f"[{lower:g}, {upper:g}] rad{_meant(joint.limits, lower, upper)}",
+                f"[{lower:g}, {upper:g}] rad{_suggestion(joint.limits, lower, upper)}",
             )
 
 
-def _meant(limits: JointLimits, lower: float, upper: float) -> str:
+def _suggestion(limits: JointLimits, lower: float, upper: float) -> str:
     """Suggested mistake that would explain limits beyond [lower, upper]; may be empty."""
     for words, low, high in (
         ("in degrees?", math.radians(limits.lower), math.radians(limits.upper)),

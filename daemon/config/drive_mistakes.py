@@ -141,7 +141,7 @@ def _positions(
             continue
         place, counts = _of_drive(name, entry, "scale"), TURN / where.scale
         per_turn = f"{figure(where.scale)} rad is {figure(counts)} counts per turn"
-        if meant := None if is_encoder(where.scale) else _meant(where.scale, gears):
+        if meant := None if is_encoder(where.scale) else _suggestion(where.scale, gears):
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
@@ -167,7 +167,7 @@ def _positions(
         )
 
 
-def _meant(scale: float, gears: list[float]) -> str:
+def _suggestion(scale: float, gears: list[float]) -> str:
     """Suggested unit, or side of the gear, in which a scale fits an encoder; may be empty."""
     readings = [
         ("in degrees: times pi / 180 it is", scale * DEGREE),

@@ -47,7 +47,7 @@ class Robot:
 
     def place(self) -> Path:
         """Absolute path of config.yaml, for processes in other folders; queries the file system. If
-        config.yaml is a symbolic link, it is not resolved: its files lie beside the link."""
+        config.yaml is a symbolic link, it is not resolved: its files are next to the link."""
         return self.folder.resolve() / self.path.name
 
     def in_words(self, problem: Problem) -> str:
@@ -57,7 +57,7 @@ class Robot:
         keys = identified_keys(problem.keys, self.configuration, self.identified)
         if keys:
             path, text = self.folder / self.configuration.identified, self.identified_text
-        return _in_words(problem, parse_yaml(text, path), keys or problem.keys)
+        return _located(problem, parse_yaml(text, path), keys or problem.keys)
 
     def with_port(self, port: int | None) -> "Robot":
         """Copy of the robot on another TCP port; the robot itself if `port` is None."""
@@ -91,7 +91,7 @@ def load_robot(path: Path, *, walls: bool = True) -> Robot:
     # `thresholds.least` is checked against identified levels, if there are any.
     findings += least_levels(configuration) if alone else ()
     if findings or isinstance(model, ModelError):
-        raise ConfigurationError("\n".join(_in_words(one, source, one.keys) for one in findings))
+        raise ConfigurationError("\n".join(_located(one, source, one.keys) for one in findings))
     try:
         trajectory = trajectory_of(configuration, path.parent)
     except TrajectoryError as error:
@@ -99,7 +99,7 @@ def load_robot(path: Path, *, walls: bool = True) -> Robot:
         raise ConfigurationError(f"{where}: {error}") from error
     found = read_walls(path.parent, urdf, configuration.joint_names) if walls else None
     robot = Robot(path, configuration, source.text, urdf, model, trajectory, found)
-    return robot if alone else _with(robot, read_yaml(identified))
+    return robot if alone else _with_identified(robot, read_yaml(identified))
 
 
 def _with_makes(source: Source) -> Source:
@@ -114,7 +114,7 @@ def _with_makes(source: Source) -> Source:
     return replace(source, data=source.data | {"drives": named})
 
 
-def _in_words(problem: Problem, source: Source, keys: Keys) -> str:
+def _located(problem: Problem, source: Source, keys: Keys) -> str:
     return f"{source.path}:{source.line(keys)}: {problem.where}: {problem.what}"
 
 
@@ -132,14 +132,14 @@ def refuse_unreadable(robot: Robot, found: Identified) -> None:
     path = robot.folder / robot.configuration.identified
     source = parse_yaml(identified_text(found), path)
     try:
-        _with(robot.by_hand or robot, source)
+        _with_identified(robot.by_hand or robot, source)
     except ConfigurationError as error:
         raise ConfigurationError(
             f"the identified values are not written, because they are not allowed: {error}"
         ) from error
 
 
-def _with(robot: Robot, source: Source) -> Robot:
+def _with_identified(robot: Robot, source: Source) -> Robot:
     """Robot whose hand-written values are replaced by those of the identified.yaml in `source`.
     Raises ConfigurationError."""
     text, found = _identified(source, robot.configuration)

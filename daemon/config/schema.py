@@ -239,7 +239,7 @@ class Configuration(Settings, frozen=True):
     # Each under a name of your own, to which `wiring.profile` of a joint refers.
     drives: Annotated[dict[str, DriveProfile], Meta(min_length=1)]
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=32)]
-    identified: Name = "identified.yaml"  # beside the configuration; need not exist
+    identified: Name = "identified.yaml"  # relative to the configuration; need not exist
     estimator: EstimatorSettings = EstimatorSettings()
     control: PositionLoop = PositionLoop()
     admittance: Admittance = Admittance()

@@ -143,7 +143,7 @@ def digest_of(urdf: str) -> str:
 
 
 def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
-    """Shapes and surroundings beside a configuration; None without shapes.
+    """Shapes and surroundings in the folder of a configuration; None without shapes.
 
     Raises ConfigurationError with file and line for content that the schema does not allow, an
     unknown joint, a duplicate name, shapes of another URDF, and surroundings without shapes.
@@ -207,7 +207,7 @@ def guarded(walls: Walls) -> int:
 
 
 def read_surroundings(folder: Path) -> Surroundings | None:
-    """Surroundings beside a configuration; None without. Raises ConfigurationError."""
+    """Surroundings in the folder of a configuration; None without. Raises ConfigurationError."""
     if not (folder / SURROUNDINGS).exists():
         return None
     source = read_yaml(folder / SURROUNDINGS)

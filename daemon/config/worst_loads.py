@@ -20,7 +20,7 @@ class Load:
 
     gravity: float  # largest within the limits of all joints
     motor: float  # at its largest current
-    inertia: float = 0.0  # of what the joint moves, largest, about its axis [kg m2]
+    inertia: float = 0.0  # largest, of all bodies that the joint moves, about its axis [kg m2]
 
     @property
     def too_much(self) -> bool:
@@ -67,16 +67,16 @@ class Carrying:
             for name, needed, gives in zip(self._names, torque, self._motor, strict=True)
             if needed > gives
         ]
-        return [*weak, f"too heavy: the motors can hold {self._held(per_kg)} there"] if weak else []
+        return [*weak, f"too heavy: the motors can hold {self._most(per_kg)} there"] if weak else []
 
-    def _held(self, per_kg: Matrix) -> str:
+    def _most(self, per_kg: Matrix) -> str:
         """Heaviest mass that the motors can hold there, as text, rounded down to 0.01 kg."""
-        heaviest = self._holds(per_kg)
+        heaviest = self._heaviest(per_kg)
         if heaviest == np.inf:  # without a lever; the arm itself is too heavy
             return "not even the arm"
         return f"at most {0.01 * int(100.0 * heaviest):g} kg" if heaviest >= 0.01 else "nothing"
 
-    def _holds(self, per_kg: Matrix) -> float:
+    def _heaviest(self, per_kg: Matrix) -> float:
         """Heaviest mass [kg] that the motors can hold, from its torques (poses, n) [Nm/kg];
         infinite if it has no lever at any joint."""
         room = np.maximum(self._motor - np.sign(-per_kg) * self._gravity, 0.0)

@@ -17,7 +17,7 @@ from drivers.api import Kind
 class Response(IntEnum):
     """Response of the arm to a condition, in rising order of strength."""
 
-    CONTINUE = 0  # noted; arming is refused in such a tick
+    CONTINUE = 0  # recorded; arming is refused in such a tick
     HOLD = 1  # decelerate and hold, disarmed
     QUICK_STOP = 2  # quick stop of all drives, latched until `reset`
     FAULT_EXIT = 3  # quick stop of all drives, and the program exits with a non-zero status

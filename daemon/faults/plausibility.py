@@ -60,8 +60,8 @@ class PlausibilitySettings:
     current: Vector  # the drives' limit [A]
     residual: Vector  # [Nm]
     saturated_ticks: int
-    motor_drift: float  # of an integrated motor position, beside a share of the speed [rad/s]
-    motor_scale_error: float  # that share
+    motor_drift: float  # drift of an integrated motor position [rad/s]
+    motor_scale_error: float  # and its error as a share of the speed
 
 
 class Plausibility:

@@ -42,8 +42,8 @@ class ModeMachine:
         self.mode = Mode.OFF
         self.armed = False
         self.disarmed = ("", 0.0)  # cause and time of the last end of arming
-        self.moving = False  # a trajectory runs, or goes on after this contact
-        self.paused = False  # one was halted, and goes on with the next `start`
+        self.moving = False  # a trajectory runs, or continues after this contact
+        self.paused = False  # a trajectory was halted, and continues with the next `start`
         self.cause = "started"
         self.entered_s = 0.0  # time at which the mode was entered
         self.entered_by: Event | None = None  # None: the start
@@ -51,7 +51,7 @@ class ModeMachine:
 
     @property
     def trajectory(self) -> Literal["ready", "running", "interrupted", "paused"]:
-        """State of the trajectory; an interrupted one goes on after this contact."""
+        """State of the trajectory; an interrupted one continues after this contact."""
         if self.moving:
             return "running" if self.mode is Mode.TRACKING else "interrupted"
         return "paused" if self.paused else "ready"

@@ -51,18 +51,18 @@ class Event(StrEnum):
     DISABLE = "disable"  # a person, or the end of the program: switch the drives off
     RESET = "reset"  # a person: the fault has been dealt with
     ENERGISED = "energised"  # every drive reports operation enabled
-    STANDSTILL = "standstill"  # no joint moves, and no setpoint asks for it
+    STANDSTILL = "standstill"  # no joint moves, and no setpoint commands motion
     END = "end"  # the trajectory is complete
     TOUCH = "touch"  # a contact to yield to
     RETRACT = "retract"  # a contact to back away from
-    RELEASE = "release"  # a collision to let go of
+    RELEASE = "release"  # a collision to release
     # a contact to stop at; pushed against while retracting; the end of a release
     HALT = "halt"
     RESUME = "resume"  # quiet, and the trajectory fits from here
-    RETURN = "return"  # quiet, and the trajectory goes on where it was left, or where it fits
-    # quiet, and nothing to go on with, or it fits nowhere within the joint limits
+    RETURN = "return"  # quiet, and the trajectory resumes where it was left, or where it fits
+    # quiet, and nothing to resume, or it fits nowhere within the joint limits
     SETTLE = "settle"
-    ARRIVED = "arrived"  # back where the trajectory goes on
+    ARRIVED = "arrived"  # back where the trajectory resumes
     BOUND = "bound"  # contacts led the arm for longer or further than allowed
     TIMEOUT = "timeout"  # enabling, stopping or returning took too long
     DOUBT = "doubt"  # a condition at which the arm holds
@@ -190,7 +190,7 @@ DISARMING = frozenset(
 
 # Events that halt a trajectory, which continues with the next `start`.
 HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.RELEASE, _E.HALT})
-# Events after which the configured trajectory begins anew.
+# Events after which the configured trajectory starts from its beginning.
 FORGETTING = frozenset({_E.ABANDON, _E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 # Events after which no trajectory continues by itself, whatever a contact causes.
 WAITING = frozenset({_E.PAUSE, _E.ABANDON})

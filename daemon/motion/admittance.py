@@ -136,7 +136,7 @@ class Allowance:
             self.home = reference.copy()
 
     def leave(self, reference: Vector) -> None:
-        """End a contact: the arm goes on by itself from the reference (n,) [rad]."""
+        """End a contact: the arm continues by itself from the reference (n,) [rad]."""
         if self.home is not None:
             self._moved += reference - self.home
             self.home = None

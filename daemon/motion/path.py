@@ -172,7 +172,7 @@ class Follower:
 
     @property
     def finished(self) -> bool:
-        """True if the path has come to its end."""
+        """True at the end of the path."""
         return self.place.s >= self.place.path.duration
 
     def anchor(self, q: Vector) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from common.arrays import Vector
 
-# Targets that are kept: those of the longest delay and window, at 300 Hz.
+# Size of the buffer: targets of the longest delay and window, at 300 Hz.
 KEPT: Final = 80
 # Shortest time between two targets; some targets of a faster sender are dropped [s].
 LEAST_SPACING_S: Final = 1e-3
@@ -26,7 +26,7 @@ LEAST_SPACING_S: Final = 1e-3
 LEAST_HALF_WINDOW_S: Final = 0.025
 # Longest delay behind the sender [s].
 LONGEST_DELAY_S: Final = 0.15
-# A target this late belongs to a past that the arm no longer follows [s].
+# A target this late is dropped, as the arm is past it [s].
 TOO_LATE_S: Final = 0.15
 # Time after the last target for which its velocity is extrapolated [s].
 HOLDOVER_S: Final = 0.15

@@ -143,8 +143,8 @@ class PathBuilder:
         self._start_s = 0.0
 
     def append(self, rows: Sequence[Sequence[float]]) -> None:
-        """Check and keep the next rows. Raises TrajectoryError with the row (counted from 0 over
-        all chunks) and the reason; then nothing of this chunk is kept."""
+        """Check and add the next rows. Raises TrajectoryError with the row (counted from 0 over
+        all chunks) and the reason; nothing of this chunk is added then."""
         if self.rows + len(rows) > MAX_ROWS:
             raise TrajectoryError(f"more than {MAX_ROWS} rows", row=MAX_ROWS)
         if not rows:
@@ -157,7 +157,7 @@ class PathBuilder:
             knots = np.concatenate([self._last[1], knots])
             first_row -= 1
         if len(times) > 1:
-            self._keep(times, knots, *self._judged(times, knots, first_row))
+            self._keep(times, knots, *self._checked(times, knots, first_row))
         self._last = times[-1:], knots[-1:]
         self.rows += len(rows)
 
@@ -204,7 +204,7 @@ class PathBuilder:
         knots[:, :, self._columns] = table[:, 1:].reshape(len(rows), 2, k)
         return table[:, 0] - self._start_s, knots
 
-    def _judged(
+    def _checked(
         self, times: Vector, knots: Tensor, first_row: int
     ) -> tuple[Vector, Vector, Vector]:
         """Lowest and highest position and largest speed between the knots, (n,); raises

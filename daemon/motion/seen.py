@@ -13,7 +13,7 @@ from common.arrays import Vector
 from daemon.motion.path import Place
 
 _FASTER = 1.1  # ratio to the speed covered, above which a warning is given
-_FURTHER = 0.1  # [rad] outside the range seen
+_FURTHER = 0.1  # [rad] outside the covered range, above which a warning is given
 
 
 @dataclass(frozen=True, slots=True)

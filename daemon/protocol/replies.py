@@ -161,7 +161,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     recognised: str = ""  # description of an unannounced payload, with advice; empty without one
     guide: GuideAxes = GuideAxes()  # of an arm that is led by hand
     wrench: Wrench | None = None  # force at the tool; None in a mode without contact sensing
-    wrench_at: str = ""  # its point, in words
+    wrench_at: str = ""  # description of its point
     wrench_axes: str = ""  # link of the URDF along whose axes it is
     near: Near | None = None  # None without shapes, or in a mode in which the arm does not move
     unguarded: str = ""  # reason why no shape is guarded in this run, although the arm has some

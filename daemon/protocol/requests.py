@@ -161,7 +161,7 @@ class SetPayload(_Bare, frozen=True, tag="payload"):
     name: str | None = None  # by its name in the configuration, or
     # by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
     mass: Annotated[float, _within(0.0, HEAVIEST_KG)] | None = None
-    # beside `mass`: its centre in the hand's frame, three numbers [m]
+    # with `mass`: its centre in the hand's frame, three numbers [m]
     com: list[Annotated[float, _within(-FURTHEST_M, FURTHEST_M)]] | None = None
     # edges of a box about that centre, along the hand's axes, three numbers [m]
     box: list[Annotated[float, _within(THINNEST_M, FURTHEST_M)]] | None = None

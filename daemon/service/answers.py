@@ -32,7 +32,7 @@ from daemon.protocol.strict_json import StrictDecoder
 from daemon.service.connections import Connection, Connections
 from daemon.service.mishaps import error_in_words
 
-SHORT_BYTES: Final = 128  # a stop is no longer; longer packets are decoded in their turn
+SHORT_BYTES: Final = 128  # longest stop; longer packets are decoded in their turn
 SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
 
 Handler = Callable[[Request, Peer], Reply]

@@ -42,7 +42,7 @@ def default_directory() -> Path:
 
 
 def ring_path(socket: Path) -> Path:
-    """Path of the ring of the daemon with this control socket: beside it, where memory is files."""
+    """Path of the ring of the daemon with this control socket: next to it, usually on a tmpfs."""
     return socket.with_name(f"{socket.name}.frames")
 
 

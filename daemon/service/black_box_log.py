@@ -39,12 +39,12 @@ class Context(msgspec.Struct, frozen=True):
 
 
 def context_path(ring: Path) -> Path:
-    """Path of the daemon's snapshot for the helper: beside the ring."""
+    """Path of the daemon's snapshot for the helper: next to the ring."""
     return ring.with_suffix(".context")
 
 
 def context_of_log(log: Path) -> Path:
-    """Path of the context of a log: beside it."""
+    """Path of the context of a log: next to it."""
     return log.with_suffix(".json")
 
 
@@ -101,7 +101,7 @@ def save(path: Path, directory: Path, faults: Sequence[tuple[float, str]] = ()) 
 
 
 def write_context(ring: Path, log: Path, faults: Sequence[tuple[float, str]] = ()) -> None:
-    """Write the context of `log` beside it, if the daemon of the ring left one. A log without
+    """Write the context of `log` next to it, if the daemon of the ring left one. A log without
     context is still usable: an error is only logged."""
     try:
         with open_regular(context_path(ring), follow=False) as stream:

@@ -13,7 +13,7 @@ from typing import Final
 from daemon.protocol.doors import DOORS, MAX_CONNECTIONS, Door
 from daemon.protocol.socket_path import Peer
 
-MOST_PENDING: Final = 8  # packets of a connection that are kept for its turns
+MOST_PENDING: Final = 8  # packets of a connection that are queued for its turns
 GRACE: Final = 10  # polls in which a newcomer has time for its first packet
 MAX_READERS: Final = 16
 MAX_READERS_OF_ONE_USER: Final = 8

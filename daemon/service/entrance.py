@@ -74,7 +74,7 @@ class Entrance:
                 accepted, _ = self._listener.accept()
             except OSError as error:
                 # The kernel looks for a descriptor before it looks for a client.
-                if error.errno in (errno.EMFILE, errno.ENFILE) and self._is_called():
+                if error.errno in (errno.EMFILE, errno.ENFILE) and self._client_waits():
                     raise NoDescriptorError from error
                 return None  # gone again
             accepted.setblocking(False)
@@ -90,7 +90,7 @@ class Entrance:
                 accepted.send(msgspec.json.encode(reply))
         return None
 
-    def _is_called(self) -> bool:
+    def _client_waits(self) -> bool:
         """True while a client waits outside."""
         looked = select.poll()
         looked.register(self._listener, select.POLLIN)

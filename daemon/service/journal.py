@@ -27,7 +27,7 @@ _PRIORITY = {
 }
 
 
-# Lines that may wait for the writer; beyond, they are counted instead of kept.
+# Lines that may wait for the writer; further lines are only counted.
 MOST_WAITING = 1000
 # The rate limit: a bucket of lines, and how fast it fills up again.
 BURST = 30  # lines

@@ -38,7 +38,7 @@ class Poses:
     def path(self, request: Go, q: Vector) -> PosePath:
         """Path from q (n,) [rad] to the pose of a request. Raises TrajectoryError for an unknown
         pose, or if the arm is elsewhere than where the request was planned."""
-        name, values = self._asked_for(request)
+        name, values = self._requested(request)
         goal = q.copy()
         for joint, value in values.items():
             if joint not in self.joints:
@@ -83,7 +83,7 @@ class Poses:
             if path.way[i] and short[i] > WARNED_RAD
         ]
 
-    def _asked_for(self, request: Go) -> tuple[str, dict[str, float]]:
+    def _requested(self, request: Go) -> tuple[str, dict[str, float]]:
         if (request.pose is None) == (not request.targets):
             raise TrajectoryError("it takes either a `pose` or `targets`")
         if request.pose is None:

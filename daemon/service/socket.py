@@ -116,7 +116,7 @@ class ControlSocket:
                 if file in self._entrances:
                     called.add(file)
                 elif connection := self._connections.all.get(file):
-                    self._look_at(connection, what)
+                    self._read_connection(connection, what)
             # Even after reading many packets: a client with a stop may be outside.
             until_s = max(until_s, self.clock() + LEAST_SHARE * entrance_s)
             doors = [file for file in self._entrances if file in called]
@@ -124,10 +124,10 @@ class ControlSocket:
                 # A crowd at one door does not keep clients at the other from entering.
                 share_s = max(until_s - self.clock(), 0.0) / len(called)
                 called.discard(file)
-                self._let_in(self._entrances[file], self.clock() + share_s)
+                self._admit(self._entrances[file], self.clock() + share_s)
         self._serve_in_turn(turns_s)
 
-    def _look_at(self, connection: Connection, events: int) -> None:
+    def _read_connection(self, connection: Connection, events: int) -> None:
         if connection.gone:
             return
         if connection.looked < self._poll - 1:  # the previous poll found nothing
@@ -188,7 +188,7 @@ class ControlSocket:
         for entrance in self._entrances.values():
             entrance.close()
 
-    def _let_in(self, entrance: Entrance, until_s: float) -> None:
+    def _admit(self, entrance: Entrance, until_s: float) -> None:
         """Admit the clients that wait outside, and read the packets of each at once."""
         if entrance.looked < self._poll - 1:
             entrance.silent_at = self._began_before

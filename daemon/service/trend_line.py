@@ -70,7 +70,7 @@ class TrendLine:
         if record.estimate is not None and record.mode in SENSING:
             self._send(record, estimator)
         if self._ticks % LISTENS_EVERY == 0 and self._process is not None:  # `_send` may clear it
-            self._listen(self._process)
+            self._read_warnings(self._process)
 
     def _send(self, record: TickRecord, estimator: Estimator) -> None:
         estimate, samples, row = record.estimate, record.samples, self._joints
@@ -92,7 +92,7 @@ class TrendLine:
             _log.warning("trends are no longer gathered: %s", error)
             self._process = None
 
-    def _listen(self, process: "subprocess.Popen[bytes]") -> None:
+    def _read_warnings(self, process: "subprocess.Popen[bytes]") -> None:
         assert process.stdout is not None
         try:
             heard = os.read(process.stdout.fileno(), _ANSWER_BYTES)

@@ -63,7 +63,7 @@ class ContactEvents:
         counts = observed.struck or (attentive and not self._motion.blind)
         if not (counts and self._collision(observed)):
             return None
-        return self._able(self._reactions.to_collision(self._machine.armed), observed)
+        return self._permitted(self._reactions.to_collision(self._machine.armed), observed)
 
     def _of_contact(self, observed: ControlInput, attentive: bool) -> Trigger | None:
         """Event of a contact below the collision level. For a probable load the arm halts instead
@@ -74,7 +74,7 @@ class ContactEvents:
             attentive = self._machine.mode in ATTENTIVE or self._machine.mode in GUIDED
             reaction = Event.HALT if reaction in (Event.TOUCH, Event.RETRACT) else reaction
             cause = f"{observed.touched}: {observed.load}"
-        event = self._able(reaction, observed) if attentive else None
+        event = self._permitted(reaction, observed) if attentive else None
         return Trigger(event, cause) if event else None
 
     def _halt_of_path(self) -> Event | None:
@@ -82,7 +82,7 @@ class ContactEvents:
         careful = self._motion.follower.place.path.halts_at_contact
         return Event.HALT if self._machine.mode is Mode.TRACKING and careful else None
 
-    def _able(self, event: Event | None, observed: ControlInput) -> Event | None:
+    def _permitted(self, event: Event | None, observed: ControlInput) -> Event | None:
         """Event of a contact as far as the arm can carry it out: a halt if it must not release, and
         none if it holds already."""
         if event is Event.RELEASE and self._machine.can(event):

@@ -24,7 +24,7 @@ class ControllerSettings:
     enable_timeout_s: float
     stop_timeout_s: float
     assists: bool = False  # a hand that leads
-    probes: bool = True  # for a hand that rests, before a trajectory goes on
+    probes: bool = True  # for a resting hand, before a trajectory resumes
 
 
 @dataclass(frozen=True, slots=True)

@@ -107,11 +107,11 @@ class LoadWatch:
         if not self._pull.lasts:
             self._hinted_kg = 0.0
         if found is not None:
-            if found == before or not _is_other(found.mass, self._reported_kg):
+            if found == before or not _differs(found.mass, self._reported_kg):
                 return ()
             self._reported_kg = found.mass
             return (Notice(kind="mode", text=f"{self.words}: {self.advice}"),)
-        if pulls and _is_other(pulls, self._hinted_kg):
+        if pulls and _differs(pulls, self._hinted_kg):
             self._hinted_kg = pulls
         elif self._hinted_kg or often or not self._interruptions.often:
             return ()
@@ -175,8 +175,8 @@ class LoadWatch:
 
 
 class Interruptions:
-    """Interruptions of the trajectory by contacts; `often` while the last OFTEN came within
-    OFTEN_S, and the latest is no longer ago than that."""
+    """Interruptions of the trajectory by contacts; `often` while the last OFTEN occurred within
+    OFTEN_S, and the latest at most OFTEN_S ago."""
 
     def __init__(self, period_s: float) -> None:
         self.often = False
@@ -208,7 +208,7 @@ def together(one: Payload, other: Payload) -> Payload:
     return Payload(mass=mass, com=com)
 
 
-def _is_other(mass: float, reported: float) -> bool:
+def _differs(mass: float, reported: float) -> bool:
     """True if a mass differs enough from the last reported one for a new report [kg]."""
     return abs(mass - reported) > max(NEWS_SHARE * mass, NEWS_KG)
 

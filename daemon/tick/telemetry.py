@@ -95,7 +95,7 @@ class TickRecord:
     mode: Mode  # after the decision, like all that follows
     armed: bool = False
     cause: str  # of the mode
-    moving: bool = False  # a trajectory runs, or goes on after this contact
+    moving: bool = False  # a trajectory runs, or continues after this contact
     quiet_s: float = 0.0  # since the last tick with a non-zero thresholded residual
     unproved: tuple[str, ...] = ()  # joints commanded to stop and not confirmed at standstill
     payload: Payload | None = None  # included in the model
