@@ -20,7 +20,7 @@ Mode = Literal[
 
 
 class Check(TypedDict):
-    """One check before the arm may be armed, with the reason why it passed or failed."""
+    """Arming check, with the reason why it passed or failed."""
 
     name: str
     passed: bool
@@ -28,7 +28,7 @@ class Check(TypedDict):
 
 
 class ToolForce(TypedDict):
-    """Forces at the tool that the arm detects; directions along x, y, z of the URDF's root."""
+    """Smallest detected forces at the tool; directions along x, y, z of the URDF's root."""
 
     least_N: float  # in the most sensitive direction
     least_along: list[float]
@@ -38,8 +38,8 @@ class ToolForce(TypedDict):
 
 
 class Sensitivity(TypedDict):
-    """Smallest touches that the arm detects in its present pose: torque at each joint, force at the
-    tool. With errors of the model both may be a little larger (docs/estimator.md)."""
+    """Smallest contacts that the arm detects in its present pose: torque at each joint, force at
+    the tool. With model errors both may be a little larger (docs/estimator.md)."""
 
     joints: list[str]
     tool: str  # description of the tool point
@@ -52,35 +52,35 @@ class Sensitivity(TypedDict):
 
 
 class Way(TypedDict):
-    """Way to a pose: a straight line through joint space, on which all joints arrive together."""
+    """Path to a pose: a straight line through joint space, on which all joints arrive together."""
 
     name: str
     joints: list[str]
     start: list[float]  # [rad]
     goal: list[float]  # [rad]
-    speed: list[float]  # largest on the way [rad/s]
-    duration_s: float  # from standstill to standstill, unless a contact comes in between
-    shapes: NotRequired[bool]  # it is checked against those of the arm and its surroundings
+    speed: list[float]  # largest on the path [rad/s]
+    duration_s: float  # from standstill to standstill, without a contact
+    shapes: NotRequired[bool]  # it is checked against the shapes of the arm and its surroundings
 
 
 class StreamState(TypedDict):
-    """Stream of targets that the arm follows, and what came of it."""
+    """Stream of targets that the arm follows, and its statistics."""
 
     sender: str
     phase: Literal[
     "following", "interrupted", "joining", "paused", "stalled", "waiting",
 ]  # fmt: skip
     target: list[float]  # newest [rad]
-    age_s: float  # since it came
+    age_s: float  # since it was received
     rate_hz: float | None  # of the sender, by its own times; None before the second target
     jitter_s: float  # largest lateness of the last seconds
     delay_s: float  # by which the arm follows behind the sender
-    lost: int  # targets that never came
+    lost: int  # targets never received
     dropped: int  # targets out of order, repeated, or too late
-    bounded: int  # targets outside the joint limits, or faster
-    refused: int  # targets that were no numbers
-    after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
-    contact: NotRequired[str]  # the one that lasts, or was over less than 0.5 s ago, described
+    bounded: int  # targets outside the joint limits, or too fast
+    refused: int  # targets that were not finite
+    after_contact: Literal["hold", "rejoin"]  # continuation once a contact is over
+    contact: NotRequired[str]  # description of one that lasts, or ended less than 0.5 s ago
 
 
 class Permit(TypedDict):
@@ -94,13 +94,13 @@ class Permit(TypedDict):
 
 
 class Trajectory(TypedDict):
-    """The trajectory that runs, is interrupted, or would be run by `start`."""
+    """Trajectory that runs, is interrupted, or would be run by `start`."""
 
-    name: str  # empty where none is configured: `start` needs a file then
+    name: str  # empty if none is configured: `start` then needs a file
     state: Literal["interrupted", "paused", "ready", "running"]
     time_s: float  # path time
-    duration_s: float | None  # None: it has no end
-    attended: NotRequired[bool]  # it halts, and is forgotten, when the program that began it ends
+    duration_s: float | None  # None: endless
+    attended: NotRequired[bool]  # it halts and is forgotten when the program that began it ends
 
 
 class Grant(TypedDict):
@@ -131,18 +131,18 @@ class Payload(TypedDict):
 
 
 class Wrench(TypedDict):
-    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
-    It is valid if one force acts, and there: see `misfit`."""
+    """External force at the tool, in the axes of its frame; `contactctl status` names both. It is
+    valid if a single force acts, at the tool: see `misfit`."""
 
-    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
+    force: list[float]  # x y z [N], along the observable directions; zero if nothing acts
     covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
-    unseen: list[list[float]]  # directions x y z along which nothing is known
-    strength: float  # over its level: below 1 nothing acts
-    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
+    unseen: list[list[float]]  # directions x y z that are not observable
+    strength: float  # ratio to its level: below 1 nothing acts
+    misfit: float  # of one force at the tool to the residuals: about 1; above 2: no such force
 
 
 class Near(TypedDict):
-    """Nearest two of the arm's shapes and its surroundings that are guarded."""
+    """Nearest guarded pair among the shapes of the arm and its surroundings."""
 
     pair: list[str]  # their names
     distance: float  # negative where they overlap [m]
@@ -159,7 +159,7 @@ class Status(TypedDict):
     mode: Mode
     armed: bool
     permit: Permit | None  # while armed
-    disarmed: NotRequired[str]  # cause of the last end of arming; empty before one
+    disarmed: NotRequired[str]  # cause of the last disarming; empty before one
     disarmed_s: NotRequired[float]  # when that was, as `uptime_s` counts
     cause: str
     since_s: NotRequired[float | None]  # when `cause` led to this mode, as `uptime_s` counts
@@ -180,10 +180,10 @@ class Status(TypedDict):
     residual: list[float]
     threshold: list[float]
     contact: NotRequired[list[float]]  # configured contact levels [Nm]
-    least: NotRequired[list[float]]  # that learning leaves of them at least [Nm]
-    level_share: NotRequired[list[float]]  # k: share of them that learning leaves now
+    least: NotRequired[list[float]]  # lowest contact levels that learning may set [Nm]
+    level_share: NotRequired[list[float]]  # k: share of the contact levels that learning leaves now
     side: list[Literal["gap", "left", "right", "unknown"]]
-    gain: list[float]  # K_a, as it is or is about to be [rad/s per Nm]
+    gain: list[float]  # K_a, at the end of its ramp [rad/s per Nm]
     age_ticks: list[int]
     serials: NotRequired[list[int | None]]  # 0x1018:4 of the drives
     unproved: NotRequired[list[str]]  # joints commanded to stop and not confirmed at standstill
@@ -193,26 +193,27 @@ class Status(TypedDict):
     sensing: NotRequired[list[bool] | None]
     sensing_since_s: NotRequired[list[float] | None]  # when that last changed, as `uptime_s` counts
     lost: NotRequired[list[float] | None]  # share of recent samples that went missing
-    learned: NotRequired[Learned | None]  # None where nothing is learned
+    learned: NotRequired[Learned | None]  # None if learning is off
     hand: NotRequired[str]  # the URDF's last link, in whose frame payloads are
     payload: NotRequired[Payload | None]  # announced since the start, and forgotten at its end
     payloads: NotRequired[list[Payload]]  # that can be announced by name
-    # that `go` can be asked for: joints by name [rad]
+    # poses for `go`, by name: positions by joint [rad]
     poses: NotRequired[dict[str, dict[str, float]]]
     # findings of their trends, a line for each joint (`contactctl health`)
     gears: NotRequired[list[str]]
     # description of an unannounced payload, with advice; empty without one
     recognised: NotRequired[str]
     guide: NotRequired[GuideAxes]  # of an arm that is led by hand
-    wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode that senses nothing
-    wrench_at: NotRequired[str]  # its point, in words
+    wrench: NotRequired[Wrench | None]  # force at the tool; None in a mode without contact sensing
+    wrench_at: NotRequired[str]  # description of its point
     wrench_axes: NotRequired[str]  # link of the URDF along whose axes it is
     # None without shapes, or in a mode in which the arm does not move
     near: NotRequired[Near | None]
-    # reason why no shape is guarded in this run, of an arm that has some
+    # reason why no shape is guarded in this run, although the arm has some
     unguarded: NotRequired[str]
     changed: NotRequired[list[str]]  # files that differ from those in use; checked while off
-    not_taken_up: NotRequired[str]  # reason why a `reload` kept the old ones, with file and field
+    # reason why a `reload` kept the previous files, with file and field
+    not_taken_up: NotRequired[str]
 
 
 class Snapshot(TypedDict):
@@ -244,13 +245,13 @@ class Reply(TypedDict):
     mode: NotRequired[Mode | None]
     armed: NotRequired[bool]
     checks: NotRequired[list[Check]]  # of `arm`
-    sensitivity: NotRequired[Sensitivity | None]  # of `arm` that is done
-    row: NotRequired[int | None]  # of a trajectory: the first that was refused, from 0
+    sensitivity: NotRequired[Sensitivity | None]  # of a successful `arm`
+    row: NotRequired[int | None]  # first refused row of a trajectory, from 0
     unproved: NotRequired[list[str]]  # joints commanded to stop and not confirmed at standstill
-    # of `start` and `go` that are done, and of a plan: beyond what the thresholds cover, or nearer
-    # to a limit than a joint may get
+    # of a successful `start` or `go`, and of a plan: motion that the thresholds do not cover, or
+    # that ends nearer to a limit than a joint may get
     warnings: NotRequired[list[str]]
-    way: NotRequired[Way | None]  # of `go` that is done, or planned
+    way: NotRequired[Way | None]  # of a successful or planned `go`
     stream: NotRequired[StreamState | None]  # of `follow` and `target`
     status: NotRequired[Status | None]
     snapshot: NotRequired[Snapshot | None]
@@ -276,23 +277,23 @@ class Notice(TypedDict):
 
 
 class Timing(TypedDict):
-    """Timing of the loop: the only fields of a State that differ between two lockstep runs with one
-    seed."""
+    """Timing of the loop: the only fields of a State that differ between two lockstep runs with the
+    same seed."""
 
     wall_s: float  # Unix time of the tick
     monotonic_s: float  # CLOCK_MONOTONIC of the wake-up
     lateness_us: float  # wake-up after the deadline
-    work_us: float  # from the wake-up to the last frame sent, in the tick before this one
+    work_us: float  # from the wake-up to the last frame sent, in the previous tick
     missed: int  # deadlines missed since the start
     doors_us: NotRequired[float]  # spent on clients and the log, after the previous tick
 
 
 class Meeting(TypedDict):
-    """Place of a path that was refused, at which it leads one shape through another."""
+    """Collision of two shapes on a path that was refused."""
 
     pair: list[str]  # their names
     position: list[float]  # of the links there [rad]
-    text: str  # reason of the refusal
+    text: str  # reason for the refusal
 
 
 class State(TypedDict):
@@ -300,17 +301,17 @@ class State(TypedDict):
 
     tick: int
     time_s: float  # time of the tick since the loop started
-    interval_s: float  # since the tick before
+    interval_s: float  # since the previous tick
     mode: Mode
     armed: bool
     cause: str  # reason for this mode
-    moving: bool  # a trajectory is running or will go on after this contact
-    fresh: list[bool]  # joints whose samples came in time; of others these are the last
+    moving: bool  # a trajectory is running, or will continue after this contact
+    fresh: list[bool]  # joints whose samples came in time; others have their last values
     drives: list[str]  # CiA 402 states
     current: list[float]  # measured, input of the estimator [A]
     link_position: list[float]  # q [rad]
     motor_velocity: list[float]  # theta_dot [rad/s]
-    motor_position: list[float] | None  # theta [rad], where the drive has it
+    motor_position: list[float] | None  # theta [rad], if the drives measure it
     link_velocity: list[float]  # estimated q_dot [rad/s]
     motor_estimate: list[float]  # theta used [rad]
     phi: list[float]  # phi = q - theta [rad]
@@ -320,7 +321,7 @@ class State(TypedDict):
     residual: list[float]  # [Nm]
     threshold: list[float]  # in force in this tick [Nm]
     thresholded: list[float]  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # at least this one, by its joint; empty: no contact, or not known
+    touched_link: str  # by its joint; it may be one further out; empty: no contact, or unknown
     beside: dict[str, list[float]]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
     reference: list[float]  # decided desired q [rad]
@@ -344,7 +345,6 @@ class State(TypedDict):
     wrench: NotRequired[Wrench | None]
     # Left out without shapes, and in a mode in which the arm does not move.
     near: NotRequired[Near]
-    # Left out unless the last path that was asked for was refused for it.
-    meeting: NotRequired[Meeting]
-    # Along which a hand leads the arm, as `contactctl guide` shows it. Left out without one.
+    meeting: NotRequired[Meeting]  # Left out unless the last requested path was refused for it.
+    # Guide of the hand that leads the arm, as `contactctl guide` shows it. Left out without one.
     guide: NotRequired[str]

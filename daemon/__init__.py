@@ -1,1 +1,1 @@
-"""The service: configuration, loop, modes, limits, faults, control socket."""
+"""The daemon: configuration, loop, modes, limits, faults, control socket."""

@@ -100,7 +100,7 @@ def check_parameters(robot: Robot) -> Check:
 
 
 def build_estimator(c: Configuration, model: Model) -> Estimator:
-    """Estimator: the whole chain from samples to contact."""
+    """Estimator: the complete chain from samples to contact."""
     return Estimator(
         model,
         build_transmission(c),
@@ -194,8 +194,8 @@ def build_controller(robot: Robot, *, links_trusted: bool) -> Controller:
 
 
 def largest_coulomb(t: Transmission, max_current: Vector) -> Vector:
-    """Coulomb friction (n,) [Nm] at the largest torque that each motor gives, by its highest
-    current [A]: what was identified cannot pretend a hand that exceeds it."""
+    """Coulomb friction (n,) [Nm] at the largest torque of each motor, from its largest current [A]:
+    an external torque beyond it cannot be identified friction."""
     load = t.load_friction + t.load_friction_error
     return t.engaged_coulomb + load * t.torque_constant * max_current
 
@@ -234,7 +234,7 @@ def build_motion(robot: Robot, *, links_trusted: bool) -> Motion:
 
 
 def build_walls(robot: Robot) -> Walls | None:
-    """Bound by shapes and surroundings; None without."""
+    """Walls from shapes and surroundings; None without shapes."""
     if robot.walls is None:
         return None
     limits, joints = limits_of(robot.configuration), robot.configuration.joint_names

@@ -40,21 +40,21 @@ def open_wire(robot: Robot, opened: ExitStack) -> Wire:
 
 
 def load_of(c: Configuration) -> float:
-    """Share of the bus that the arm takes."""
+    """Share of the bus capacity that the arm's frames take."""
     return bus_load(frames_of(c), c.bus.bitrate)
 
 
 def frames_per_second(c: Configuration) -> float:
-    """Number of the arm's frames."""
+    """Rate of the arm's frames [1/s]."""
     return sum(frame.rate_hz for frame in frames_of(c))
 
 
 def build_setups(robot: Robot) -> Setups:
-    """Set-up of each drive, with which it may be operational: of makes that need no file for it,
-    the drives. Raises ConfigurationError."""
+    """Set-up that each drive needs for operation, of CANopen drives with their EDS; other makes
+    need no file, and only the drives are returned. Raises ConfigurationError."""
     c = robot.configuration
     if not frames_of(c):
-        raise ConfigurationError(f"{robot.path}: `make: log` has no drives: it is for logs alone")
+        raise ConfigurationError(f"{robot.path}: `make: log` has no drives: it is for logs only")
     if not _canopen(c):
         return c.joint_drives
     sheets = {
@@ -68,8 +68,8 @@ def build_setups(robot: Robot) -> Setups:
 def build_boot(
     robot: Robot, wire: Wire, ring: FrameRing | None = None, setups: Setups | None = None
 ) -> DriveBoot:
-    """Boot-up of CANopen drives over the wire of an open bus. `ring` keeps its frames; `setups` are
-    built from the robot's files unless given. Raises ConfigurationError."""
+    """Boot-up of CANopen drives over the wire of an open bus. `ring` records its frames; `setups`
+    are built from the robot's files unless given. Raises ConfigurationError."""
     c = robot.configuration
     setups = build_setups(robot) if setups is None else setups
     return DriveBoot(wire, setups, c.period_ms, c.bus.master_node, ring)
@@ -78,11 +78,11 @@ def build_boot(
 def build_canopen(
     robot: Robot, boot: DriveBoot, wire: Wire, clock: Callable[[], float]
 ) -> CanopenArm:
-    """CANopen drives with their boot-up, and the wire of their tick, whose frames are kept as its
-    own."""
+    """CANopen drives with their boot-up, over a wire whose frames are recorded in the ring of the
+    boot-up, if any."""
     c = robot.configuration
-    kept = RecordedWire(wire, boot.ring) if boot.ring else wire
-    return CanopenArm(kept, boot, c.period_s, clock, c.bus.bitrate)
+    recorded = RecordedWire(wire, boot.ring) if boot.ring else wire
+    return CanopenArm(recorded, boot, c.period_s, clock, c.bus.bitrate)
 
 
 def build_motors(
@@ -93,7 +93,7 @@ def build_motors(
     bitrate: int,
     listen_s: float = LISTEN_S,
 ) -> MotorArm:
-    """Motors of an arm, all of one make; listen_s: for another master, before the start."""
+    """Motors of an arm, all of one make; listen_s: time to listen for another master first [s]."""
     profile = drives[0].profile
     of = type(profile)
     make = MotorMake(make_of(profile).frames, LANGUAGES[of], MOTORS[of])
@@ -103,13 +103,13 @@ def build_motors(
 def build_drives(
     robot: Robot, wire: Wire, clock: Callable[[], float], ring: FrameRing | None, setups: Setups
 ) -> BootableDrives:
-    """Drives of any make over the wire of an open bus; `ring` keeps their frames. Raises
+    """Drives of any make over the wire of an open bus; `ring` records their frames. Raises
     ConfigurationError."""
     c = robot.configuration
     if _canopen(c):
         return build_canopen(robot, build_boot(robot, wire, ring, setups), wire, clock)
-    kept = RecordedWire(wire, ring) if ring else wire
-    return build_motors(kept, setups, c.period_s, clock, c.bus.bitrate)
+    recorded = RecordedWire(wire, ring) if ring else wire
+    return build_motors(recorded, setups, c.period_s, clock, c.bus.bitrate)
 
 
 def _canopen(c: Configuration) -> bool:

@@ -1,4 +1,4 @@
-"""Life of `contactd run`: from a configuration to a ticking loop, and back to a safe end."""
+"""Life cycle of `contactd run`: from a configuration to the running loop, and to a safe end."""
 
 import logging
 import os
@@ -51,8 +51,8 @@ _log = logging.getLogger("contactd")
 
 @dataclass(frozen=True, slots=True)
 class Basis:
-    """Basis of one run of the daemon: a robot as read from its files, and the set-up of its drives.
-    `not_taken_up` is the reason why newer files are not in use."""
+    """Basis of one run of the daemon: a robot as loaded from its files, and the set-up of its
+    drives. `not_taken_up` is the reason why newer files are not in use."""
 
     robot: Robot
     setups: Setups
@@ -64,14 +64,14 @@ ReadRobot = Callable[[], Robot]
 
 
 def read_basis(read: ReadRobot) -> Basis:
-    """Basis as the files are now. Raises ContactdError."""
+    """Basis from the present files. Raises ContactdError."""
     robot = read()
     return Basis(robot, build_setups(robot), Files.of(robot))
 
 
 @dataclass(frozen=True, slots=True)
 class _Arm:
-    """One arm, its drives set up, ready for the loop."""
+    """One arm with drives that are set up, ready for the loop."""
 
     basis: Basis
     drives: BootableDrives
@@ -82,12 +82,11 @@ class _Arm:
 
 
 def run_daemon(read: ReadRobot, socket: Path | None) -> None:
-    """Run until SIGTERM or SIGINT. At a `reload` end in the same way, and start again with the
-    files that `read` finds then, in the same process and at the same socket.
+    """Run until SIGTERM or SIGINT. At a `reload`, end in the same way and start again with the
+    files that `read` then finds, in the same process and at the same socket.
 
-    Files that cannot be read, or set up, are not put into use: the daemon continues with the
-    previous ones, off. Raises ContactdError if it cannot start or a drive does not end as it
-    should.
+    If these cannot be read or set up, the daemon continues with the previous ones, in mode off.
+    Raises ContactdError if it cannot start or a drive does not end as configured.
     """
     basis = read_basis(read)
     with log_to_stderr():
@@ -109,11 +108,11 @@ def run_daemon(read: ReadRobot, socket: Path | None) -> None:
                         continue
                     if not _serve(arm, control, notifier, signals):
                         return
-                before, basis = _read_anew(basis, read)
+                before, basis = _reload(basis, read)
 
 
-def _read_anew(basis: Basis, read: ReadRobot) -> tuple[Basis | None, Basis]:
-    """Basis to return to, None if it is the same, and basis of the next run."""
+def _reload(basis: Basis, read: ReadRobot) -> tuple[Basis | None, Basis]:
+    """Basis to fall back to (None if it is the same), and basis of the next run."""
     leave_realtime()
     try:
         return replace(basis, not_taken_up=""), read_basis(read)
@@ -152,7 +151,7 @@ def _set_up(basis: Basis, opened: ExitStack, control: ControlSocket, notifier: N
 
 
 def _realtime() -> list[Grant]:
-    """Real-time set-up of this process, by the part granted; the log reports what is not."""
+    """Real-time set-up of this process: each part, granted or not, which is logged."""
     not_compiled = compiled.warning()
     if not_compiled:
         _log.warning(not_compiled)
@@ -164,7 +163,7 @@ def _realtime() -> list[Grant]:
 
 
 def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Signals") -> bool:
-    """Run the loop to its end, and bring the arm to rest; True if it is to begin anew."""
+    """Run the loop to its end, and bring the arm to rest; True if the daemon is to start again."""
     robot, c = arm.basis.robot, arm.basis.robot.configuration
     tick, loop, service, commands = arm.tick, arm.loop, arm.service, arm.service.commands
     if signals.received:
@@ -191,7 +190,7 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     if tick.fatal:
         raise BusError(f"{tick.fatal}; the drives stop by themselves")
     if not stragglers and tick.controller.machine.mode is Mode.OFF:
-        _let_go(arm.drives, again=anew)
+        _release_drives(arm.drives, again=anew)
     arm.drives.end()
     if stragglers:
         raise DriveError(f"these drives did not end as configured: {', '.join(stragglers)}")
@@ -200,7 +199,7 @@ def _serve(arm: _Arm, control: ControlSocket, notifier: Notifier, signals: "_Sig
     return anew and not signals.received
 
 
-def _let_go(drives: BootableDrives, *, again: bool) -> None:
+def _release_drives(drives: BootableDrives, *, again: bool) -> None:
     """Release the drives from watching our heartbeat, as the arm is at rest for good. A failure is
     only logged if they will be set up `again`, which tries it more than once."""
     try:
@@ -222,9 +221,9 @@ def _trends_of(robot: Robot) -> Path:
 
 
 def _warm_up(robot: Robot) -> None:
-    """Run an estimator of the same kind for a few steps: the first ones load code and touch memory
-    for tens of milliseconds, more than the first ticks can spare. It is not that of the tick, which
-    begins without any sample."""
+    """Run a separate estimator of the same kind for a few steps: the first ones load code and touch
+    memory for tens of milliseconds, more than the first ticks can spare. The tick's own estimator
+    must begin without samples."""
     estimator = build_estimator(robot.configuration, robot.model)
     nothing = np.zeros(len(robot.configuration.joints))
     for _ in range(20):

@@ -1,7 +1,7 @@
-"""Ending of the arm: brought to rest as configured and confirmed, or stopped at once on an error.
+"""Shutdown of the arm: brought to rest as configured and confirmed, or stopped at once on an error.
 
-`bring_to_rest` ends an undisturbed program; `stop_on_error` commands the drives to quick-stop
-before anything else is done, whatever fails in the loop.
+`bring_to_rest` is the orderly shutdown; `stop_on_error` commands a quick stop of the drives before
+anything else is done, whatever fails in the loop.
 """
 
 import logging
@@ -30,10 +30,10 @@ _log = logging.getLogger("contactd")
 def bring_to_rest(
     loop: Loop, doors: Callable[[], None], stop_timeout_s: float, why: str
 ) -> list[str]:
-    """Decelerate, stop, let every joint end as configured, and confirm that it did.
+    """Decelerate, stop, bring every joint to its configured end, and confirm it.
 
-    Returns the names of drives that did not follow. The loop goes on ticking meanwhile, and so does
-    our heartbeat; it ends with the last tick.
+    Returns the names of drives that did not follow. The loop continues meanwhile, and our heartbeat
+    until the last tick.
     """
     tick = loop.tick
     machine = tick.controller.machine

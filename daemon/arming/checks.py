@@ -1,7 +1,7 @@
-"""Arming checks: conditions for the arm to yield to hands, each passed or failed.
+"""Arming checks: conditions for the arm to yield to contact, each passed or failed.
 
-They judge the record of the last tick, between two ticks. A tick itself only notes what its record
-will not show later (`daemon.tick.recent`). No I/O; time is an argument.
+They evaluate the record of the last tick, between two ticks. History that this record does not
+contain is kept by `daemon.tick.recent`. No I/O; time is an argument.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,19 +40,19 @@ NAMES = (
     "faults",
 )
 
-# Checks whose evidence is in the samples of a tick, or depends on them.
+# Checks that depend on the samples of a tick.
 SAMPLED = frozenset(
     {"drives", "heartbeats", "set-up", "estimator", "thresholds", "residual", "limits"}
 )
 
 # More than LATE_TICKS late ticks within this time are too many [s].
 LATE_WITHIN_S = 1.0
-# Largest level in force of a joint, over its configured contact level. A joint at rest hides the
-# torque that its friction holds: with a level of a hundredth of its motor's torque, the least that
-# is identified, that comes to 4.7 on the arms shipped. Beyond, friction decides what is detected,
-# which a reader of the configuration would not expect.
+# Largest threshold in force of a joint, over its configured contact level. At rest, friction hides
+# external torque: with the smallest level that is identified, a hundredth of the motor's torque,
+# the ratio reaches 4.7 on the arms in `configs/`. Beyond, friction decides what is detected, which
+# the configured level does not suggest.
 RAISED = 5.0
-# Between two ticks the last one is at most a period old; a thousandth of it is rounding.
+# Between two ticks the last one is at most a period old; a thousandth of it is for rounding.
 OLDEST = 1.001  # periods
 
 
@@ -65,7 +65,7 @@ class ArmingResult:
 
 
 class ArmingChecks:
-    """All checks of one arm."""
+    """Arming checks of one arm."""
 
     def __init__(
         self,
@@ -87,7 +87,7 @@ class ArmingChecks:
         return [check.text for check in self._settled if not check.passed]
 
     def run(self, time_s: float) -> ArmingResult:
-        """Judge arming at `time_s`, on the last tick and the present state of the drives."""
+        """Result at `time_s`, from the last tick and the present state of the drives."""
         tick = self._tick
         mode = tick.controller.machine.mode
         return self.judge(tick.last, mode, tick.drives.objections(), time_s)
@@ -95,11 +95,11 @@ class ArmingChecks:
     def judge(
         self, record: TickRecord | None, mode: Mode, objections: Sequence[Objection], time_s: float
     ) -> ArmingResult:
-        """Judge arming in `mode` at `time_s`, on the record of the last tick and the objections of
-        the drives.
+        """Result in `mode` at `time_s`, from the record of the last tick and the objections of the
+        drives.
 
-        A record that is older than a period fails `loop`: the arm is never armed on a state that
-        may be over. If a joint's samples are not of that tick, no check of `SAMPLED` passes.
+        A record that is older than a period fails `loop`: the arm is never armed on an outdated
+        state. If a joint's samples are not of that tick, no check of `SAMPLED` passes.
         """
         if record is None or record.estimate is None:
             text = "no samples of the drives yet"
@@ -115,7 +115,7 @@ class ArmingChecks:
             *self._of_limits(record.samples),
             *self._of_loop(record.time_s, time_s),
         ]
-        failures += self._unknown(record.samples, {failure.name for failure in failures})
+        failures += self._stale_failures(record.samples, {failure.name for failure in failures})
         reasons: dict[str, list[str]] = {}
         for failure in failures:
             reasons.setdefault(failure.name, []).append(failure.text)
@@ -128,10 +128,10 @@ class ArmingChecks:
         )
         return ArmingResult(checks, tuple(dict.fromkeys(f.text for f in failures)))
 
-    def _unknown(self, samples: Samples, failed: set[str]) -> list[Check]:
-        """Checks that would pass only on samples from before this tick."""
+    def _stale_failures(self, samples: Samples, failed: set[str]) -> list[Check]:
+        """Failures of checks that would otherwise pass on samples from before this tick."""
         old = ", ".join(self._joints[i] for i in np.flatnonzero(~samples.fresh).tolist())
-        text = f"not known, without samples of {old} in this tick"
+        text = f"unknown: no samples of {old} in this tick"
         return [_failed(n, text) for n in NAMES if n in SAMPLED - failed] if old else []
 
     def _of_findings(self, findings: Sequence[Finding]) -> Iterator[Check]:

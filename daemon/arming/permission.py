@@ -22,14 +22,14 @@ class Answer:
 
 
 def owner_of(request: Request, peer: Peer, connection: int = 0) -> Owner:
-    """Owner for a request: the process as the kernel identifies it, and the name that it states."""
+    """Owner for a request: process credentials from the kernel, and the name that it states."""
     return Owner(peer.uid, peer.pid, connection, request.on_behalf_of or "")
 
 
 @dataclass(slots=True)
 class Permission:
-    """Permission to yield to hands: one lease at a time, which ends with its time or with its
-    owner's connection."""
+    """Permission to yield to contact: one lease at a time, which ends when it expires or when its
+    owner's connection is closed."""
 
     tick: Tick
     checks: ArmingChecks
@@ -37,7 +37,7 @@ class Permission:
 
     @property
     def connection(self) -> int:
-        """Number of the connection that holds it; 0 if a person holds it, or without a lease."""
+        """Number of the connection that holds the lease; 0 if it is detached, or there is none."""
         return self.lease.owner.connection if self.lease else 0
 
     def arm(self, request: Arm, peer: Peer, time_s: float) -> Answer:
@@ -56,7 +56,7 @@ class Permission:
         return self._grant(owner, duration_s, time_s, reasons, found.checks)
 
     def renew(self, request: Renew, peer: Peer, time_s: float) -> Answer:
-        """Prolong the lease of this connection. Never arms: a program that renews periodically must
+        """Extend the lease of this connection. Never arms: a program that renews periodically must
         not undo another client's `disarm`, or a fault."""
         owner = owner_of(request, peer, peer.connection)
         held = self._held(time_s)
@@ -65,7 +65,7 @@ class Permission:
         return self._grant(owner, duration_s, time_s, [refusal] if refusal else [])
 
     def _held(self, time_s: float) -> Lease | None:
-        # A lease that has run out since the last tick has no owner: there is nothing to take over.
+        # A lease that has expired since the last tick has no owner any more.
         self.expire(time_s)
         return self.lease if self.tick.controller.machine.armed else None
 
@@ -82,7 +82,7 @@ class Permission:
         return Answer(reasons, duration_s, checks)
 
     def expire(self, time_s: float, closed: int = 0) -> None:
-        """End a lease that has run out, or was held by connection number `closed`."""
+        """End the lease if it has expired, or was held by connection number `closed`."""
         lease, controller = self.lease, self.tick.controller
         if lease is None:
             return

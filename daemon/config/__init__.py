@@ -1,1 +1,1 @@
-"""Configuration of one arm: its schema, its strict reading, its cross-checks."""
+"""Configuration of one arm: schema, strict parsing, and cross-checks."""

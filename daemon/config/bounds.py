@@ -1,6 +1,6 @@
-"""Physical bounds on the parameters that decide whether a touch is detected.
+"""Physical bounds on the parameters that decide whether a contact is detected.
 
-Some values make an arm that detects nothing: a level above the largest torque of its motor,
+With some values an arm would detect nothing: a level above the largest torque of its motor,
 friction that no motor could overcome, links that no motor could hold. They are refused, with the
 quantity that bounds them; values close to a bound are warnings (`contactd check`).
 
@@ -23,36 +23,36 @@ from estimator.transmission import stiction_range
 GRAVITY = 9.81  # [m/s2]
 
 NEAR = 0.7
-"""Share of a bound above which a value is a warning: every arm shipped stays below."""
+"""Share of a bound above which a value gives a warning; all arms in `configs/` stay below."""
 FELT = 0.5
-"""Largest share of the motor's largest torque for a touch of a moving joint, for friction, or for
-accelerating the rotor. Half is reserved for the contact: beyond, the motor saturates before the
-touch is detected."""
+"""Largest share of the motor's largest torque for the contact level of a moving joint, for
+friction, or for accelerating the rotor. Half is reserved for the contact itself: beyond, the motor
+saturates before the contact is detected."""
 LEAST = 0.001
-"""Smallest share of the motor's largest torque that a contact level may be."""
+"""Smallest contact level, as a share of the motor's largest torque."""
 HEAVIEST = 30.0
-"""Largest mass of one moving link, of three or more, over that of all the others together."""
+"""Largest mass of one moving link, of three or more, over that of all others together."""
 STRONGEST_BLOW = 3.0
-"""Times the motor's largest torque: more than the gears of such motors are built for at once."""
+"""Largest collision level over the motor's largest torque: the gears withstand no more."""
 TOO_HEAVY = 2.0
-"""Times the motor's largest torque: it could not hold half of that."""
+"""Largest load over the motor's largest torque: a motor could not hold even half of that."""
 TOO_STRONG = 50.0
-"""Times the weight of the arm at its reach: no motor of an arm is chosen so."""
+"""Largest motor torque over the weight of the arm at its reach: no arm has such a motor."""
 LEAST_REACH = 0.5
-"""Least reach assumed, for an arm whose links are short, or balanced about its axis [m]."""
+"""Smallest reach assumed, for arms with short or balanced links [m]."""
 SURGE = 10.0
-"""Times the rated current: no motor is made for more."""
+"""Largest peak current over the rated current: no motor is made for more."""
 SHAFT = (1e-4, 10.0)
-"""Torque constants of motors, at their shaft [Nm/A]."""
+"""Range of torque constants of motors, at the shaft [Nm/A]."""
 OF_RANGE = 1.0 / 8.0
-"""Share of its range that a joint may fall through its gap, from border to border."""
-WIDEST_HALF_GAP = 0.2  # [rad]; a gear with more has no teeth left
-BENDING = 0.005  # [rad]; what a gear bends under the motor's largest torque, at least
+"""Largest width of a joint's gap as a share of its range."""
+WIDEST_HALF_GAP = 0.2  # [rad]; no gear that meshes has more
+BENDING = 0.005  # [rad]; smallest deflection of a gear under the motor's largest torque
 
 
 @dataclass(frozen=True, slots=True)
 class Bounded:
-    """One figure, its place in the file, and the bounds that physics gives it."""
+    """One value, its place in the file, and its physical bounds with their reason."""
 
     keys: Keys
     where: str
@@ -64,7 +64,7 @@ class Bounded:
 
     @property
     def refused(self) -> bool:
-        """True if the value is beyond its bounds, or is not a number."""
+        """True if the value is outside its bounds, or NaN."""
         return not self.low <= self.value <= self.high
 
     @property
@@ -76,16 +76,16 @@ class Bounded:
     def problem(self) -> Problem:
         """Problem that names the value, its bounds and their reason."""
         low, high = figure(self.low), figure(self.high)
-        what = f"{self.value:.4g} {self.unit} {'is beyond' if self.refused else 'comes near'}"
+        what = f"{self.value:.4g} {self.unit} is {'outside' if self.refused else 'near the end of'}"
         allowed = f"{low} to {high}" if self.low else f"up to {high}"
         if math.isinf(self.high):
             allowed = f"from {low} on"
-        text = f"{what} what can be: {allowed} {self.unit}, {self.why}"
+        text = f"{what} the possible range: {allowed} {self.unit}, {self.why}"
         return Problem(self.keys, self.where, text)
 
 
 def beyond(c: Configuration, model: Model) -> list[Problem]:
-    """Problems with all values beyond their bounds. The limits of the joints must be in order."""
+    """Problems of all values outside their bounds. Requires lower < upper in all joint limits."""
     missing = list(_weightless(c, model))
     return missing or [b.problem for b in bounded(c, model) if b.refused]
 
@@ -96,13 +96,13 @@ def near(c: Configuration, model: Model) -> list[Problem]:
 
 
 def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
-    """Every bounded figure of a configuration."""
+    """Every bounded value of a configuration."""
     reach = max(model.reach, LEAST_REACH)
     weight = GRAVITY * model.mass * reach
     yield from _sensing(c)
     for i, (joint, load) in enumerate(zip(c.joints, worst_loads(c, model), strict=True)):
         if not frames_of(c):
-            continue  # of a motor only logs are known
+            continue  # `make: log`: nothing but logs is known of the motors
         yield from _motor(i, joint, weight)
         yield from _levels(i, joint, load.motor, c)
         yield from _transmission(i, joint, load.motor)
@@ -111,7 +111,7 @@ def bounded(c: Configuration, model: Model) -> Iterator[Bounded]:
 
 
 def _sensing(c: Configuration) -> Iterator[Bounded]:
-    # By the end of a tick, in which it is found.
+    # A contact is detected at the end of a tick.
     slowest = math.log(2.0) / max(LATEST_S - c.period_s, 1e-9)
     why = (
         "so that a torque of twice its level is detected within ln 2 / gain and a period = "
@@ -124,7 +124,7 @@ def _sensing(c: Configuration) -> Iterator[Bounded]:
     yield Bounded(
         ["estimator", "debounce"],
         "estimator.debounce",
-        # One tick is no debounce at all, however little time is left.
+        # A debounce of one tick is none, and always allowed.
         float(c.estimator.debounce) if c.estimator.debounce > 1 else 0.0,
         ticks,
         "ticks",
@@ -163,12 +163,12 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         levels.contact,
         high,
         "Nm",
-        f"{LEAST:g} to {FELT:g} of {of}: above, it presses with nearly its full torque before a "
-        "contact is detected; below, the noise of its current is detected as a contact",
+        f"{LEAST:g} to {FELT:g} of {of}: above, it pushes with nearly its full torque before a "
+        "contact is detected; below, noise of its current is detected as a contact",
         LEAST * motor,
     )
     most = max(0.0, high - levels.contact) / joint.limits.velocity
-    both = f"with which contact and what is added at limits.velocity come to {high:.4g} Nm"
+    both = f"with which the contact level at limits.velocity is {high:.4g} Nm"
     why = f"{both}, {FELT:g} of {of}"
     yield Bounded(*at(i, joint, "thresholds", "per_speed"), levels.per_speed, most, "Nm s/rad", why)
     blow = STRONGEST_BLOW * motor
@@ -184,7 +184,7 @@ def _levels(i: int, joint: Joint, motor: float, c: Configuration) -> Iterator[Bo
         "Nm at rest",
         f"{of}: contact, raised by what friction ({share:g} of {coulomb:g} Nm: "
         "estimator.stiction_share and friction.stiction) and an unknown side of the gap may hide, "
-        "would exceed the torque it can press with",
+        "would exceed the torque it can push with",
     )
 
 
@@ -248,7 +248,7 @@ def _weightless(c: Configuration, model: Model) -> Iterator[Problem]:
             ["urdf"],
             f"urdf ({c.urdf}), line {body[0].line}",
             f"link {body[0].name!r}, which joint {name} moves, has {what}: it needs an <inertial> "
-            "with mass, in kg, and inertia above 0; otherwise its weight is detected as a touch",
+            "with mass, in kg, and inertia above 0; otherwise its weight is detected as a contact",
         )
 
 

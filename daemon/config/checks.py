@@ -32,7 +32,7 @@ _ROUNDING = 1e-9
 def cross_checks(
     c: Configuration, urdf: str, model: Model | ModelError, folder: Path
 ) -> list[Problem]:
-    """All problems of a configuration whose types and ranges are right.
+    """All problems of a configuration whose types and ranges are valid.
 
     model: of the URDF's links, or the reason why there is none. Paths are relative to `folder`.
     """
@@ -50,17 +50,17 @@ def cross_checks(
     ]
     if isinstance(model, ModelError):
         return findings
-    # Values computed from several fields are checked only if each of these fields is right.
+    # Values computed from several fields are checked only if each of these fields is valid.
     findings = findings or [*beyond(c, model), *bus_load(c), *_payloads(c, model)]
-    # A refused field may be right, and the one that its bound derives from wrong.
+    # The refused field may be right, and the one that its bound derives from wrong.
     return findings and [*findings, *suspects(meant, urdf, folder)]
 
 
 def identified_checks(
     c: Configuration, found: Identified, urdf: str, model: Model | ModelError, folder: Path
 ) -> list[Problem]:
-    """All problems that identified values may make in a configuration that has none without them:
-    `cross_checks` less those of fields that no step identifies."""
+    """All problems that identified values can cause in a configuration that is valid without them:
+    `cross_checks` without those of fields that no step identifies."""
     findings = [*_joints(c), *least_levels(c, found), *counts(c), *_urdf(c, urdf, model)]
     if isinstance(model, ModelError):
         return findings
@@ -70,7 +70,7 @@ def identified_checks(
 
 def _limits_in_order(c: Configuration) -> Configuration:
     """Configuration with swapped limits put in order, so that consequences of the swap at other
-    fields are not reported beside it."""
+    fields are not reported with it."""
 
     def ordered(joint: Joint) -> Joint:
         lower, upper = sorted((joint.limits.lower, joint.limits.upper))
@@ -150,12 +150,12 @@ def _joints(c: Configuration) -> Iterator[Problem]:
         if joint.half_gap > 0 and c.estimator.link_velocity == "motor":
             yield Problem(
                 *at(i, joint, "half_gap"),
-                "must be 0 with estimator.link_velocity: motor: in a gap the link moves otherwise",
+                "must be 0 with estimator.link_velocity: motor: in a gap the link moves by itself",
             )
 
 
 def least_levels(c: Configuration, found: Identified | None = None) -> Iterator[Problem]:
-    """Least levels above the contact level in force, or below a fifth of one of `config.yaml`."""
+    """Problems of `least` above the contact level in force, or below a fifth of a stated one."""
     for i, joint in enumerate(c.joints):
         least, most = joint.thresholds.least, joint.thresholds.contact
         words = f"{LEAST_SHARE * most:g} to {most:g} Nm: {LEAST_SHARE:g} to 1 times contact"
@@ -191,7 +191,7 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
         yield Problem(
             ["estimator", "beside"],
             "estimator.beside",
-            f"{', '.join(twice)} is there twice, with estimator.residual: each may be there once",
+            f"{', '.join(twice)} is listed twice, counting estimator.residual: allowed is once",
         )
     if any(one.kind == "two_mass" and not one.rotor_inertia for one in variants):
         yield Problem(
@@ -204,7 +204,7 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
         yield Problem(
             ["estimator", "presliding"],
             "estimator.presliding",
-            f"[{least:g}, {most:g}] rad: at least comes first, at most second",
+            f"[{least:g}, {most:g}] rad: must be [minimum, maximum]",
         )
     if c.estimator.motor_position == "measured":
         for i, joint in enumerate(c.joints):
@@ -259,15 +259,15 @@ def _urdf(c: Configuration, urdf: str, model: Model | ModelError) -> Iterator[Pr
             yield Problem(
                 *at(i, joint, "limits"),
                 f"[{joint.limits.lower:g}, {joint.limits.upper:g}] goes beyond the URDF's "
-                f"[{lower:g}, {upper:g}] rad{_meant(joint.limits, lower, upper)}",
+                f"[{lower:g}, {upper:g}] rad{_suggestion(joint.limits, lower, upper)}",
             )
 
 
-def _meant(limits: JointLimits, lower: float, upper: float) -> str:
-    """Suggestion of a mistake with which limits beyond [lower, upper] would fit; may be empty."""
+def _suggestion(limits: JointLimits, lower: float, upper: float) -> str:
+    """Suggested mistake that would explain limits beyond [lower, upper]; may be empty."""
     for words, low, high in (
         ("in degrees?", math.radians(limits.lower), math.radians(limits.upper)),
-        ("about the axis the other way round?", -limits.upper, -limits.lower),
+        ("about the reversed axis?", -limits.upper, -limits.lower),
     ):
         # Any limits would fit as degrees: a suggestion that leaves nearly no range is omitted.
         wide = high - low >= 0.1 * (upper - lower)
@@ -292,7 +292,7 @@ def _payloads(c: Configuration, model: Model) -> Iterator[Problem]:
 
 
 def names_payload(name: str) -> bool:
-    """True if `contactctl payload` can interpret such a word as the name of a payload."""
+    """True if `contactctl payload` interprets this word as the name of a payload."""
     try:
         float(name)
     except ValueError:

@@ -1,5 +1,5 @@
-"""Plain data as an object of the schema, or one error with file, line, path, value and what is
-allowed."""
+"""Conversion of plain data to an object of the schema; an error names file, line, path, value and
+what is allowed."""
 
 import re
 from typing import Any, TypeVar
@@ -47,7 +47,7 @@ def convert(source: Source, kind: type[T]) -> T:
             node = _type_at(kind, keys, source.data)
             known = _choices_of(node, of_a_key) if of_a_key else _fields_of(node)
             tag = getattr(node, "tag_field", None)
-            if tag and source.node([*keys, tag]) is source.node(keys):  # none is written
+            if tag and source.node([*keys, tag]) is source.node(keys):  # the file has no tag
                 makes = _choices_of(_type_at(kind, [*keys, tag], source.data), False)
                 known += [f"{tag}: {one}" for one in makes]
             message = f"unknown key `{unknown.group(1)}` (allowed: {', '.join(known)})"
@@ -71,7 +71,7 @@ def convert(source: Source, kind: type[T]) -> T:
 
 
 def _plain(message: str) -> str:
-    """msgspec's message without Python's names of types: `must be a number above 0`."""
+    """msgspec's message without Python type names: `must be a number above 0`."""
     found = _EXPECTED.fullmatch(message)
     if found is None:
         return message[:1].lower() + message[1:]
@@ -82,20 +82,20 @@ def _plain(message: str) -> str:
         words += f" {_SIGNS[sign]} {bound.removesuffix('.0')}"
         one, more = ("character", "characters") if kinds == "str" else ("entry", "entries")
         words += f" {one if bound == '1' else more}" if length else ""
-    # What has a short value is shown by that.
+    # Values of other types are short, and shown by `_value_at`.
     return f"must be {words}" + (f", not {_KINDS[got]}" if got in _UNSHOWN else "")
 
 
 def _keys(where: str) -> list[str | int]:
-    """Steps of msgspec's `.joints[2].limits`; it writes `[...]` for 'some key of this mapping'."""
+    """Keys of msgspec's path `.joints[2].limits`, where `[...]` is some key of the mapping."""
     return [
         name or (_SOME if index == "..." else int(index)) for name, index in _STEP.findall(where)
     ]
 
 
 def _named(keys: list[str | int], data: Any, kind: Any, message: str) -> list[str | int]:
-    """Keys with every placeholder replaced by a name: that of the first entry of the mapping whose
-    value alone causes the same refusal."""
+    """Keys with every placeholder replaced by the first key of the mapping whose entry alone causes
+    the same error."""
     found: list[str | int] = []
     for key in keys:
         inside = _walk(found, data) if key == _SOME else None
@@ -106,7 +106,7 @@ def _named(keys: list[str | int], data: Any, kind: Any, message: str) -> list[st
 
 
 def _only(data: Any, keys: list[str | int], key: str) -> Any:
-    """Data whose mapping behind `keys` has this key alone."""
+    """Copy of the data in which the mapping at `keys` has this key only."""
     if not keys:
         return {key: data[key]}
     copy: Any = dict(data) if isinstance(data, dict) else list(data)
@@ -135,7 +135,7 @@ def _value_at(keys: list[str | int], data: Any) -> str:
     value = _walk(keys, data)
     if isinstance(value, bool):
         return f", not {str(value).lower()}"
-    if isinstance(value, str):  # it may be the whole text of a file of another kind
+    if isinstance(value, str):  # may be long: the whole text of a file of another kind
         return f", not {value if len(value) <= LONGEST else value[:LONGEST] + _SOME!r}"
     return f", not {value!r}" if isinstance(value, (int, float)) else ""
 
@@ -154,7 +154,7 @@ def _spell(keys: list[str | int], data: Any) -> str:
 
 
 def _type_at(kind: Any, keys: list[str | int], data: Any = None) -> Any:
-    """Type expected at the end of `keys`, as msgspec describes it; of a union that of `data`."""
+    """Type expected at `keys`, as msgspec describes it; of a union, the member that fits `data`."""
     node: Any = msgspec.inspect.type_info(kind)
     for key in keys:
         tags = [t.tag for t in getattr(node, "types", ()) if getattr(t, "tag_field", None) == key]
@@ -172,7 +172,7 @@ def _type_at(kind: Any, keys: list[str | int], data: Any = None) -> Any:
 
 
 def _struct_of(node: Any, data: Any) -> Any:
-    """Struct among the choices of a union, where there is one: that whose tag `data` has."""
+    """Struct among the members of a union, if any: preferably the one with the tag of `data`."""
     if not isinstance(node, msgspec.inspect.UnionType):
         return node
     structs = [t for t in node.types if isinstance(t, msgspec.inspect.StructType)]
@@ -186,8 +186,8 @@ def _fields_of(node: Any) -> list[str]:
 
 
 def choices(kind: Any, path: str) -> list[str]:
-    """Values of a field, or keys of one that is a mapping, that are allowed; empty if they are not
-    enumerated. Its path is without indices and names of the owner's: `joints.end`."""
+    """Allowed values of a field, or allowed keys of a mapping; empty if they are not enumerated.
+    The path has no indices or user-defined names: `joints.end`."""
     keys: list[str | int] = []
     for name in path.split("."):
         while hasattr(inside := _type_at(kind, keys), "item_type") or hasattr(inside, "value_type"):

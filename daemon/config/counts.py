@@ -7,7 +7,7 @@ from daemon.config.schema import Joint, drive_of
 from drivers.drive import Counts, Measure
 from drivers.makes import DriveProfile, make_of
 
-#: Largest step of a setpoint, as a share of the velocity limit; a coarser one is a wrong scale.
+#: Largest velocity per count of a setpoint, over the velocity limit; more means a wrong scale.
 COARSEST = 0.25
 
 
@@ -16,7 +16,7 @@ def unrepresentable(
 ) -> Iterator[tuple[Counts, str]]:
     """(counts, reason) for each quantity of a joint outside the integer range of its drive.
 
-    Velocities must be representable up to `speed_margin` times the limit: otherwise overspeed of
+    Velocities must be representable up to `speed_margin` times the limit, otherwise overspeed of
     the motor could not be detected.
     """
     drive: Any = drive_of(joint, profile)

@@ -1,5 +1,5 @@
-"""Cross checks of drives: profile against EDS, figures against the drive's integers, load of the
-bus."""
+"""Cross-checks of the drives: profiles against their EDS, values against the drives' integer
+ranges, and bus load."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +13,7 @@ from drivers.makes import make_of
 
 
 def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
-    """Problems of each profile with its drives and files, which are relative to `folder`."""
+    """Problems of each drive profile with its drives and files; paths are relative to `folder`."""
     used = {joint.wiring.profile for joint in c.joints}
     first = next(iter(c.drives))
     for name, profile in c.drives.items():
@@ -31,7 +31,7 @@ def profiles(c: Configuration, folder: Path) -> Iterator[Problem]:
             if joint.wiring.profile == name:
                 for place, what in make.wrong(drive_of(joint, profile)):
                     yield Problem(*at(i, joint, *map(str, place)), what)
-        # A drive must survive one lost heartbeat of ours, which is sent every third of the time.
+        # Our heartbeat is sent at a third of the timeout, so that one may be lost.
         if profile.master_timeout_ms < 3 * c.period_ms:
             yield Problem(
                 ["drives", name, "master_timeout_ms"],
@@ -48,8 +48,8 @@ def _in_profile(name: str, place: tuple[str | int, ...], what: str) -> Problem:
 
 
 def counts(c: Configuration) -> Iterator[Problem]:
-    """Values outside a drive's integer range: reported at the joint if only some joints with such
-    a drive are affected, otherwise at the scale that they share."""
+    """Values outside a drive's integer range: reported at the joint if only some joints with this
+    profile are affected, otherwise at the scale that they share."""
     margin = c.supervisor.speed_margin
     for name, profile in c.drives.items():
         users = [(i, joint) for i, joint in enumerate(c.joints) if joint.wiring.profile == name]
@@ -67,7 +67,7 @@ def counts(c: Configuration) -> Iterator[Problem]:
 
 
 def bus_load(c: Configuration) -> Iterator[Problem]:
-    """Problem of a bus that cannot carry the frames of a period."""
+    """Problem of a bus that cannot carry all frames of one period."""
     try:
         refuse_overload(frames_of(c), c.period_s, c.bus.bitrate)
     except ConfigurationError as error:

@@ -1,5 +1,5 @@
-"""Likely mistakes about a drive: its objects and scales against CiA 402 and its EDS. They are
-warnings and are not refused: see `mistakes`."""
+"""Likely mistakes in a drive profile: its objects and scales against CiA 402 and the EDS. They are
+warnings, not errors: see `mistakes`."""
 
 import math
 import re
@@ -21,15 +21,15 @@ TURN = 2.0 * math.pi
 DEGREE = TURN / 360.0
 
 AGREES = 1.3  # largest ratio of two figures for the same quantity
-FINE = 1e-4  # [rad]: a drive that counts in decimal parts of a rad has at least these
-COARSEST = 0.5  # [rad/s] of a motor shaft per count
+FINE = 1e-4  # [rad] per count: coarsest scale in decimal fractions of a radian
+COARSEST = 0.5  # [rad/s] of the motor shaft per count, at most
 _ROUNDED = 5e-5  # relative error of a scale that is written with five digits
 _MOST_TWOS = 30
 
 STANDARD = range(0x6000, 0x6800)
-"""Objects of CiA 402 for the first axis; all others are a maker's own."""
+"""Objects of CiA 402 for the first axis; all others are manufacturer-specific."""
 TARGET_VELOCITY = 0x60FF
-CYCLIC_VELOCITY = 1 << 8  # of 0x6502, the modes that a drive has
+CYCLIC_VELOCITY = 1 << 8  # of 0x6502, supported drive modes
 NOT_MEASURED = {
     0x6040: "the controlword", 0x6062: "the position demand",
     0x606B: "the velocity demand", 0x6074: "the torque demand",
@@ -39,7 +39,7 @@ NOT_MEASURED = {
     0x6072: "the largest torque", 0x6073: "the largest current", 0x6075: "the rated current",
     0x6076: "the rated torque", 0x607F: "the largest velocity", 0x6080: "the largest speed",
 }  # fmt: skip
-"""Objects of CiA 402 that are not a measurement that contactd needs."""
+"""Objects of CiA 402 that are none of the measurements that contactd needs."""
 MEASURES = {
     0x6063: "position", 0x6064: "position", 0x60E4: "position", 0x6069: "velocity",
     0x606C: "velocity", 0x6077: "effort", 0x6078: "effort",
@@ -79,10 +79,10 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
         variable = find_object(sheet, where.object, where.subindex)
         if where.object in NOT_MEASURED:
             what = f"is {NOT_MEASURED[where.object]} by CiA 402, not a measurement"
-            yield Problem(*place, f"{object_name} {what}; {WANTED[kind]} is wanted")
+            yield Problem(*place, f"{object_name} {what}; {WANTED[kind]} is required")
         elif MEASURES.get(where.object, kind) != kind:
             what = f"is a {MEASURES[where.object]} by CiA 402"
-            yield Problem(*place, f"{object_name} {what}; {WANTED[kind]} is wanted")
+            yield Problem(*place, f"{object_name} {what}; {WANTED[kind]} is required")
         if variable is not None and (why := _not_measured(sheet, variable, kind)):
             called = "".join(c for c in variable.name if c.isprintable())
             yield Problem(*place, f"{object_name} ({called}) {why}")
@@ -114,16 +114,16 @@ def drive_mistakes(c: Configuration, name: str, sheet: DataSheet) -> Iterator[Pr
 
 
 def _not_measured(sheet: DataSheet, variable: Variable, kind: str) -> str:
-    """Reason why an object is no measurement, or not the best; empty without one."""
+    """Reason why an object is not a measurement, or not the best one; empty if there is none."""
     if variable.writable:
         return (f"can be written (access {variable.access_type}): a parameter, not a measurement, "
                 "unless the manual says otherwise")  # fmt: skip
     words = words_of(variable.name)
     if variable.index not in STANDARD and (other := words & NO_MEASUREMENT):
-        return f"is no measurement by its name (`{min(other)}`); {WANTED[kind]} is wanted"
+        return f"is no measurement by its name (`{min(other)}`); {WANTED[kind]} is required"
     low, high = value_range(variable)
     if kind != "position" and 0 <= low < high:
-        return f"cannot be negative ({low} to {high}); {WANTED[kind]} has a sign"
+        return f"cannot be negative ({low} to {high}); {WANTED[kind]} must be signed"
     for one in getattr(sheet[variable.index], "subindices", {}).values():
         if words & AVERAGED and words_of(one.name) == words - AVERAGED and not one.writable:
             actual = f"0x{one.index:04X}:{one.subindex:02X} ({one.name})"
@@ -134,14 +134,14 @@ def _not_measured(sheet: DataSheet, variable: Variable, kind: str) -> str:
 def _positions(
     name: str, profile: CanopenProfile, sheet: DataSheet, gears: list[float], travel: float
 ) -> Iterator[Problem]:
-    """Scales of encoders: whole counts per turn. travel: widest range of the limits [rad]."""
+    """Likely mistakes in encoder scales. travel: widest range of the joint limits [rad]."""
     for entry in ("link_position", "motor_position"):
         where: Quantity | None = getattr(profile, entry)
         if where is None:
             continue
         place, counts = _of_drive(name, entry, "scale"), TURN / where.scale
         per_turn = f"{figure(where.scale)} rad is {figure(counts)} counts per turn"
-        if meant := None if is_encoder(where.scale) else _meant(where.scale, gears):
+        if meant := None if is_encoder(where.scale) else _suggestion(where.scale, gears):
             yield Problem(*place, f"{per_turn}, which no encoder has; {meant}")
         elif counts < 100.0:
             yield Problem(*place, f"{per_turn}: scale is rad per count, 2 pi / counts per turn")
@@ -167,8 +167,8 @@ def _positions(
         )
 
 
-def _meant(scale: float, gears: list[float]) -> str:
-    """Suggestion of a unit in which a scale would be that of an encoder; empty without one."""
+def _suggestion(scale: float, gears: list[float]) -> str:
+    """Suggested unit, or side of the gear, in which a scale fits an encoder; may be empty."""
     readings = [
         ("in degrees: times pi / 180 it is", scale * DEGREE),
         ("in turns: times 2 pi it is", scale * TURN),
@@ -182,8 +182,8 @@ def _meant(scale: float, gears: list[float]) -> str:
 
 
 def is_encoder(scale: float) -> bool:
-    """True if a scale is that of an encoder: 2 pi / N with N made of small factors, or a decimal
-    part of a rad. Rounding to five digits is allowed for."""
+    """True if a scale fits an encoder: 2 pi / N where N has only the prime factors 2, 3 and 5, or a
+    decimal fraction of a radian. Rounding to five digits is tolerated."""
     counts = TURN / scale
     return (scale <= FINE and _is_power(10.0, 1.0 / scale)) or any(
         _is_power(2.0, counts / (3**threes * 5**fives)) for threes in range(3) for fives in range(9)
@@ -191,13 +191,13 @@ def is_encoder(scale: float) -> bool:
 
 
 def _is_power(base: float, x: float) -> bool:
-    """True if x is base^0, base^1, ..., to within rounding to five digits."""
+    """True if x is base^0, base^1, ..., within rounding to five digits."""
     power = round(math.log(x, base)) if x > 0.5 else -1
     return 0 <= power <= _MOST_TWOS and abs(x / base**power - 1.0) <= _ROUNDED
 
 
 def _velocities(name: str, profile: CanopenProfile) -> Iterator[Problem]:
-    """Units of the measured and the target velocity, which CiA 402 requires to be equal."""
+    """Likely mistakes in the scales of effort and velocities; CiA 402 gives these one unit."""
     measured, target = profile.motor_velocity, profile.target_velocity
     if (
         measured.object == 0x606C

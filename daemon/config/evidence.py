@@ -1,7 +1,7 @@
 """Evidence for the parameters of an arm: which are identified, by which step, and on which drives.
 
-The daemon refuses to arm with an `identified.yaml` that belongs to other drives or to another
-configuration of them, and without the parameters that must be known.
+The daemon refuses to arm if `identified.yaml` belongs to other drives or to another configuration,
+or if a required parameter is missing.
 """
 
 from typing import get_args
@@ -17,8 +17,8 @@ def objections(
 ) -> list[str]:
     """Reasons not to arm this arm with this file; empty if there are none.
 
-    `serials` are those of the drives that answered, by joint. The same rule holds for simulated
-    arms: those of `configs/` come with a file of their own, which fits no other drives.
+    serials: serial numbers that the drives reported, by joint. Simulated arms follow the same rule:
+    each arm in `configs/` ships its own file, which is valid for its drives only.
     """
     reasons = []
     for step, stated in (("wiring", ""), ("zero", "=RAD")):
@@ -46,9 +46,9 @@ def objections(
 
 
 def unidentified(step: ArmingStep, found: Identified | None, c: Configuration) -> list[str]:
-    """Joints that have not passed a step of the identification, and whose values are not known
-    otherwise. Without the step of the wiring a sign may be wrong, and a loop over the links would
-    be unstable."""
+    """Joints that have not passed an identification step and do not declare its values in `known`.
+    Without the wiring step a sign may be wrong, and a position loop closed on the link would be
+    unstable."""
     entries = found.joints if found is not None else {}
     return [
         joint.name
@@ -58,8 +58,8 @@ def unidentified(step: ArmingStep, found: Identified | None, c: Configuration) -
 
 
 def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Joints that passed a step before a change that voids it, and whose values are not known
-    otherwise."""
+    """Joints that passed a step, whose results a later change of the configuration invalidated, and
+    that do not declare its values in `known`."""
     if found is None:
         return []
     entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
@@ -73,7 +73,7 @@ def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -
 
 
 def in_force(entry: Entry, name: str, found: Identified, c: Configuration, urdf: str) -> bool:
-    """True if no dependency was changed; older files have marks of the arm, the oldest has one."""
+    """True if no dependency changed. Older entries are marked for all joints, oldest files once."""
     part, oldest = entry.depends, found.configuration == fingerprint(c, urdf)
     return (
         oldest
@@ -83,18 +83,18 @@ def in_force(entry: Entry, name: str, found: Identified, c: Configuration, urdf:
 
 
 def unarmable(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Reasons why this arm will not be armed, whichever drives answer; empty if there are none."""
+    """Reasons not to arm this arm, whatever the drives' serial numbers; empty if there are none."""
     entries = found.joints if found is not None else {}
     same = {name: entry.serial for name, entry in entries.items()}
     return [*objections(found, c, urdf, same), *parameters_missing(found, c, urdf)]
 
 
 def parameters_missing(found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Reasons not to arm: gaps, friction and thresholds that the file lacks, or that a later change
-    has voided, each with the command to run; empty if there are none."""
+    """Reasons not to arm: parameters that the file lacks, or that a later change invalidated, each
+    with the command to run; empty if there are none."""
     reasons = []
     for step in get_args(ArmingStep):
-        if step == "wiring":  # among the objections
+        if step == "wiring":  # covered by `objections`
             continue
         command = f"`contactd identify {step}{' JOINT' if step == 'gap' else ''}`"
         names = unidentified(step, found, c)
@@ -112,7 +112,7 @@ def parameters_missing(found: Identified | None, c: Configuration, urdf: str) ->
 
 
 def parameters_known(found: Identified | None, c: Configuration) -> str:
-    """Evidence for the parameters: identified, or the other source that is stated for them."""
+    """Summary of the parameters' sources: identification, or the source stated in `known`."""
     stated: dict[tuple[str, str], list[str]] = {}
     for joint in c.joints:
         entries = found.joints.get(joint.name) if found is not None else None

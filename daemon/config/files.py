@@ -1,8 +1,8 @@
-"""Files that a daemon has loaded, and detection of those that have changed since.
+"""Files that the daemon has loaded, and detection of those that have changed since.
 
 Files are compared by content: one that was only touched, or rewritten with the same content, has
 not changed; one that has become unreadable has. The loop checks between two ticks, so a large file
-is read piece by piece, and counts as changed until its end has been read.
+is read in chunks, and counts as changed until its end has been read.
 """
 
 import hashlib
@@ -17,24 +17,24 @@ from daemon.config.load import Robot
 from daemon.config.shapes import SHAPES, SURROUNDINGS
 
 Stamp = tuple[int, int, int]
-"""inode, size, time of the last change [ns]"""
+"""Inode, size, modification time [ns]"""
 PIECE_BYTES: Final = 1 << 16  # read at once; 0.5 ms
 
 
 @dataclass(slots=True)
 class Files:
-    """Files of one robot, by their names in its configuration, each with the digest of its content
-    when it was read; None if it did not exist."""
+    """Files of one robot by their names in its configuration, each with the digest of its content
+    when it was loaded; None if it did not exist."""
 
     folder: Path
     read: Mapping[str, str | None]
     _looked: dict[str, tuple[Stamp | None, bool]] = field(default_factory=dict)
-    _reading: "_Reading | None" = None  # of the one file that is being read
+    _reading: "_Reading | None" = None  # the file being read; one at a time
 
     @classmethod
     def of(cls, robot: Robot) -> Self:
-        """Files of a robot: of those that it holds as text, the content that it has read; of the
-        others, the present content."""
+        """Files of a robot. Digests are of the text that it holds in memory, where it does, and of
+        the present content on disk otherwise."""
         c = robot.configuration
         read = {
             robot.path.name: _digest(robot.text.encode()),
@@ -47,18 +47,18 @@ class Files:
         others += [SHAPES, SURROUNDINGS]
         folder = robot.folder
         files = cls(folder, read | {name: _content(folder / name) for name in others})
-        for name, digest in files.read.items():  # nothing is read later, unless it is written
+        for name, digest in files.read.items():  # files are read again only after a change
             stamp = _stamp(folder / name)
             files._looked[name] = stamp, _content(folder / name) != digest
         return files
 
     def changed(self) -> list[str]:
-        """Names of files whose content differs now, or may differ. Queries the file system for
-        each, and reads a piece of those that were written since the last query."""
+        """Names of files whose content differs, or may differ. Calls stat on each, and reads a
+        chunk of a file that was modified since the last call."""
         return [name for name in self.read if self._differs(name)]
 
     def look_on(self) -> None:
-        """Read the next piece of a file that is being read; nothing where none is."""
+        """Read the next chunk of the file being read, if any."""
         if self._reading is not None:
             self._differs(self._reading.name)
 
@@ -83,17 +83,17 @@ class Files:
 
 @dataclass(slots=True)
 class _Reading:
-    """Reading of a file, piece by piece."""
+    """Reading of a file in chunks."""
 
     name: str
     stamp: Stamp | None
-    digest: str | None = None  # None: it cannot be read
+    digest: str | None = None  # None: unreadable
     _hash: "hashlib._Hash" = field(default_factory=hashlib.sha256)
     _offset: int = 0
-    _held: bytes = b""  # a carriage return, of which the rest is not read yet
+    _held: bytes = b""  # a carriage return at the end of the last chunk: a line feed may follow
 
     def goes_on(self, path: Path) -> bool:
-        """Read the next piece; True at the end, or if it cannot be read."""
+        """Read the next chunk; True at the end, or if it cannot be read."""
         if self.stamp is None or self.stamp[1] > LARGEST_TEXT_BYTES:
             return True
         try:
@@ -122,7 +122,7 @@ def _stamp(path: Path) -> Stamp | None:
 def _content(path: Path) -> str | None:
     try:
         with open_regular(path) as stream:
-            # No larger than needed: a process that locks its memory holds all of it.
+            # Exact size: with locked memory, a larger buffer would stay resident.
             size = os.fstat(stream.fileno()).st_size
             return _digest(stream.read(size)) if size <= LARGEST_TEXT_BYTES else None
     except OSError:

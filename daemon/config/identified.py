@@ -1,7 +1,7 @@
 """`identified.yaml`: the parameters that `contactd identify` found, beside the configuration.
 
 Each joint has an entry per step, written when the step passed. A value here replaces that of the
-same name in `config.yaml`, except a stated level; `evidence` decides whether it is relied on.
+same name in `config.yaml`, except levels stated in `known`; `evidence` decides on its validity.
 """
 
 import os
@@ -30,16 +30,16 @@ class Entry(Settings, frozen=True, kw_only=True):
     """Date of a step that passed, and the measurements behind it."""
 
     depends: ClassVar[Dependence]
-    """Part of the arm whose change voids it"""
+    """Settings whose change invalidates the entry"""
     optional: ClassVar[bool] = False
-    """True where the configuration's values, or the URDF's, may be right without the step"""
+    """True if values of the configuration, or of the URDF, may be right without the step"""
 
     date: str
     log: str  # sha256 of the measurements
     of: str = ""  # mark of its dependencies; empty in files that have one for all
 
     def applied(self, joint: Joint) -> Joint:
-        """Joint in which the values of this entry replace those of the same names."""
+        """Joint whose values are replaced by those of the same names in this entry."""
 
         def values(settings: type[Settings]) -> dict[str, object]:
             names = set(self.__struct_fields__) & set(settings.__struct_fields__)
@@ -50,7 +50,7 @@ class Entry(Settings, frozen=True, kw_only=True):
 
 
 class WiringEntry(Entry, frozen=True):
-    """Wiring whose signs and scales agree."""
+    """Check of the wiring that passed: signs and scales agree."""
 
     depends = Dependence.CONSTANTS
 
@@ -58,18 +58,18 @@ class WiringEntry(Entry, frozen=True):
 
 
 class ZeroEntry(Entry, frozen=True):
-    """Sign and zero [rad] of the link's encoder, stated by a person who saw the link."""
+    """Sign and zero [rad] of the link's encoder, stated by a person who looked at the link."""
 
     depends = Dependence.NODES
 
     link_sign: Sign
     link_offset: float
-    motor_sign: Sign | None = None  # the same, where both encoders are in the motor
+    motor_sign: Sign | None = None  # equal to link_sign, if both encoders are in the motor
 
 
 class EncodersEntry(Entry, frozen=True):
-    """Error of the link's encoder that repeats with its turn, and how much of phi's scatter at the
-    borders it leaves on held-out motion."""
+    """Periodic error of the link's encoder over a turn, and the share of phi's scatter at the
+    borders that is left after its correction on held-out motion."""
 
     depends = Dependence.WIRING
 
@@ -78,7 +78,7 @@ class EncodersEntry(Entry, frozen=True):
 
 
 class GapEntry(Entry, frozen=True):
-    """Half-gap [rad] and half its 95 % interval; skew between the encoders, where it showed."""
+    """Half-gap [rad], half its 95 % confidence interval; encoder skew, if it was observable."""
 
     depends = Dependence.WIRING
 
@@ -88,7 +88,7 @@ class GapEntry(Entry, frozen=True):
 
 
 class MassesEntry(Entry, frozen=True):
-    """Body that the joint moves, |r| on held-out motion by the URDF's and by it, and its errors."""
+    """Body of the joint; |r| on held-out motion with the URDF's body and with this one."""
 
     depends = Dependence.MASSES
     optional = True
@@ -96,11 +96,11 @@ class MassesEntry(Entry, frozen=True):
     body: BodyInertia
     by_urdf: NotNegative
     by_this: NotNegative
-    errors: tuple[float, ...] = ()  # standard, of the PARAMETERS of `estimator.body_inertia`
+    errors: tuple[float, ...] = ()  # standard errors of PARAMETERS of `estimator.body_inertia`
 
 
 class FrictionEntry(Entry, frozen=True):
-    """Coefficients of eq. (6), with standard errors of those identified, such as K_theta and B."""
+    """Coefficients of eq. (6), with standard errors of those identified, such as K_theta_s or B."""
 
     depends = Dependence.BODIES
 
@@ -109,17 +109,17 @@ class FrictionEntry(Entry, frozen=True):
     r2: float
     condition: float
     gap_spring: GapSpring = GapSpring()
-    rotor_inertia: NotNegative | None = None  # None where the current does not show it
+    rotor_inertia: NotNegative | None = None  # None if not observable in the current
 
     def applied(self, joint: Joint) -> Joint:
-        """As any other, but a joint without a gap has no spring in it."""
+        """Joint with these values, but without a gap spring if it has no gap."""
         spring = GapSpring() if joint.half_gap == 0.0 else self.gap_spring
         return msgspec.structs.replace(Entry.applied(self, joint), gap_spring=spring)
 
 
 class SeenEntry(Settings, frozen=True):
-    """Motion in which levels were learned: speed of the motor [rad/s], range of the link [rad], and
-    a description of the load that was carried."""
+    """Motion in which levels were learned: largest motor speed [rad/s], range of the link [rad],
+    and a description of the load that was carried."""
 
     speed: NotNegative
     lower: float
@@ -128,7 +128,7 @@ class SeenEntry(Settings, frozen=True):
 
 
 class DiscardedEntry(Settings, frozen=True):
-    """Interval that looked like a touch and was left out: its start and duration [s], and its
+    """Interval that looked like a contact and was left out: its start and duration [s], and its
     largest |r| [Nm]."""
 
     at_s: float
@@ -204,7 +204,7 @@ class Identified(Settings, frozen=True):
 
 
 def samples_alike(a: Configuration, b: Configuration) -> bool:
-    """True if samples mean the same with either: drives, wiring and period are equal."""
+    """True if samples have the same meaning with both: drives, wiring and period are equal."""
 
     def about(c: Configuration) -> object:
         return c.drives, [(j.name, j.wiring) for j in c.joints], c.period_ms
@@ -213,8 +213,8 @@ def samples_alike(a: Configuration, b: Configuration) -> bool:
 
 
 def residuals_alike(a: Configuration, b: Configuration) -> bool:
-    """True if residuals do, too: the estimator and its parameters of the joints are equal as
-    well."""
+    """True if residuals have the same meaning with both: the estimator and its parameters of the
+    joints are equal, too."""
 
     def about(c: Configuration) -> object:
         joints = [
@@ -240,13 +240,13 @@ def applied(c: Configuration, found: Identified) -> Configuration:
 
 
 def used_entries(joint: Joint, found: Identified | None) -> dict[str, Entry]:
-    """Entries in force, by step: levels that a person states (`known`) win over identified ones."""
+    """Entries in force, by step: levels stated by a person (`known`) override identified ones."""
     entries = entries_of(found.joints.get(joint.name) if found is not None else None)
     return {s: e for s, e in entries.items() if s != "thresholds" or s not in joint.known}
 
 
 def identified_keys(keys: Keys, c: Configuration, found: Identified | None) -> Keys:
-    """Place in identified.yaml of what `keys` name in config.yaml; empty if that is in force."""
+    """Keys in identified.yaml of the value at `keys` in config.yaml; empty if that is in force."""
     match keys:
         case ["joints", int(index), "wiring", *path] | ["joints", int(index), *path] if found:
             joint = c.joints[index]
@@ -265,7 +265,7 @@ def _value(settings: object, path: Keys) -> object:
 
 
 def identified_text(found: Identified) -> str:
-    """The file's text."""
+    """Text of the file."""
     text = (
         "# Written by `contactd identify`; values here replace those of config.yaml, unless\n"
         "# `known` states thresholds there. Delete a step of a joint to go back to config.yaml.\n"
@@ -275,9 +275,9 @@ def identified_text(found: Identified) -> str:
 
 
 def write_identified(path: Path, found: Identified) -> None:
-    """Replace the file at once: a reader sees the old one or the new one, also after a power cut.
+    """Atomic replacement of the file: a reader sees the old or the new one, even after a power cut.
 
-    Raises ConfigurationError if it cannot be written; the old file is then untouched.
+    Raises ConfigurationError if it cannot be written; the old file is then unchanged.
     """
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

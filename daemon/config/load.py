@@ -1,6 +1,6 @@
 """Loading of a robot: from its files to a checked `Configuration`.
 
-Every error names file, line, path in the file, value and what is allowed.
+Every error names the file, line, path in the file, value, and what is allowed.
 """
 
 import os
@@ -27,7 +27,7 @@ from estimator.model import Model
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """One arm's folder, read and checked."""
+    """One arm, as loaded from its folder and checked."""
 
     path: Path  # of config.yaml
     configuration: Configuration
@@ -38,7 +38,7 @@ class Robot:
     walls: Walls | None = None  # of shapes.yaml and surroundings.yaml
     identified: Identified | None = None  # its values are in `configuration` already
     identified_text: str = ""  # of identified.yaml
-    by_hand: "Robot | None" = None  # without identified.yaml, where there is one
+    by_hand: "Robot | None" = None  # the robot without identified.yaml, if there is that file
 
     @property
     def folder(self) -> Path:
@@ -46,8 +46,8 @@ class Robot:
         return self.path.parent
 
     def place(self) -> Path:
-        """Absolute path of config.yaml, for processes in other folders; asks the file system. A
-        link in the place of config.yaml is kept: its files lie beside the link."""
+        """Absolute path of config.yaml, for processes in other folders; queries the file system. If
+        config.yaml is a symbolic link, it is not resolved: its files are next to the link."""
         return self.folder.resolve() / self.path.name
 
     def in_words(self, problem: Problem) -> str:
@@ -57,7 +57,7 @@ class Robot:
         keys = identified_keys(problem.keys, self.configuration, self.identified)
         if keys:
             path, text = self.folder / self.configuration.identified, self.identified_text
-        return _in_words(problem, parse_yaml(text, path), keys or problem.keys)
+        return _located(problem, parse_yaml(text, path), keys or problem.keys)
 
     def with_port(self, port: int | None) -> "Robot":
         """Copy of the robot on another TCP port; the robot itself if `port` is None."""
@@ -68,12 +68,12 @@ class Robot:
 
 
 def load_robot(path: Path, *, walls: bool = True) -> Robot:
-    """Read `config.yaml` (or the folder that holds it) and everything it refers to; walls: its
-    shapes, too.
+    """Robot from `config.yaml` (or the folder that contains it) and every file it refers to; walls:
+    read its shapes and surroundings, too.
 
-    Raises ConfigurationError; types stop at the first error, cross-checks list all.
+    Raises ConfigurationError, with the first error of types or all errors of cross-checks.
     """
-    if os.path.isdir(path):  # false also if its folder may not be searched
+    if os.path.isdir(path):  # false also without permission to search its parent
         path = path / "config.yaml"
     source = read_yaml(path)
     configuration = convert(_with_makes(source), Configuration)
@@ -86,12 +86,12 @@ def load_robot(path: Path, *, walls: bool = True) -> Robot:
         raise ConfigurationError(f"{where} cannot be read: {why}") from error
     model = _model_or_error(configuration, urdf)
     identified = path.parent / configuration.identified
-    alone = not os.path.lexists(identified)  # a link to nowhere is no reason to go on without
+    alone = not os.path.lexists(identified)  # a dangling link is an error, not a missing file
     findings = cross_checks(configuration, urdf, model, path.parent)
-    # Beside identified levels `thresholds.least` is held against those.
+    # `thresholds.least` is checked against identified levels, if there are any.
     findings += least_levels(configuration) if alone else ()
     if findings or isinstance(model, ModelError):
-        raise ConfigurationError("\n".join(_in_words(one, source, one.keys) for one in findings))
+        raise ConfigurationError("\n".join(_located(one, source, one.keys) for one in findings))
     try:
         trajectory = trajectory_of(configuration, path.parent)
     except TrajectoryError as error:
@@ -99,7 +99,7 @@ def load_robot(path: Path, *, walls: bool = True) -> Robot:
         raise ConfigurationError(f"{where}: {error}") from error
     found = read_walls(path.parent, urdf, configuration.joint_names) if walls else None
     robot = Robot(path, configuration, source.text, urdf, model, trajectory, found)
-    return robot if alone else _with(robot, read_yaml(identified))
+    return robot if alone else _with_identified(robot, read_yaml(identified))
 
 
 def _with_makes(source: Source) -> Source:
@@ -114,12 +114,12 @@ def _with_makes(source: Source) -> Source:
     return replace(source, data=source.data | {"drives": named})
 
 
-def _in_words(problem: Problem, source: Source, keys: Keys) -> str:
+def _located(problem: Problem, source: Source, keys: Keys) -> str:
     return f"{source.path}:{source.line(keys)}: {problem.where}: {problem.what}"
 
 
 def _model_or_error(c: Configuration, urdf: str) -> Model | ModelError:
-    """Model of the arm, or the reason why there is none, which is one problem among others."""
+    """Model of the arm, or its error, which is reported with other problems."""
     try:
         return model_of(c, urdf)
     except ModelError as error:
@@ -128,23 +128,23 @@ def _model_or_error(c: Configuration, urdf: str) -> Model | ModelError:
 
 def refuse_unreadable(robot: Robot, found: Identified) -> None:
     """Raise ConfigurationError if an identified.yaml with `found` would be refused when it is
-    read, as a daemon would not start with it."""
+    loaded, as the daemon would not start with it."""
     path = robot.folder / robot.configuration.identified
     source = parse_yaml(identified_text(found), path)
     try:
-        _with(robot.by_hand or robot, source)
+        _with_identified(robot.by_hand or robot, source)
     except ConfigurationError as error:
         raise ConfigurationError(
             f"the identified values are not written, because they are not allowed: {error}"
         ) from error
 
 
-def _with(robot: Robot, source: Source) -> Robot:
-    """Robot with the values of the identified.yaml of `source` in place of hand-written ones.
+def _with_identified(robot: Robot, source: Source) -> Robot:
+    """Robot whose hand-written values are replaced by those of the identified.yaml in `source`.
     Raises ConfigurationError."""
     text, found = _identified(source, robot.configuration)
     c = applied(robot.configuration, found)
-    # Identified masses make another arm, which has a model of its own; other values do not.
+    # Only identified masses change the model.
     same = c.bodies == robot.configuration.bodies
     model = robot.model if same else _model_or_error(c, robot.urdf)
     now = replace(robot, configuration=c, identified=found, identified_text=text, by_hand=robot)
@@ -167,9 +167,9 @@ def _identified(source: Source, configuration: Configuration) -> tuple[str, Iden
 
 
 def parse_configuration(text: str, name: str, identified: str = "") -> Configuration:
-    """Configuration from the text of `config.yaml` and, where there was one, of `identified.yaml`.
+    """Configuration from the text of `config.yaml` and, if there is one, of `identified.yaml`.
 
-    `name` is for messages. Raises ConfigurationError. There are no cross-checks.
+    `name` is for messages. Raises ConfigurationError. No cross-checks are made.
     """
     configuration = convert(_with_makes(parse_yaml(text, Path(name))), Configuration)
     if identified:

@@ -1,8 +1,8 @@
-"""Marks of what identified values depend on: a change voids only the values that it affects.
+"""Digests of settings that identified values depend on: a change voids only those it affects.
 
-Of wiring and constants a joint's values depend on its own drive and profile, with the period and
-the URDF's joints; masses, friction and levels on those of all joints, as all of them move its load.
-Limits, gains, corrections of the encoders and the URDF's pictures void none.
+Zero, wiring, encoders and gap depend on the joint's own drive and profile, the period and the
+URDF's joints; masses, friction and levels on those of all joints, as all of them move its load.
+Limits, gains, encoder corrections and the URDF's visuals invalidate nothing.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from estimator.urdf import parsed
 
 
 class Dependence(StrEnum):
-    """Part of an arm that identified values depend on, in words."""
+    """Settings that identified values depend on, in words for messages."""
 
     NODES = "drives, nodes or the URDF's joints"
     WIRING = "drives, wiring, period or the URDF's joints"
@@ -29,14 +29,14 @@ _JOINT = ("origin", "axis", "parent", "child", "mimic")
 
 
 def fingerprint(c: Configuration, urdf: str) -> str:
-    """SHA-256 of everything in a configuration that changes the meaning of any measurement, the
-    URDF letter by letter: the only mark of older files."""
+    """SHA-256 of all settings that change the meaning of any measurement, with the URDF's exact
+    text: the only mark of the oldest files."""
     joints = [(joint.name, _wiring(joint), joint.torque_constant) for joint in c.joints]
     return _digest((_drives(c), joints, c.period_ms, urdf))
 
 
 def marks_of(c: Configuration, urdf: str, name: str) -> dict[Dependence, str]:
-    """SHA-256 of each part that values of one joint depend on."""
+    """SHA-256 of each dependence of one joint's values."""
     (joint,) = (one for one in c.joints if one.name == name)
     profile = joint.wiring.profile
     alone = msgspec.structs.replace(c, joints=[joint], drives={profile: c.drives[profile]})
@@ -46,8 +46,8 @@ def marks_of(c: Configuration, urdf: str, name: str) -> dict[Dependence, str]:
 
 
 def marks(c: Configuration, urdf: str) -> dict[Dependence, str]:
-    """SHA-256 of each part, for all joints: marks of older files. Other values found before are not
-    part of it; nor is the product of a drive, which is identified by its serial number."""
+    """SHA-256 of each dependence over all joints, as in older files. Of earlier results only bodies
+    are included; a drive's product is not, as its serial number identifies it."""
     geometry, masses = _urdf(urdf)
     wiring = [(joint.name, _wiring(joint)) for joint in c.joints]
     everything = (_drives(c), wiring, c.period_ms, geometry)
@@ -65,7 +65,7 @@ def marks(c: Configuration, urdf: str) -> dict[Dependence, str]:
 
 
 def _wiring(joint: Joint) -> object:
-    """Wiring, without half a milliradian of the link's encoder, which no step guarantees."""
+    """Wiring without the link encoder's correction: 0.5 mrad, finer than any step guarantees."""
     wiring = msgspec.to_builtins(joint.wiring)
     del wiring["link_correction"]
     return wiring
@@ -75,13 +75,13 @@ def _drives(c: Configuration) -> object:
     drives = msgspec.to_builtins(c.drives)
     for profile in drives.values():
         profile.pop("any_product", None)
-        del profile["make"]  # each has fields of its own
+        del profile["make"]  # implied by the fields
     return drives
 
 
 @lru_cache(maxsize=2)
 def _urdf(text: str) -> tuple[object, object]:
-    """Joints and frames, and masses, of a URDF that was loaded before."""
+    """Joints with their frames, and inertials, of a URDF that was parsed before."""
     root, _ = parsed(text)
     joints = {
         joint.get("name"): (

@@ -4,8 +4,8 @@
 the wrong side of a gear, or copied from the line above: each within its bounds, but implausible
 together. They are recognised by a second source for the same quantity (the URDF, the EDS, another
 scale), or by the usual properties of drives, motors and bodies. Each is reported with the value
-that was probably intended. They are warnings and are not refused, as an unusual arm is not a wrong
-one; `contactd identify wiring` decides.
+that was probably intended. They are warnings, not errors, as an unusual arm is not a wrong one;
+`contactd identify wiring` decides.
 """
 
 import math
@@ -23,17 +23,17 @@ from estimator.urdf import JointRange, MovedLink, joint_ranges, moved_links
 FASTEST_MOTOR = 1300.0  # [rad/s], 12000 rpm: highest speed of small motors with gears
 LARGEST_GEAR = 400.0
 FASTEST_JOINT = 10.0  # [rad/s]
-HARDEST = 100.0  # [rad/s2] that an arm with cheap gears is made to accelerate
-DENSEST = 20_000.0  # [kg/m3], tungsten: a body of its mass cannot be smaller than this
-LIGHTEST_ROTOR = 6e-6  # rotor's inertia over the 5/3rd power of its torque, at the shaft, at least
-GEARED = 10.0  # gear ratio above which a motor is assumed to be a fast one
-WEAKEST, STRONGEST = 3e-3, 0.5  # constants of such motors, at the shaft [Nm/A]
-NOISE_COUNTS = 4.0  # counts of the drive's current that a level must be above
+HARDEST = 100.0  # [rad/s2]: largest acceleration of arms with low-cost gears
+DENSEST = 20_000.0  # [kg/m3], tungsten: bounds the size of a body of given mass from below
+LIGHTEST_ROTOR = 6e-6  # smallest rotor inertia over torque^(5/3), at the shaft
+GEARED = 10.0  # gear ratio above which a high-speed motor is assumed
+WEAKEST, STRONGEST = 3e-3, 0.5  # torque constants of such motors, at the shaft [Nm/A]
+NOISE_COUNTS = 4.0  # smallest contact level in counts of the drive's current
 
 
 def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]) -> list[Problem]:
-    """Likely mistakes in a configuration whose types and ranges are right.
-    sheets: the EDS of each profile that has one, by its name."""
+    """Likely mistakes in a configuration whose types and ranges are valid.
+    sheets: the EDS of each profile that has one, by profile name."""
     ranges = {one.joint: one for one in joint_ranges(urdf)}
     return [
         *(problem for name in sheets for problem in drive_mistakes(c, name, sheets[name])),
@@ -50,7 +50,7 @@ def likely_mistakes(c: Configuration, urdf: str, sheets: Mapping[str, DataSheet]
 
 
 def urdf_mistakes(urdf: str) -> list[tuple[str, str]]:
-    """Likely mistakes in the text of a URDF: line and part of each, and its description."""
+    """Likely mistakes in the text of a URDF: line and element of each, and its description."""
     return [
         *(found for link in moved_links(urdf) for found in _link(link)),
         *(found for one in joint_ranges(urdf) for found in _range(one)),
@@ -82,7 +82,7 @@ def _joint(i: int, joint: Joint, drive: Drive[Any], span: JointRange) -> Iterato
         yield Problem(
             *at(i, joint, "thresholds", "contact"),
             f"{joint.thresholds.contact:.4g} Nm is less than {NOISE_COUNTS:g} counts of the "
-            f"drive's effort ({figure(count)} Nm each): its noise would be detected as a touch",
+            f"drive's effort ({figure(count)} Nm each): its noise would be detected as a contact",
         )
 
 
@@ -92,11 +92,11 @@ def _gear(i: int, joint: Joint) -> Iterator[Problem]:
     if gear < 1.0:
         yield Problem(
             *place,
-            f"{gear:g} turns of the motor per turn of the joint is a gear that speeds up: "
-            f"upside down? then it is {figure(1.0 / gear)}",
+            f"{gear:g} turns of the motor per turn of the joint: such a gear would speed up; is "
+            f"the ratio inverted? then it is {figure(1.0 / gear)}",
         )
     elif gear > LARGEST_GEAR:
-        yield Problem(*place, f"{gear:g} is more than the gears of arms: a digit too many?")
+        yield Problem(*place, f"{gear:g} is more than gears of arms have: a digit too many?")
     elif fastest > FASTEST_MOTOR and joint.limits.velocity <= FASTEST_JOINT:
         yield Problem(
             *place,
@@ -130,7 +130,7 @@ def _torque(i: int, joint: Joint) -> Iterator[Problem]:
             f"{figure(constant)} Nm/A at the link is {figure(constant / wiring.gear)} Nm/A at the "
             f"shaft, {'less' if weak else 'more'} than motors behind a gear have: "
             + (f"is it the shaft's? times the gear it is {figure(constant * wiring.gear)}" if weak
-               else f"is the gear in it twice? without it is {figure(constant / wiring.gear)}"),
+               else f"is the gear included twice? over it it is {figure(constant / wiring.gear)}"),
         )  # fmt: skip
     rotor, least = joint.rotor_inertia, LIGHTEST_ROTOR * shaft ** (5.0 / 3.0) * wiring.gear**2
     if 0.0 < rotor < least:
@@ -153,8 +153,8 @@ def _limits(i: int, joint: Joint, span: JointRange) -> Iterator[Problem]:
     elif limits.velocity > FASTEST_JOINT:
         yield Problem(
             *at(i, joint, "limits", "velocity"),
-            f"{figure(limits.velocity)} rad/s beside a person: in degrees/s? then it is "
-            f"{figure(limits.velocity * DEGREE)} rad/s",
+            f"{figure(limits.velocity)} rad/s is too fast beside a person: in degrees/s? then it "
+            f"is {figure(limits.velocity * DEGREE)} rad/s",
         )
     for name in ("acceleration", "quick_stop"):
         value = getattr(limits, name)
@@ -182,8 +182,8 @@ def _link(link: MovedLink) -> Iterator[tuple[str, str]]:
     if 0.0 < link.moment < least:
         yield (
             place,
-            f"its inertia of {figure(link.moment)} kg m2 is less than {figure(link.mass)} kg of "
-            f"tungsten have as a ball ({figure(least)}): in other units than kg m2?",
+            f"its inertia of {figure(link.moment)} kg m2 is less than that of a tungsten ball of "
+            f"{figure(link.mass)} kg ({figure(least)}): in other units than kg m2?",
         )
     if link.lever > 2.0:
         yield place, f"its centre of mass is {figure(link.lever)} m from its frame: in mm?"

@@ -1,4 +1,4 @@
-"""Shape of a payload whose box is announced: its capsules and corners beside those of the links."""
+"""Shape of a payload with a stated bounding box: capsules and corners, added to the links'."""
 
 import math
 from typing import Final
@@ -16,8 +16,8 @@ PAYLOAD: Final = "payload"
 
 
 def with_payload(walls: Walls, payload: Payload, model: Model) -> Walls:
-    """Walls with the capsules of a payload's box on the last joint. What is left out with all
-    shapes of that joint, as they may touch, is left out with the payload."""
+    """Walls with the shape of a payload's box added to the hand joint. A shape that may touch every
+    capsule of that joint, and is unguarded for that, is not guarded against the payload either."""
     shapes, joint, box = walls.shapes, model.names[model.hand_joint], np.array(payload.box)
     capsules = [
         CapsuleEntry(
@@ -53,11 +53,11 @@ def with_payload(walls: Walls, payload: Payload, model: Model) -> Walls:
 
 
 def capsules_of_box(edges: Vector) -> list[tuple[Vector, Vector, float]]:
-    """Capsules that contain a box of these edges (3,) [m] about the origin: starts and ends (3,)
-    [m], radii [m]. They lie along its longest edge, side by side, up to three if it is flat.
+    """Capsules that enclose a box with these edge lengths (3,) [m], centred at the origin: start
+    and end points (3,) [m], radii [m]. Up to three lie side by side along its longest edge.
 
-    About bars with r from axis to edge, R = 2 r / sqrt(3) has the least mean width: its segment is
-    R shorter than the bar.
+    For a bar with distance r from axis to edge, the radius R = 2 r / sqrt(3) minimises the mean
+    width; the segment is then R shorter than the bar.
     """
     short, middle, along = np.argsort(edges).tolist()
     bars = min(3, max(1, round(edges[middle] / edges[short])))

@@ -9,7 +9,7 @@ Keys = list[str | int]
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One problem: its place in the file, and the allowed values."""
+    """One problem: keys and printed path of the field, and what is wrong and allowed."""
 
     keys: Keys
     where: str
@@ -17,15 +17,15 @@ class Problem:
 
 
 def figure(value: float) -> str:
-    """Number with four digits for display; rounding errors show as 0."""
+    """Number with four significant digits for display; rounding errors are shown as 0."""
     return f"{value:.4g}" if abs(value) >= 1e-9 else "0"
 
 
 def agree(a: float, b: float, factor: float) -> bool:
-    """True if two positive values differ by no more than a factor."""
+    """True if two positive values differ by at most this factor."""
     return b / factor <= a <= b * factor
 
 
 def at(index: int, joint: Joint, *path: str) -> tuple[Keys, str]:
-    """Keys and printed path of a place within a joint."""
+    """Keys and printed path of a field of a joint."""
     return ["joints", index, *path], ".".join([f"joints[{index}] ({joint.name})", *path])

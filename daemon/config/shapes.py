@@ -1,5 +1,5 @@
-"""Shapes of the arm and of its surroundings: two files beside config.yaml, each of which may be
-missing. `contactd shapes` writes the first, a person the second.
+"""Shapes of the arm and of its surroundings: two optional files beside config.yaml. `contactd
+shapes` writes the first; the second is written by hand.
 
 Distances in m, angles in rad; surroundings in the frame of the URDF's root.
 """
@@ -27,12 +27,12 @@ from estimator.shapes import Box, Capsule, Plane
 SHAPES: Final = "shapes.yaml"
 SURROUNDINGS: Final = "surroundings.yaml"
 BASE: Final = ""
-"""Joint of what no joint moves."""
+"""Joint name of fixed bodies."""
 MOST_PAIRS: Final = 150
-"""Pairs that a tick, and the check of a path between two, have the time for."""
+"""Largest number of pairs for the time of a tick, and of a path check between two ticks."""
 MOST_CORNERS: Final = 16
 ROUNDING_M: Final = 1e-4
-"""Rounding of figures in a file, which may be too small by it."""
+"""Rounding of numbers in a file, which may be too small by this much."""
 HEAD: Final = (
     "# Written by `contactd shapes`: capsules and corners of links, in their joint's frame (an\n"
     "# empty name: of the URDF's root), and the pairs that are not guarded, with the reason. Add\n"
@@ -42,7 +42,7 @@ HEAD: Final = (
 Number = Annotated[float, Meta(ge=-100, le=100)]
 Place = tuple[Number, Number, Number]
 Radius = Annotated[float, Meta(gt=0, le=2)]
-Angle = Annotated[float, Meta(ge=-7, le=7)]  # a full turn; more is in degrees
+Angle = Annotated[float, Meta(ge=-7, le=7)]  # a full turn; more is likely in degrees
 
 
 class _Part(Settings, frozen=True):
@@ -51,17 +51,17 @@ class _Part(Settings, frozen=True):
 
 
 class CapsuleEntry(_Part, frozen=True):
-    """Capsule: all that is within a radius of the segment from start to end. Capsules that share a
-    name, and a joint, are parts of one link."""
+    """Capsule: all points within a radius of the segment from start to end. Capsules with the same
+    name and joint are parts of one link."""
 
     start: Place
     end: Place
     radius: Radius
-    edged: bool = False  # beside planes its link's corners count instead
+    edged: bool = False  # against planes its link's corners are used instead
 
 
 class CornersEntry(_Part, frozen=True):
-    """Corners of an edged link: planes are kept off those, as its capsules are wider."""
+    """Corners of an edged link, used against planes, as its capsules are wider than the link."""
 
     points: Annotated[list[Place], Meta(min_length=1, max_length=MOST_CORNERS)]
 
@@ -78,12 +78,12 @@ class Shapes(Settings, frozen=True):
 
     version: Literal[1]
     urdf: str  # digest of the URDF that they were fitted to
-    source: Literal["collision", "visual", "inertial"]  # what of it
+    source: Literal["collision", "visual", "inertial"]  # elements of the URDF that were fitted
     capsules: Annotated[list[CapsuleEntry], Meta(min_length=1, max_length=64)]
     corners: list[CornersEntry] = msgspec.field(default_factory=list)
-    margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # gap that is kept [m]
+    margin: Annotated[float, Meta(ge=0, le=0.2)] = 0.005  # clearance that is kept [m]
     left_out: list[LeftOut] = msgspec.field(default_factory=list)
-    surroundings: str = ""  # digest of those that were there
+    surroundings: str = ""  # digest of the surroundings at that time
 
 
 class PlaneEntry(Settings, frozen=True):
@@ -102,8 +102,8 @@ class BoxEntry(Settings, frozen=True):
 
 
 class Surroundings(Settings, frozen=True):
-    """Surroundings of the arm: tables and walls, obstacles, and room that is kept free for people,
-    each under a name of your own."""
+    """Surroundings of the arm: tables, walls, obstacles, and space that is kept free for people,
+    each under a name of your choice."""
 
     version: Literal[1]
     planes: dict[Name, PlaneEntry] = msgspec.field(default_factory=dict)
@@ -123,7 +123,7 @@ class Walls(Settings, frozen=True):
 
     @property
     def in_words(self) -> str:
-        """Shapes, surroundings, and pairs that are not guarded."""
+        """Summary of shapes, surroundings and unguarded pairs."""
         of, around = self.shapes, [*self.surroundings.planes, *self.surroundings.boxes]
         out = ", ".join(f"{' - '.join(one.pair)} ({one.why})" for one in of.left_out)
         return (
@@ -133,7 +133,7 @@ class Walls(Settings, frozen=True):
 
 
 def digest_of_surroundings(around: Surroundings) -> str:
-    """Digest of what surroundings.yaml says."""
+    """Digest of the content of surroundings.yaml."""
     return digest_of(msgspec.json.encode(around).decode())
 
 
@@ -143,10 +143,10 @@ def digest_of(urdf: str) -> str:
 
 
 def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
-    """Shapes and surroundings beside a configuration; None without shapes.
+    """Shapes and surroundings in the folder of a configuration; None without shapes.
 
-    Raises ConfigurationError with file and line for content that the schema does not allow, a joint
-    that is not there, a name given twice, shapes of another URDF, and surroundings without shapes.
+    Raises ConfigurationError with file and line for content that the schema does not allow, an
+    unknown joint, a duplicate name, shapes of another URDF, and surroundings without shapes.
     """
     path, surroundings = folder / SHAPES, read_surroundings(folder)
     if not path.exists():
@@ -186,8 +186,8 @@ def read_walls(folder: Path, urdf: str, joints: list[str]) -> Walls | None:
         for k, left in enumerate(shapes.left_out):
             if {*around} & {*left.pair}:
                 raise ConfigurationError(
-                    f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} is "
-                    "another than when this pair was left out: `contactd shapes --force`"
+                    f"{path}:{source.line(['left_out', k])}: left_out[{k}]: {SURROUNDINGS} has "
+                    "changed since this pair was left out: `contactd shapes --force`"
                 )
     if (pairs := guarded(walls)) > MOST_PAIRS:
         raise ConfigurationError(
@@ -207,7 +207,7 @@ def guarded(walls: Walls) -> int:
 
 
 def read_surroundings(folder: Path) -> Surroundings | None:
-    """Surroundings beside a configuration; None without. Raises ConfigurationError."""
+    """Surroundings in the folder of a configuration; None without. Raises ConfigurationError."""
     if not (folder / SURROUNDINGS).exists():
         return None
     source = read_yaml(folder / SURROUNDINGS)
@@ -224,13 +224,13 @@ def read_surroundings(folder: Path) -> Surroundings | None:
 
 
 def shapes_text(shapes: Shapes) -> str:
-    """The text of shapes.yaml."""
+    """Text of shapes.yaml."""
     plain = msgspec.to_builtins(shapes)
     return HEAD + yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=100)
 
 
 def clearance_of(walls: Walls, bodies: list[Body], joints: list[str]) -> Clearance:
-    """Gaps of all pairs that are guarded."""
+    """Clearance of all guarded pairs."""
     numbers = {joints[body.row]: k for k, body in enumerate(bodies)} | {BASE: -1}
     capsules = [
         Capsule(one.name, numbers[one.joint], np.array(one.start), np.array(one.end), one.radius)
@@ -265,7 +265,7 @@ def pairs_of(
     obstacles: list[Plane | Box],
     left_out: set[frozenset[str]],
 ) -> list[tuple[Capsule, Capsule | Plane | Box]]:
-    """Pairs that move against each other, without those that are left out."""
+    """Pairs that can move relative to each other, without those that are left out."""
     pairs: list[tuple[Capsule, Capsule | Plane | Box]] = [
         (one, other) for k, one in enumerate(capsules) for other in capsules[:k]
         if one.body != other.body

@@ -1,4 +1,4 @@
-"""Trajectories that a configuration states: their checks against the limits, and their paths."""
+"""Trajectories of a configuration: their checks against the limits, and their paths."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from daemon.motion.trajectory_file import read_trajectory
 
 
 def trajectory_checks(c: Configuration) -> Iterator[Problem]:
-    """Problems of the trajectory: an unknown joint, two kinds at once, motion beyond a limit."""
+    """Problems of the trajectory: unknown joints, file and sinusoids at once, exceeded limits."""
     joints = {joint.name: joint for joint in c.joints}
     if c.trajectory.file is not None and c.trajectory.sinusoids:
         yield Problem(
@@ -35,7 +35,7 @@ def trajectory_checks(c: Configuration) -> Iterator[Problem]:
             yield Problem(
                 keys, where, f"its speed of {peak:.3g} rad/s is above the limit {limits.velocity:g}"
             )
-        # A w^2 |sin| with A w |cos| / ramp of a soft start, which may fall on any phase.
+        # Peak of A w^2 |sin| plus A w |cos| / ramp: the soft start may occur at any phase.
         peak = wave.amplitude * omega * math.hypot(omega, 1.0 / c.trajectory.ramp_s)
         if peak > limits.acceleration:
             yield Problem(
@@ -84,5 +84,5 @@ def trajectory_of(c: Configuration, folder: Path) -> SampledPath | None:
 
 
 def path_of(c: Configuration, from_file: SampledPath | None) -> JointPath:
-    """Path that `start` runs: from `trajectory.file`, as it was read, or by sinusoids."""
+    """Path that `start` runs: that of `trajectory.file`, as loaded, or the sinusoids."""
     return from_file or sinusoids_of(c)

@@ -1,4 +1,4 @@
-"""Values of a configuration as arrays, and as the settings of what moves the arm."""
+"""Configuration values as arrays over the joints, and as settings of the motion."""
 
 from collections.abc import Callable
 
@@ -12,12 +12,12 @@ from daemon.protocol.guide import GuideAxes
 
 
 def row(c: Configuration, of: Callable[[Joint], float]) -> Vector:
-    """Vector with one value of every joint, (n,)."""
+    """Vector (n,) with one value per joint."""
     return np.array([of(joint) for joint in c.joints], dtype=np.float64)
 
 
 def virtual_mass_of(c: Configuration) -> Vector:
-    """Virtual mass (n,) as its time constant [s]: each joint's own, or the one for all."""
+    """Virtual mass (n,) as a time constant [s]: the joint's own, or that of `admittance`."""
     usual = c.admittance.virtual_mass_s
     return row(c, lambda j: usual if j.virtual_mass_s is None else j.virtual_mass_s)
 
@@ -41,7 +41,7 @@ def stream_settings_of(c: Configuration) -> StreamSettings:
 
 
 def guide_of(c: Configuration) -> GuideAxes:
-    """Guide of an arm that is led by hand."""
+    """Axes of the guide for an arm that is led by hand."""
     a = c.admittance
     return GuideAxes(
         frame=a.frame, free=a.free, damped=a.damped, held=a.held, stiff=a.stiff,

@@ -20,7 +20,7 @@ class Load:
 
     gravity: float  # largest within the limits of all joints
     motor: float  # at its largest current
-    inertia: float = 0.0  # of what the joint moves, largest, about its axis [kg m2]
+    inertia: float = 0.0  # largest, of all bodies that the joint moves, about its axis [kg m2]
 
     @property
     def too_much(self) -> bool:
@@ -29,10 +29,10 @@ class Load:
 
 
 def worst_loads(c: Configuration, model: Model) -> list[Load]:
-    """Worst load of each joint: max |g_i(q)| and M_ii(q) over poses within the limits, beside K_c
-    times the largest current.
+    """Worst load of each joint: max |g_i(q)| and max M_ii(q) over poses within the limits, and the
+    motor's torque, K_c times the largest current.
 
-    The poses are random, always the same; the true maximum is up to some per cent more.
+    The poses are random with a fixed seed; the true maximum is up to a few per cent larger.
     """
     poses = _poses(c)
     gravity = np.max([np.abs(model.gravity(q)) for q in poses], axis=0)
@@ -44,8 +44,8 @@ def worst_loads(c: Configuration, model: Model) -> list[Load]:
 
 
 class Carrying:
-    """Carrying capacity of the motors: gravity on an arm's joints in many poses, with a payload or
-    without, against the torques of its motors."""
+    """Payload capacity of an arm: gravity at its joints in many poses, with or without a payload,
+    against the largest torques of its motors."""
 
     def __init__(self, c: Configuration, model: Model) -> None:
         poses = _poses(c)
@@ -67,18 +67,18 @@ class Carrying:
             for name, needed, gives in zip(self._names, torque, self._motor, strict=True)
             if needed > gives
         ]
-        return [*weak, f"too heavy: the motors can hold {self._held(per_kg)} there"] if weak else []
+        return [*weak, f"too heavy: the motors can hold {self._most(per_kg)} there"] if weak else []
 
-    def _held(self, per_kg: Matrix) -> str:
-        """Printed heaviest mass at such a place, rounded down to 0.01 kg."""
-        heaviest = self._holds(per_kg)
+    def _most(self, per_kg: Matrix) -> str:
+        """Heaviest mass that the motors can hold there, as text, rounded down to 0.01 kg."""
+        heaviest = self._heaviest(per_kg)
         if heaviest == np.inf:  # without a lever; the arm itself is too heavy
             return "not even the arm"
         return f"at most {0.01 * int(100.0 * heaviest):g} kg" if heaviest >= 0.01 else "nothing"
 
-    def _holds(self, per_kg: Matrix) -> float:
-        """Heaviest mass [kg] at a place where each kg causes such torques (poses, n) [Nm]; infinite
-        if it has no lever at any joint."""
+    def _heaviest(self, per_kg: Matrix) -> float:
+        """Heaviest mass [kg] that the motors can hold, from its torques (poses, n) [Nm/kg];
+        infinite if it has no lever at any joint."""
         room = np.maximum(self._motor - np.sign(-per_kg) * self._gravity, 0.0)
         size = np.abs(per_kg)
         return float(np.min(np.where(size > _NO_LEVER, room / np.maximum(size, _NO_LEVER), np.inf)))
@@ -89,7 +89,7 @@ def _poses(c: Configuration) -> Matrix:
     lower = np.array([joint.limits.lower for joint in c.joints])
     upper = np.array([joint.limits.upper for joint in c.joints])
     span = upper - lower
-    # Half of the coordinates are at a limit, where an arm that cannot reach out further is worst.
+    # Half of the coordinates are at a limit, the worst case if the arm cannot stretch fully.
     drawn = np.random.default_rng(0).uniform(
         lower - 0.5 * span, upper + 0.5 * span, (_POSES, len(lower))
     )

@@ -1,1 +1,1 @@
-"""From samples and timing to findings, and what each asks of the arm. Pure."""
+"""Fault detection: from samples and timing to findings and responses. Pure."""

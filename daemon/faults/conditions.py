@@ -17,21 +17,21 @@ from drivers.api import Kind
 class Response(IntEnum):
     """Response of the arm to a condition, in rising order of strength."""
 
-    CONTINUE = 0  # noted; arming is refused in such a tick
+    CONTINUE = 0  # recorded; arming is refused in such a tick
     HOLD = 1  # decelerate and hold, disarmed
     QUICK_STOP = 2  # quick stop of all drives, latched until `reset`
-    FAULT_EXIT = 3  # quick stop of all drives, and the program ends with a status that is not 0
+    FAULT_EXIT = 3  # quick stop of all drives, and the program exits with a non-zero status
 
     @property
     def event(self) -> Event | None:
-        """Its event of the mode table; None where the mode stays as it is."""
+        """Event of the mode table; None if the mode does not change."""
         if self is Response.CONTINUE:
             return None
         return Event.DOUBT if self is Response.HOLD else Event.FAULT
 
 
 class Condition(StrEnum):
-    """Condition that is wrong, as shown to an operator."""
+    """Condition of a fault, as shown to an operator."""
 
     SAMPLE_MISSING = "sample missing"
     STALE = "samples stale"

@@ -18,7 +18,7 @@ from daemon.modes.table import SENSING, Mode
 from drivers.api import DriveCondition, DriveStatus, Event, Kind, Samples
 
 CONDITION_OF = {row.source: condition for condition, row in TABLE.items() if row.source}
-# A loaded bus may be their cause, and is then reported with them.
+# Conditions that a loaded bus may cause; the load is then reported with them.
 OF_LOAD = frozenset(
     {
         Condition.SAMPLE_MISSING,
@@ -30,24 +30,24 @@ OF_LOAD = frozenset(
         Condition.ABSENT,
     }
 )
-# A late machine excuses stale samples for this many times `stale_ticks`; a drive whose samples are
-# missing in most ticks counts as stale after as many.
+# While ticks are late, stale samples are tolerated for this many times `stale_ticks`; a drive whose
+# samples are missing in most ticks counts as stale after as many.
 STARVED_FACTOR = 3
-# Reduction of a count of bad ticks by a good one: half, so that more than a third are too many. The
-# count of a drive's missing samples, which are bridged, is reduced by one: more than half are too
-# many.
+# Decrement of a count of bad ticks by a good tick: with one half, a third of bad ticks is
+# tolerated. The count of a drive's missing samples, which are bridged, is decremented by one: half
+# of the ticks are tolerated.
 LEAK = 0.5
 
 
-# Largest number, and longest time, of ticks with a joint that senses nothing, until the arm holds.
+# Largest number and duration of ticks with a joint that does not sense, until the arm holds.
 DEAF_TICKS, DEAF_S = 5, 0.06
-# The same of ticks whose answers all came late: a median, by which they are judged, says nothing
-# where late and prompt ones are as many.
+# The same for ticks in which all answers are late. Lateness is relative to a median, which is
+# meaningless if late and prompt answers are equally frequent.
 LATE_TICKS = 100
 
 
 def patience_deaf(period_s: float) -> int:
-    """Ticks for which an arm with this period may continue with a joint that senses nothing, at
+    """Ticks for which an arm with this period may continue with a joint that does not sense, at
     least one. A joint counts as such only after `SENSED_PERIODS`."""
     return min(max(int(DEAF_S / period_s + 1e-9), 1), DEAF_TICKS)
 
@@ -59,12 +59,12 @@ class DetectorSettings:
     period_s: float
     stale_ticks: int
     overrun_ticks: int
-    # Ticks with a joint that senses nothing, less half of those with none, until the arm holds.
+    # Ticks with a joint that does not sense, less half of the other ticks, until the arm holds.
     deaf_ticks: int = DEAF_TICKS
 
 
 class FaultDetector:
-    """Names the conditions that hold; counts disturbances that become one after several ticks."""
+    """Detector of the conditions that hold. Counts disturbances that become faults only later."""
 
     def __init__(
         self,
@@ -79,18 +79,18 @@ class FaultDetector:
         self._settings = settings
         self._plausibility, self._following = plausibility, following
         self._ignored = ignored
-        self._missed = 0.0  # deadlines, less half of the ticks since that were on time
-        self._deaf = 0.0  # ticks in which some joint sensed nothing, less a share of the others
-        self._late, self._too_late = 0.0, False  # likewise of answers; until none is left
-        self._disturbed = 0.0  # ticks with a disturbance, less a share of those without
-        self._since_late = settings.stale_ticks  # ticks
-        # Of each joint: ticks in which its sample was missing, less those since in which it came.
-        self._missing = np.zeros(len(joints), dtype=np.int64)
+        # Counts of bad ticks, which good ticks decrement:
+        self._missed = 0.0  # missed deadlines
+        self._deaf = 0.0  # ticks in which some joint did not sense
+        self._late, self._too_late = 0.0, False  # ticks with late answers; latched until 0
+        self._disturbed = 0.0  # ticks with a disturbance
+        self._since_late = settings.stale_ticks  # ticks since a late one
+        self._missing = np.zeros(len(joints), dtype=np.int64)  # missing samples of each joint
         self._load = ""  # description of the bus load if it is too high
         self._supply = Supply(len(joints))
         self._mode = Mode.OFF
-        self._drives: tuple[DriveStatus, ...] = ()  # of the tick before
-        self._operating = False  # all of them
+        self._drives: tuple[DriveStatus, ...] = ()  # in the previous tick
+        self._operating = False  # all drives
 
     def findings(
         self,
@@ -109,18 +109,18 @@ class FaultDetector:
         """Every condition that holds in this tick; empty in an undisturbed one.
 
         lateness_s, left_out: lateness of the tick, and the deadlines skipped because of it.
-        setpoint: sent to the drives in the tick before, (n,) [rad/s].
+        setpoint: sent to the drives in the previous tick, (n,) [rad/s].
         residual: the estimate's (n,) [Nm], None without one; gaps: time between this sample of each
-        joint and the one before (n,) [s], 0 where none came. finite: whether estimate and reference
-        are. sensing: joints (n,) that sense contact, by default all; settled: no residual is still
-        rising from a restart at zero.
+        joint and its previous one (n,) [s], 0 where none came. finite: True if estimate and
+        reference are finite. sensing: joints (n,) that sense contact, by default all; settled: no
+        residual is still rising from a restart at zero.
         """
         most = STARVED_FACTOR * self._settings.overrun_ticks
         missed = self._missed + (left_out or -LEAK)
         self._missed = min(max(missed, 0.0), most)
         self._since_late = 0 if left_out else self._since_late + 1
         if self._mode is Mode.FAULTED and mode is not Mode.FAULTED:
-            # After a reset by a person the present values count.
+            # After a reset, present values are compared with no earlier ones.
             self._plausibility.restart()
             self._ignored.restart()
             self._supply.restart()
@@ -132,7 +132,7 @@ class FaultDetector:
         elif setpoint is not None:
             self._following.record(setpoint)
         found: list[Finding] = []
-        # First, as the first of equals is the cause: drives report the daemon's own pause.
+        # First, as the first of equal findings is the cause: drives report late ticks, too.
         if left_out:
             found += self._of_time(lateness_s)
         self._load = ""
@@ -161,7 +161,7 @@ class FaultDetector:
         return tuple(found)
 
     def _of_events(self, events: Sequence[Event]) -> Iterator[Finding]:
-        # These may be over at once: they become a fault after some ticks.
+        # Disturbances may be transient: they become a fault only after some ticks.
         disturbances = [event for event in events if event.kind is Kind.DISTURBED]
         patience = self._settings.stale_ticks
         if disturbances:
@@ -173,7 +173,7 @@ class FaultDetector:
                 self._load = event.text
                 yield Finding(Condition.BUS_LOADED, figures=self._load)
         for event in events:
-            # A load is part of other findings.
+            # Bus load is shown with other findings.
             if event.kind is not Kind.LOADED and (condition := CONDITION_OF.get(event.kind)):
                 yield self._found(condition, event.text)
         if disturbances:
@@ -182,14 +182,14 @@ class FaultDetector:
             yield self._found(condition, disturbances[0].text)
 
     def _found(self, condition: Condition, text: str) -> Finding:
-        """A finding, with the load of the bus beside it where that may be its cause."""
+        """Finding, with the bus load as its figures if that may be the cause."""
         return Finding(condition, text, self._load if condition in OF_LOAD else "")
 
     def _of_samples(self, samples: Samples) -> Iterator[Finding]:
         ticks, period_s = self._settings.stale_ticks, self._settings.period_s
         longest = STARVED_FACTOR * ticks
         stale_s, longest_s = (ticks - 0.5) * period_s, (longest - 0.5) * period_s
-        awaited = (samples.age_s > 0.0) & ~samples.starting  # late answers came
+        awaited = (samples.age_s > 0.0) & ~samples.starting  # late answers have age 0
         self._missing += np.where(awaited, 1, -1)
         np.clip(self._missing, 0, longest, out=self._missing)
         often = self._missing >= longest
@@ -215,7 +215,7 @@ class FaultDetector:
         if self._mode not in SENSING:
             self._deaf = 0.0
         elif all(sensing.tolist()):
-            # A residual that restarts again and again is as useless as one that is old.
+            # A residual that keeps restarting is as useless as an old one.
             self._deaf = max(self._deaf - LEAK * settled, 0.0)
         else:
             most = self._settings.deaf_ticks
@@ -240,7 +240,7 @@ class FaultDetector:
                 yield Finding(dropped, f"{name} is in {drive.state}")
 
     def _of_supply(self, mode: Mode) -> Iterator[Finding]:
-        """Drives that report operation, but have no voltage."""
+        """Findings of drives that report operation, but have no supply."""
         for i, name in enumerate(self._names) if mode in SENSING else ():
             if self._supply.lost(i):
                 yield Finding(Condition.SUPPLY_LOST, name)

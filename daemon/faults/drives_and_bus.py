@@ -12,22 +12,22 @@ DRIVES_AND_BUS: Final = {
         _R.CONTINUE, "samples",
         "a TPDO has not arrived when its tick decides, or all came later than usual",
         "one frame may be lost; its joint's interval extends to the next one, and the other "
-        "joints sense. When late ones were measured is not known",
+        "joints sense. The sampling time of late ones is unknown",
         "nothing; if it is frequent, check cable, termination, and the bus load with `contactd "
         "check`; of all joints: the computer's load",
     ),
     _C.STALE: Row(
         _R.QUICK_STOP, "samples",
-        "no TPDO of a drive for `stale_ticks` ticks in a row, or in three times as many, less "
+        "no TPDO of a drive for `stale_ticks` consecutive ticks, or for three times as many, minus "
         "those with one. After a start or a reset a drive has 30 ticks for its first; until then "
         "`contactctl status` shows the old values with their age",
-        "the joint's state is unknown, and its drive may be deaf",
+        "the joint's state is unknown, and its drive may receive nothing",
         "check supply and CAN cable of the named drive, then `contactctl reset`",
     ),
     _C.DEAF: Row(
         _R.HOLD, "estimator",
-        "a joint does not sense for 5 ticks; each tick in which all sense takes half a tick off "
-        "that. It has had no samples for more than 2.5 periods, or its residual restarts. Or all "
+        "a joint does not sense for 5 ticks; each tick in which all sense subtracts half a tick. "
+        "It has had no samples for more than 2.5 periods, or its residual restarts. Or all "
         "answers are late in more than a third of the ticks, for seconds",
         "contacts there would not be detected",
         "`contactctl status` names the joint: check the cable of its drive, and the load of bus "
@@ -71,9 +71,9 @@ DRIVES_AND_BUS: Final = {
     ),
     _C.UNGUARDED: Row(
         _R.HOLD, "heartbeats",
-        "no beat of the guardian on the bus for 100 ms, after it had been there. Only for drives "
-        "that let go when nothing is sent to them",
-        "should this process die, too, the arm would fall",
+        "no heartbeat of the guardian on the bus for 100 ms, after it had been there. Only for "
+        "drives that lose torque when nothing is sent to them",
+        "if this process died, too, the arm would fall",
         "start `contactd guard` again (its service, or its terminal), then `contactctl arm`",
         source=Kind.UNGUARDED,
     ),
@@ -112,8 +112,8 @@ DRIVES_AND_BUS: Final = {
     _C.NOT_FOLLOWING: Row(
         _R.QUICK_STOP, "drives",
         "for 20 ticks a motor's velocity differs from its setpoints by more than "
-        "`following_margin` times its velocity limit, and its current does not press the right "
-        "way with half of what it may (for half a second after enabling: has not moved that way "
+        "`following_margin` times its velocity limit, and its current does not push the right "
+        "way with half of its limit (for half a second after enabling: has not changed that way "
         "at all)",
         "the drive sends, but does not receive setpoints, or does not obey them",
         "close other tools on the bus, then `contactctl reset`; a drive with a soft velocity loop "
@@ -130,7 +130,7 @@ DRIVES_AND_BUS: Final = {
     _C.NOT_SEEN_TO_STOP: Row(
         _R.QUICK_STOP, "drives",
         "a drive was commanded to stop, by its setpoint and by SDO, and for some ticks no fresh "
-        "statusword shows that it left operation; or one shows it, and the drive moves on",
+        "statusword shows that it left operation; or one shows it, and the drive keeps moving",
         "it gets an NMT stop, at which a drive stops by itself (0x6007), and is asked by SDO; one "
         "that reports a stop, but moves beyond its travel, loses its power",
         "keep away from the arm, and press the emergency stop if it moves; check supply and CAN "
@@ -141,7 +141,7 @@ DRIVES_AND_BUS: Final = {
         _R.QUICK_STOP, "drives",
         "no proof after the NMT stop either; or a joint commanded to stop is about to go further "
         "than `contactd check` prints",
-        "only silence is left: no heartbeat, SYNC or setpoint to any drive until `reset`, so that "
+        "the last resort: no heartbeat, SYNC or setpoint to any drive until `reset`, so that "
         "each stops by itself (0x1016, 0x6007)",
         "press the emergency stop if anything moves; find out why the drive cannot be heard; then "
         "`contactctl reset`, which sets up all drives again. Before a drive that went on moving "
@@ -189,7 +189,7 @@ DRIVES_AND_BUS: Final = {
     ),
     _C.BUS_TROUBLE: Row(
         _R.QUICK_STOP, "faults",
-        "the bus is disturbed in `stale_ticks` ticks in a row",
+        "the bus is disturbed in `stale_ticks` consecutive ticks",
         "setpoints may not arrive; the quick stop goes out with the first frame that passes",
         "check that the interface is up (`ip link`), the drives have power, and the cable is "
         "whole and terminated; then `contactctl reset`",

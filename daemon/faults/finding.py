@@ -1,4 +1,4 @@
-"""Findings: conditions that hold in a tick, and the one of several that decides. Pure."""
+"""Findings: conditions that hold in a tick, and the strongest of several. Pure."""
 
 from dataclasses import dataclass, field
 
@@ -9,8 +9,8 @@ from daemon.faults.table import TABLE
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Condition that holds, and its place, such as "LElbowRoll". Figures may change while it stays
-    the same finding."""
+    """Condition that holds, and its place, such as "LElbowRoll". Findings that differ only in their
+    figures are equal."""
 
     condition: Condition
     text: str = ""
@@ -18,12 +18,12 @@ class Finding:
 
     @property
     def response(self) -> Response:
-        """Response of the table."""
+        """Response by the table of faults."""
         return TABLE[self.condition].response
 
     @property
     def check(self) -> str:
-        """Name of the arming check that fails with it."""
+        """Name of the arming check that fails."""
         return TABLE[self.condition].check
 
     @property
@@ -37,12 +37,12 @@ class Finding:
 
 
 def advice_on(cause: str) -> str:
-    """Advice of the condition with which a cause begins, as `str(Finding)` writes it; empty if it
-    begins with none."""
+    """Advice for a cause that begins with a condition, as `str(Finding)` writes it; empty for any
+    other cause."""
     begins = cause.partition(":")[0].partition(" (")[0]
     return advice_of(Condition(begins)) if begins in set(Condition) else ""
 
 
 def strongest(findings: tuple[Finding, ...]) -> Finding | None:
-    """The finding whose response wins; the first among equals."""
+    """Finding with the strongest response, the first of equals; None if there are none."""
     return max(findings, key=lambda finding: finding.response, default=None)

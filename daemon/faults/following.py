@@ -3,7 +3,7 @@ side.
 
 A drive may send samples but receive no setpoint: it continues at the last velocity received. Its
 motor then deviates from its setpoint, and its current does not counteract this. A motor that is
-blocked, or carried along, deviates too, but its drive pushes towards the setpoint. So does one
+blocked, or driven externally, deviates too, but its drive pushes towards the setpoint. So does one
 whose link sagged as its brake opened, while its drive's integral takes up the weight: for a while
 after enabling, a current that changes in the right direction is enough (decision 0011).
 """
@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from daemon.faults.measures import within
 
-#: A motor must deviate for this many ticks in a row.
+#: A motor must deviate for this many consecutive ticks.
 TICKS: Final = 20
-#: Share of its current limit, in the right direction, from which on a drive is doing what it can.
+#: Current towards the setpoint, as a share of its limit, from which on a drive counts as following.
 PRESSING_SHARE: Final = 0.5
 #: Ticks after enabling in which a current that changes in the right direction may take up weight.
 SAG_TICKS: Final = 50
-#: Least change of that current since enabling, as a share of its limit.
+#: Smallest such change of current since enabling, as a share of its limit.
 HEARD_SHARE: Final = 0.02
-#: Change of a current from which on the message says that the drive pressed the right way.
+#: Change of current, as a share of its limit, from which on its right direction is reported.
 PRESSED_SHARE: Final = 0.005
 #: Ticks from a setpoint until the samples of a drive without any lag show all of it: latched at the
 #: next SYNC, interpolated until the one after, and sampled there.
@@ -59,13 +59,13 @@ class Following:
         self._since = 0  # ticks since enabling
 
     def restart(self) -> None:
-        """Forget the setpoints: the motors stand, as commanded."""
+        """Reset the setpoints to zero: the motors are commanded to stand."""
         self._setpoints.fill(0.0)
         self._in_row.fill(0)
         self._since = 0
 
     def record(self, setpoint: Vector) -> None:
-        """Keep the setpoints of the tick before (n,) [rad/s]."""
+        """Store the setpoints of the previous tick (n,) [rad/s]."""
         self._setpoints[self._next] = setpoint
         self._next = (self._next + 1) % len(self._setpoints)
         self._since += 1
@@ -73,8 +73,8 @@ class Following:
     def not_following(
         self, velocity: Vector, current: Vector, fresh: NDArray[np.bool_]
     ) -> list[int]:
-        """Joints whose drives do not follow, from motor velocity [rad/s] and current [A] of
-        those that are fresh."""
+        """Joints whose drives do not follow, from the fresh samples of motor velocity [rad/s] and
+        current [A]."""
         deviation = self._settings.deviation
         if self._since <= 1:
             self._first[:] = current
@@ -99,11 +99,11 @@ class Following:
         return np.flatnonzero(self._in_row >= TICKS).tolist()
 
     def figures(self, joint: int) -> str:
-        """Printed deviation of a joint from the nearest of its setpoints, and its bound; and that
-        its current went the right way, as that of no drive without setpoints does."""
+        """Deviation of a joint from the nearest of its setpoints and its bound, as text; and, if
+        so, that its current went the right way, as it does not without setpoints."""
         off = f"by {self._off[joint]:.3f} rad/s, at most {self._settings.deviation[joint]:.3f}"
         pressed = float(self._current[joint] - self._begun[joint]) / self._settings.current[joint]
         pressed *= 1.0 if self._too_slow[joint] else -1.0
         obeys = (f"{off}; its current went the right way by {pressed:.1%} of its limit: it obeys, "
-                 "and friction holds it, or its velocity loop is soft")  # fmt: skip
+                 "but friction holds it, or its velocity loop is soft")  # fmt: skip
         return obeys if pressed >= PRESSED_SHARE else off

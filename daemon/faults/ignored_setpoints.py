@@ -1,8 +1,8 @@
 """Ignored setpoints: a drive in operation reports not following its target velocity. Pure.
 
-A drive may report that it follows its target velocity. It no longer does when another tool selects
-another mode of operation. A drive at its current limit may not report it either, which is not a
-fault of this kind. Not every drive reports it: one that never has is not judged by it.
+A drive may report that it follows its target velocity. The report ends when another tool selects
+another mode of operation. It may also end at the current limit, which is not this fault. Not every
+drive has this report: one that has never made it is not checked.
 """
 
 from collections.abc import Sequence
@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 from common.arrays import Vector
 from drivers.api import DriveCondition, DriveStatus
 
-#: Ticks for which it must be missing: on entering operation a drive may report it with a delay.
+#: Ticks without the report until a finding: on entering operation a drive may make it with a delay.
 IGNORED_TICKS: Final = 3
-#: A drive that gives this share of its current limit may be limited rather than in another mode.
+#: Share of its current limit from which on a drive may be saturated rather than in another mode.
 LIMITED_SHARE: Final = 0.5
 
 
 class IgnoredSetpoints:
-    """Monitor of that report of every drive of an arm."""
+    """Monitor of this report from all drives of an arm."""
 
     def __init__(self, current_limit: Vector) -> None:
         """current_limit: (n,) [A]."""
         self._limited = LIMITED_SHARE * current_limit
         n = len(current_limit)
-        self._known = [False] * n  # it has reported it
+        self._known = [False] * n  # drives that have made the report
         self._ticks = [0] * n
 
     def restart(self) -> None:
-        """Forget which drives report it: the drives may be others now."""
+        """Forget which drives make the report: the drives may have been exchanged."""
         self._known = [False] * len(self._known)
         self._ticks = [0] * len(self._ticks)
 

@@ -1,9 +1,9 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Figures of each joint that plausibility compares with its bounds: a row each, a loop over joints.
+"""Measures of each joint that `plausibility` compares with bounds: a row each, a loop over joints.
 
-Ordinary Python, which runs as it is; `measures.pxd` names the types for the compiler, decision
-0037. It only answers whether any figure is beyond; which, and in what words, is `plausibility`.
+Plain Python, which also runs uncompiled; `measures.pxd` has the types for the compiler (decision
+0037). It only detects that some measure exceeds its bound; `plausibility` reports which.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ ROWS = 8
 
 
 def within(a: Vector, b: Vector, bound: Vector) -> bool:
-    """True if no |a - b| is above its bound, each (n,)."""
+    """True if |a - b| <= bound for all elements; each (n,)."""
     good = True
     for i in range(a.shape[0]):
         good = good and abs(a[i] - b[i]) <= bound[i]
@@ -24,7 +24,7 @@ def within(a: Vector, b: Vector, bound: Vector) -> bool:
 
 
 class Measures:
-    """Figures and bounds (ROWS, n), SI at the link side, and what they are made of."""
+    """Measures and bounds (ROWS, n), SI at the link side, and the state behind them."""
 
     def __init__(
         self,
@@ -38,10 +38,10 @@ class Measures:
         motor_drift: float,
         motor_scale_error: float,
     ) -> None:
-        """bounds: (ROWS, n). middle: of each range [rad]; play: of each gap [rad]; full_current:
-        from which on a drive is at its limit [A]; speed: a motor's and its link's [rad/s];
-        standstill: below which they stand [rad/s]; motor_drift, motor_scale_error: of an integrated
-        motor position [rad/s], and its share.
+        """bounds: (ROWS, n). middle: of each joint's range [rad]; play: of each gap [rad];
+        full_current: from which on a drive is at its limit [A]; speed: limit of motor and link
+        [rad/s]; standstill: speed below which they are at rest [rad/s]; motor_drift,
+        motor_scale_error: error of an integrated motor position, absolute [rad/s] and relative.
         """
         n = self.n = bounds.shape[1]
         self.bounds = bounds.copy()
@@ -51,14 +51,14 @@ class Measures:
         self._drift, self._scale_error = motor_drift, motor_scale_error
         self.measures = np.zeros((ROWS, n))
         self.q, self.q_before, self.current, self.velocity, self.dt = np.zeros((5, n))
-        # Ticks in a row at the current limit, beyond the speed, and with one current.
+        # Consecutive ticks at the current limit, above the speed limit, with an unchanged current.
         self.full_ticks, self.fast_ticks, self.same_ticks = np.zeros((3, n))
-        self._theta, self._lowest, self._highest = np.zeros((3, n))  # the latter of q - theta
-        self._turned, self._turned_stuck = np.zeros((2, n))  # since q, or the current, changed
+        self._theta, self._lowest, self._highest = np.zeros((3, n))  # extremes of q - theta
+        self._turned, self._turned_stuck = np.zeros((2, n))  # travel with the same q, same current
         self._begun = np.zeros(n, dtype=np.uint8)
 
     def restart(self) -> None:
-        """Forget the samples before: the next are believed, whatever they are."""
+        """Discard earlier samples: the next ones are accepted without comparison."""
         for i in range(self.n):
             self._begun[i] = 0
 
@@ -72,8 +72,8 @@ class Measures:
         dt: Vector,
         energised: bool,
     ) -> bool:
-        """Take samples, dt (n,) [s] after those before, 0 where there is none. True if a figure is
-        beyond its bound. A joint begins with the first samples that are all numbers."""
+        """Process samples dt (n,) [s] after the previous ones, 0 where there is none. True if a
+        measure exceeds its bound. A joint starts with its first samples that are all finite."""
         beyond = False
         for i in range(self.n):
             everything = q[i] + motor_velocity[i] + current[i]
@@ -109,12 +109,12 @@ class Measures:
         return beyond
 
     def _integrated(self, i: int, velocity: float, dt: float) -> float:
-        """Move theta by the integral of the velocity, and return by how much."""
+        """Advance theta by the integral of the velocity; returns the increment."""
         advance = velocity * dt if abs(velocity) > self._standstill else 0.0
         self._theta[i] += advance
-        # An integral drifts: what it was long ago says less and less of where the gap is.
+        # The integral drifts: old extremes of phi say less and less about the gap.
         drift = self._drift * dt + self._scale_error * abs(advance)
-        # A motor this slow may turn, or its velocity be biased: both are taken for possible.
+        # Below standstill the motor may turn, or its velocity be biased: both are allowed for.
         drift += abs(velocity * dt - advance)
         self._highest[i] -= drift
         self._lowest[i] += drift

@@ -1,7 +1,7 @@
 """Plausibility checks on measured samples: encoders, torques, speeds, joint limits. Pure.
 
-Arrays of shape (n,), SI at the link side; time is an argument. All figures are compared with their
-bounds by `measures`; those beyond become findings here.
+Arrays of shape (n,), SI at the link side; time is an argument. `measures` compares all measures
+with their bounds; those that exceed them become findings here.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,20 +17,20 @@ from daemon.faults.measures import Measures
 
 # Largest ratio of a half-gap to its identified value.
 GAP_TOLERANCE: Final = 1.1
-# A current has noise; one that is the same to the last bit for this many ticks, while the motor
-# turns this far [rad], was not measured.
+# A measured current has noise; one that is bit-identical for this many ticks, while the motor turns
+# this far [rad], is stuck.
 STUCK_TRAVEL: Final = 0.1
 STUCK_TICKS: Final = 20
 # Share of the current limit at which a drive is at its limit.
 SATURATED_SHARE: Final = 0.95
-# A blow may carry a motor along for a tick or two.
+# An impact may drive a motor beyond its speed limit for a tick or two.
 OVERSPEED_TICKS: Final = 3
 
-# Speed below which a joint or a motor stands [rad/s]: a few counts of a coarse velocity, or its
-# bias, are not motion.
+# Speed below which a joint or a motor is at standstill [rad/s]: a few counts of a coarse velocity,
+# or its bias, are not motion.
 STANDSTILL_SPEED: Final = 0.02
-# Rows of the measures, in their order, and the text for figure and bound of each; of several at one
-# joint the first is the nearest to the cause.
+# Rows of the measures in order, with the text for value and bound of each; of several at one joint
+# the first is closest to the cause.
 _ENERGISED_ONLY: Final = {
     Condition.JUMP: "by {:.3f} rad, at most {:.3f}",
     Condition.OVERSPEED: "for {:.0f} ticks, at most {:.0f}",
@@ -60,8 +60,8 @@ class PlausibilitySettings:
     current: Vector  # the drives' limit [A]
     residual: Vector  # [Nm]
     saturated_ticks: int
-    motor_drift: float  # of an integrated motor position, beside a share of the speed [rad/s]
-    motor_scale_error: float  # that share
+    motor_drift: float  # drift of an integrated motor position [rad/s]
+    motor_scale_error: float  # and its error as a share of the speed
 
 
 class Plausibility:
@@ -73,14 +73,14 @@ class Plausibility:
         self._middle = 0.5 * (settings.upper + settings.lower)
         play = 2.0 * GAP_TOLERANCE * settings.half_gap + settings.position_margin
         bound_of = {
-            Condition.JUMP: play,  # and what the joint travels in dt
+            Condition.JUMP: play,  # plus the travel in dt
             Condition.OVERSPEED: np.full(n, OVERSPEED_TICKS - 1.0),
             Condition.TORQUE_STUCK: np.full(n, STUCK_TRAVEL),
             Condition.TORQUE_SATURATED: np.full(n, settings.saturated_ticks - 1.0),
             Condition.RESIDUAL_LIMIT: settings.residual,
             Condition.JOINT_LIMIT: 0.5 * (settings.upper - settings.lower)
             + settings.position_margin,
-            # Values that repeat to the last bit have no noise.
+            # Bit-identical values have no noise.
             Condition.FROZEN: play - 0.5 * settings.position_margin,
             Condition.APART: play,
         }
@@ -109,8 +109,8 @@ class Plausibility:
         dt: Vector,
         energised: bool,
     ) -> tuple[Finding, ...]:
-        """Findings about implausible samples, taken dt (n,) [s] after the ones before; where dt is
-        0 they are the same as before, and are not evidence."""
+        """Findings about implausible samples, taken dt (n,) [s] after the previous ones; where dt
+        is 0 they are the previous ones, and are not evidence."""
         beyond = self._measured.step(
             q, motor_velocity, motor_position, current, residual, dt, energised
         )

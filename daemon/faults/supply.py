@@ -1,8 +1,8 @@
-"""Loss of supply: the power stage of a drive has no voltage any more. Pure.
+"""Loss of supply: the power stage of a drive has lost its voltage. Pure.
 
-A drive may report whether its power stage has voltage, in any condition. Not every drive does: each
-is judged only by what it has reported before, in operation by the report in operation, without
-power by the report without power.
+A drive may report whether its power stage has voltage, in any condition. Not every drive does:
+missing voltage counts only if the drive has reported voltage before in the same state, powered or
+not.
 """
 
 from typing import Final
@@ -12,21 +12,21 @@ from numpy.typing import NDArray
 
 from drivers.api import DriveStatus
 
-#: Samples in a row in which it must be missing: a dip of the supply is not a loss.
+#: Consecutive samples without voltage until it is a loss: a dip of the supply is not.
 GONE_TICKS: Final = 2
 
 
 class Supply:
-    """Monitor of that report of n drives; `step` once per tick."""
+    """Monitor of the supply of n drives; `step` once per tick."""
 
     def __init__(self, n: int) -> None:
         self._n = n
         self.restart()
 
     def restart(self) -> None:
-        """Forget which drives report it: the drives may be others now."""
+        """Forget which drives report voltage: the drives may have been exchanged."""
         self._drives: tuple[DriveStatus, ...] = ()
-        self._known: list[set[bool]] = [set() for _ in range(self._n)]  # with power, without
+        self._known: list[set[bool]] = [set() for _ in range(self._n)]  # powered or not
         self._ticks = [0] * self._n
 
     def step(self, drives: tuple[DriveStatus, ...], fresh: NDArray[np.bool_]) -> None:
@@ -50,9 +50,9 @@ class Supply:
         return any(self._ticks)
 
     def missing(self, joint: int) -> bool:
-        """True if the drive's last fresh report is without supply, and one before was with it."""
+        """True if the drive's last fresh report shows no voltage, and an earlier one showed it."""
         return self._ticks[joint] > 0
 
     def lost(self, joint: int) -> bool:
-        """True if it has been missing for long enough."""
+        """True if the supply has been missing for GONE_TICKS."""
         return self._ticks[joint] >= GONE_TICKS

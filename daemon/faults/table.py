@@ -13,11 +13,11 @@ from drivers.api import Kind
 _C, _R = Condition, Response
 
 TABLE: Final[dict[Condition, Row]] = DRIVES_AND_BUS | {
-    # --- what is measured ---------------------------------------------------------------------
+    # --- measurements -------------------------------------------------------------------------
     _C.NOT_FINITE: Row(
         _R.QUICK_STOP, "faults",
         "NaN or infinity in samples, estimate, reference or setpoint",
-        "all results from it are arbitrary",
+        "all results from it are invalid",
         "`contactctl reset`; if it recurs, report it with a recording and the black box",
         source=Kind.BAD_SETPOINT,
     ),
@@ -42,7 +42,7 @@ TABLE: Final[dict[Condition, Row]] = DRIVES_AND_BUS | {
     _C.APART: Row(
         _R.QUICK_STOP, "faults",
         "motor and link have moved against each other by more than the gap and `position_margin`",
-        "a gear slips or an encoder is wrong: the residual is arbitrary",
+        "a gear slips or an encoder is wrong: the residual is invalid",
         "check gear, coupling and encoders, on a new arm whether the link turns against its motor "
         "(`link_sign`, `motor_sign`), then `contactctl reset`; if they are sound, the gap is "
         "wider than `half_gap`: `contactd identify gap`",

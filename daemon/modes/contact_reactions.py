@@ -13,7 +13,7 @@ class ContactReaction(StrEnum):
     REPORT = "report"  # only report it
     ADMITTANCE = "admittance"  # yield, eq. (15)
     RETRACT = "retract"  # back away a fixed distance, the way it was pushed
-    RELEASE = "release"  # let go of it: slowly, the way it pushes, until the pressure is gone
+    RELEASE = "release"  # move slowly the way it is pushed, until the pressure is gone
     HOLD = "hold"  # decelerate and hold
     QUICK_STOP = "quick_stop"  # quick stop of all drives, latched until `reset`
 
@@ -22,7 +22,7 @@ class AfterQuiet(StrEnum):
     """Continuation of an interrupted trajectory when the quiet time is over."""
 
     RESUME = "resume"  # around where the person left the arm
-    HOLD = "hold"  # not at all; it takes a new `start`
+    HOLD = "hold"  # none; it takes a new `start`
     RETURN = "return"  # from where the contact took it, after going back there slowly
 
 
@@ -35,12 +35,12 @@ EVENT_OF: dict[ContactReaction, Event | None] = {
     ContactReaction.QUICK_STOP: Event.FAULT,
 }
 
-# Modes in which contact and collision count as long as they last; in others there is a reaction
-# already, and only a collision that begins causes another.
+# Modes in which a contact or collision causes a reaction as long as it lasts; in others one is in
+# progress, and only the onset of a collision causes another.
 ATTENTIVE = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.RETURNING})
 
 
-# Reactions to a collision that need no permission.
+# Reactions to a collision that do not require the arm to be armed.
 UNPERMITTED = frozenset({ContactReaction.RELEASE, ContactReaction.QUICK_STOP})
 
 
@@ -56,7 +56,7 @@ class Reactions:
         return EVENT_OF[self.contact] if armed else None
 
     def to_collision(self, armed: bool) -> Event | None:
-        """Event of a collision; while not armed, one that needs a permission stops the arm."""
+        """Event of a collision; without the permission that its reaction requires, a halt."""
         if armed or self.collision in UNPERMITTED:
             return EVENT_OF[self.collision]
         return Event.HALT

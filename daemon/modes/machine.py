@@ -1,4 +1,4 @@
-"""State machine of the modes, by their table: mode, its cause, permission, and what waits."""
+"""State machine of the modes: mode, its cause, permission, and state of the trajectory."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -32,7 +32,7 @@ class Trigger:
 
 
 class ModeMachine:
-    """Present mode and the permissions beside it.
+    """Present mode, and the permission beside it.
 
     `changes` collects every change with its cause; the tick reports them and clears the list.
     """
@@ -42,8 +42,8 @@ class ModeMachine:
         self.mode = Mode.OFF
         self.armed = False
         self.disarmed = ("", 0.0)  # cause and time of the last end of arming
-        self.moving = False  # a trajectory runs, or goes on after this contact
-        self.paused = False  # one was halted, and goes on with the next `start`
+        self.moving = False  # a trajectory runs, or continues after this contact
+        self.paused = False  # a trajectory was halted, and continues with the next `start`
         self.cause = "started"
         self.entered_s = 0.0  # time at which the mode was entered
         self.entered_by: Event | None = None  # None: the start
@@ -51,7 +51,7 @@ class ModeMachine:
 
     @property
     def trajectory(self) -> Literal["ready", "running", "interrupted", "paused"]:
-        """State of the trajectory; an interrupted one goes on after this contact."""
+        """State of the trajectory; an interrupted one continues after this contact."""
         if self.moving:
             return "running" if self.mode is Mode.TRACKING else "interrupted"
         return "paused" if self.paused else "ready"
@@ -67,7 +67,7 @@ class ModeMachine:
         return next_mode(self.mode, event) is not None
 
     def apply(self, event: Event, cause: str, time_s: float) -> bool:
-        """Follow the table; returns False, and changes nothing, if it has no such row.
+        """Apply an event; returns False, without any change, if the table has no row for it.
 
         `disable` in motion first stops the arm; the drives go off when it holds.
         """
@@ -90,7 +90,7 @@ class ModeMachine:
             self.mode, self.cause = after, cause
             self.entered_by, self.entered_s = event, time_s
         elif forgets:
-            # The mode does not show it.
+            # The mode does not change.
             self.changes.append(Change("trajectory forgotten", cause))
             self.cause = f"{self.cause}; {cause}"
         if event is Event.DISABLE:

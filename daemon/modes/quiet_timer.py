@@ -7,23 +7,23 @@ Time in which a touch might not be detected does not count as quiet.
 
 from dataclasses import dataclass
 
-# Ticks are whole periods; half a millisecond keeps the rounding of their sum out of it.
+# Tolerance for the rounding of a sum of periods [s].
 ROUNDING_S = 5e-4
 
 
 @dataclass(slots=True)
 class QuietTimer:
-    """Timer that runs from the last tick with a touch, or from `restart`; it stops while sensing is
-    not sure."""
+    """Timer that runs from the last tick with a touch, or from `restart`; it pauses while sensing
+    is not reliable."""
 
     limit_s: float
     quiet_s: float = 0.0
-    """since then, as of the last `sense`"""
+    """Quiet time as of the last `sense` [s]"""
     _touched_s: float = 0.0
     _sensed_s: float = 0.0
 
     def sense(self, touched: bool, time_s: float, *, sure: bool = True) -> None:
-        """Process the sensing of one tick: `touched` while any thresholded residual is not zero."""
+        """Process one tick: `touched` if any thresholded residual is not zero."""
         if touched:
             self._touched_s = time_s
         elif not sure:

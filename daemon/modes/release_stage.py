@@ -1,7 +1,7 @@
-"""Stages of the release of a contact, and the table between them: the state machine beside the
-modes. Pure data.
+"""Stages of the release of a contact, and their transitions: a state machine beside the modes. Pure
+data.
 
-It decides whether a contact that lasts after a release may be released again, and where the arm
+They decide whether a contact that lasts after a release may be released again, and where the arm
 stands after one: see `daemon/tick/contact_events.py` and `Controller`.
 """
 
@@ -22,7 +22,7 @@ class ReleaseStage(StrEnum):
 
 
 class Ending(StrEnum):
-    """Reason for which a release is over."""
+    """Reason for the end of a release."""
 
     LET_GO = "let go"
     BOUND = "at a bound, and still pressed"
@@ -31,10 +31,10 @@ class Ending(StrEnum):
     UNSURE = "sensing not sure"
 
 
-# Stages in which the contact was released, and may last.
+# Stages after a release, in which the contact may last.
 LEFT = frozenset({ReleaseStage.LET_GO, ReleaseStage.RELEASED, ReleaseStage.UNFINISHED})
 
-# Stage after a release, by the event that ended it and the reason of that; else RELEASED.
+# Stage after a release, by the event and the reason that ended it; else RELEASED.
 _AFTER: dict[tuple[Event, Ending | None], ReleaseStage] = {
     (Event.HALT, Ending.LET_GO): ReleaseStage.LET_GO,
     (Event.HALT, Ending.UNSURE): ReleaseStage.UNFINISHED,
@@ -42,7 +42,7 @@ _AFTER: dict[tuple[Event, Ending | None], ReleaseStage] = {
 
 
 def after_release(event: Event, end: Ending | None) -> ReleaseStage:
-    """Stage after a release that `event` ended; `end` is None where the release was interrupted."""
+    """Stage after a release that `event` ended; `end` is None if the release was interrupted."""
     if event is Event.DOUBT:
         return ReleaseStage.UNFINISHED
     return _AFTER.get((event, end), ReleaseStage.RELEASED)

@@ -44,25 +44,25 @@ class Event(StrEnum):
     ENABLE = "enable"  # a person: energise the drives
     START = "start"  # a person: run a trajectory, or continue the paused one
     PAUSE = "pause"  # a person: halt the trajectory; `start` continues it
-    # the client that attended the motion is gone, or silent: halt it, and forget it
+    # the client that attended the motion is gone, or silent: halt the motion and forget it
     ABANDON = "abandon"
     STOP = "stop"  # a person: stop
     DISARM = "disarm"  # a person: stop yielding
-    DISABLE = "disable"  # a person, or the end of the program: let go of the drives
+    DISABLE = "disable"  # a person, or the end of the program: switch the drives off
     RESET = "reset"  # a person: the fault has been dealt with
     ENERGISED = "energised"  # every drive reports operation enabled
-    STANDSTILL = "standstill"  # no joint moves, and no setpoint asks for it
-    END = "end"  # the trajectory came to its end
+    STANDSTILL = "standstill"  # no joint moves, and no setpoint commands motion
+    END = "end"  # the trajectory is complete
     TOUCH = "touch"  # a contact to yield to
     RETRACT = "retract"  # a contact to back away from
-    RELEASE = "release"  # a collision to let go of
+    RELEASE = "release"  # a collision to release
     # a contact to stop at; pushed against while retracting; the end of a release
     HALT = "halt"
     RESUME = "resume"  # quiet, and the trajectory fits from here
-    RETURN = "return"  # quiet, and the trajectory goes on where it was left, or where it fits
-    # quiet, and nothing to go on with, or it fits nowhere within the joint limits
+    RETURN = "return"  # quiet, and the trajectory resumes where it was left, or where it fits
+    # quiet, and nothing to resume, or it fits nowhere within the joint limits
     SETTLE = "settle"
-    ARRIVED = "arrived"  # back where the trajectory goes on
+    ARRIVED = "arrived"  # back where the trajectory resumes
     BOUND = "bound"  # contacts led the arm for longer or further than allowed
     TIMEOUT = "timeout"  # enabling, stopping or returning took too long
     DOUBT = "doubt"  # a condition at which the arm holds
@@ -183,14 +183,14 @@ SENSING = frozenset({_M.HOLDING, _M.TRACKING, _M.STOPPING, _M.RELEASING, *GUIDED
 ARMABLE = frozenset({_M.HOLDING, _M.TRACKING})
 ENERGISED = frozenset({_M.ENABLING, *SENSING})
 
-# Events that revoke the permission: a person must arm again.
+# Events that revoke the permission; it takes another `arm`.
 DISARMING = frozenset(
     {_E.DISARM, _E.STOP, _E.DISABLE, _E.BOUND, _E.TIMEOUT, _E.DOUBT, _E.FAULT, _E.RESET}
 )
 
 # Events that halt a trajectory, which continues with the next `start`.
 HALTING = frozenset({_E.PAUSE, _E.SETTLE, _E.RELEASE, _E.HALT})
-# Events after which the configured trajectory begins anew.
+# Events after which the configured trajectory starts from its beginning.
 FORGETTING = frozenset({_E.ABANDON, _E.STOP, _E.DISABLE, _E.TIMEOUT, _E.FAULT, _E.RESET})
 # Events after which no trajectory continues by itself, whatever a contact causes.
 WAITING = frozenset({_E.PAUSE, _E.ABANDON})
@@ -221,7 +221,7 @@ _ADVISED = frozenset({"start", "arm"})
 
 
 def refusal(mode: Mode, command: str) -> str:
-    """Reason why `command` is refused in this mode, with advice where there is any."""
+    """Reason why `command` is refused in this mode, with advice if there is any."""
     if command == _E.RESET:
         return "no fault is latched"
     # `reset` helps every command; the other advice leads to holding, which only start and arm need.
@@ -230,5 +230,5 @@ def refusal(mode: Mode, command: str) -> str:
 
 
 def next_mode(mode: Mode, event: Event) -> Mode | None:
-    """Mode after `event`, or None where the table has no such row."""
+    """Mode after `event`, or None if the table has no such row."""
     return TRANSITIONS.get((mode, event))

@@ -5,8 +5,8 @@
 r_bar is the thresholded residual, from which the threshold is subtracted: at the threshold the
 velocity starts from zero. As a mass M and a damper D pushed by r_bar: D = 1 / K_a, M = tau / K_a.
 
-A hand that leads gets an `Assist` beside: a push that lasts moves the arm more easily than one that
-shakes, so that K_a can stay below what a stiff hand bears.
+For a leading hand an `Assist` is added: a lasting push moves the arm more easily than an
+oscillating one, so that K_a can stay below the limit of stability with a stiff hand.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ import numpy as np
 
 from common.arrays import Vector
 
-# Rates at which an assist grows with a hand, sinks without, and leaks [1/s].
+# Rates at which an assist grows with a hand, shrinks without, and leaks [1/s].
 GROWS: Final = 5.0
 SINKS: Final = 20.0
 LEAKS: Final = 2.0
-# A changed gain is reached evenly over this time, without a jerk in the person's hand [s].
+# Duration of the linear ramp to a changed gain, without a jerk in the person's hand [s].
 GAIN_RAMP_S = 0.5
 
 
@@ -48,7 +48,7 @@ class AdmittanceLaw:
         return velocity
 
     def share(self, dt: float) -> Vector:
-        """Share (n,) of the way to where the law heads for that it goes in an interval dt [s]."""
+        """Share (n,) of the difference to its target that the velocity covers in dt [s]."""
         return dt / (self.virtual_mass_s + dt)
 
 
@@ -66,7 +66,7 @@ class Gains:
         self._rate[joint] = abs(gain - self.value[joint]) / GAIN_RAMP_S
 
     def step(self, dt: float) -> None:
-        """Move on by dt [s]."""
+        """Advance the ramps by dt [s]."""
         if any(self._rate.tolist()):
             left = self.goal - self.value
             reach = self._rate * dt
@@ -78,11 +78,11 @@ class Gains:
 class Assist:
     """Velocity a (n,) [rad/s] added in the direction of a hand that is witnessed to lead.
 
-        a_dot = K_a GROWS e - LEAKS a        e [Nm], by which it exceeds what witnesses a hand
+        a_dot = K_a GROWS e - LEAKS a        e [Nm]: excess over what witnesses a hand
 
-    Below that it sinks by K_a SINKS e, and it is gone without a push or gain, or with a push the
-    other way: it cannot last by what moves an arm without a hand. A push that lasts meets
-    1 / (1 + GROWS / LEAKS) of the damper, and one that changes faster than that the whole of it.
+    For e < 0, SINKS replaces GROWS; a is zero without a push or gain, and when the push reverses:
+    what moves an arm without a hand cannot sustain it. A lasting push meets
+    1 / (1 + GROWS / LEAKS) of the damping, one that changes faster all of it.
     """
 
     def __init__(self, most: Vector) -> None:
@@ -91,15 +91,15 @@ class Assist:
         self._most = most
 
     def stop(self) -> None:
-        """End it at once."""
+        """End the assist at once."""
         self.velocity = np.zeros_like(self._most)
 
     def step(self, gain: Vector, push: Vector, excess: Vector, dt: float) -> None:
-        """Take thresholded residual and signed excess [Nm] of dt [s]; `gain` is K_a."""
-        way = np.sign(push)
-        beyond, size = excess * way, np.maximum(self.velocity * way, 0.0)
+        """Process thresholded residual and signed excess [Nm] of dt [s]; `gain` is K_a."""
+        direction = np.sign(push)
+        beyond, size = excess * direction, np.maximum(self.velocity * direction, 0.0)
         grown = size + dt * (np.where(beyond > 0.0, GROWS, SINKS) * gain * beyond - LEAKS * size)
-        self.velocity = way * np.minimum(np.maximum(grown, 0.0), self._most * (gain > 0.0))
+        self.velocity = direction * np.minimum(np.maximum(grown, 0.0), self._most * (gain > 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,11 +111,11 @@ class AllowanceSettings:
 
 
 class Allowance:
-    """Allowance of one arming: the part of its bounds that contacts have used up.
+    """Use of the bounds on led motion since the arm was armed.
 
     Time counts up while the arm yields and down while it does not, so that short breaks of contact
-    do not restart it. Distance is the sum by which all contacts since the arming have displaced the
-    arm: a biased residual cannot walk it away in small steps.
+    do not restart it. Distance is the sum of the displacements by all contacts since the arm was
+    armed: a biased residual cannot move it away in small steps.
     """
 
     def __init__(self, bounds: AllowanceSettings, n: int) -> None:
@@ -126,17 +126,17 @@ class Allowance:
         """Reference at which a contact took the arm (n,) [rad]; None without a contact."""
 
     def renew(self) -> None:
-        """Begin a new arming with nothing used up."""
+        """Reset time and distance, when the arm is armed."""
         self._spent_s = 0.0
         self._moved[:] = 0.0
 
     def take(self, reference: Vector) -> None:
-        """Begin a contact, from the reference (n,) [rad]; no change during another."""
+        """Begin a contact, from the reference (n,) [rad]; no effect during another one."""
         if self.home is None:
             self.home = reference.copy()
 
     def leave(self, reference: Vector) -> None:
-        """End a contact: the arm goes on by itself from the reference (n,) [rad]."""
+        """End a contact: the arm continues by itself from the reference (n,) [rad]."""
         if self.home is not None:
             self._moved += reference - self.home
             self.home = None
@@ -152,7 +152,7 @@ class Allowance:
     def bound_reached(self, q: Vector) -> str:
         """Description of the bound that the arm has passed at q (n,) [rad]; empty while none."""
         bounds = self._bounds
-        # Times are sums of periods; half a millisecond keeps their rounding out of it.
+        # Half a millisecond is for the rounding of sums of periods.
         if self._spent_s > bounds.max_duration_s + 5e-4:
             return f"guided for more than {bounds.max_duration_s:g} s"
         if self.home is None:

@@ -1,16 +1,16 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Bounds on a setpoint as loops over joints; what they mean is said by `limits`, which calls them.
+"""Bounds on a setpoint as loops over joints, called and documented by `limits`.
 
-Ordinary Python, which runs as it is; `bounding.pxd` names the types for the compiler, decision
-0037.
+Plain Python, which also runs uncompiled; `bounding.pxd` has the types for the compiler (decision
+0037).
 """
 
 from math import sqrt
 
 from common.arrays import Matrix, Vector
 
-LARGEST = 1.7976931348623157e308  # what is finite
+LARGEST = 1.7976931348623157e308  # finite number
 
 
 class Bounding:
@@ -36,7 +36,7 @@ class Bounding:
         for i in range(self.n):
             known = before[i] + dt
             if known - known != 0.0:
-                out[i] = known - known  # no velocity: the drives are told to stop
+                out[i] = known - known  # NaN: the drives are commanded to stop
                 continue
             v = desired[i] if abs(desired[i]) <= LARGEST else 0.0
             v = min(max(v, -self._velocity[i]), self._velocity[i])
@@ -53,7 +53,7 @@ class Bounding:
             up = gain * (self._upper[i] - q[i] - play[1, i])
             room = down + up
             if room - room != 0.0:
-                down = up = 0.0  # of a joint whose position is not known
+                down = up = 0.0  # the position is unknown
             out[i] = max(min(desired[i], up), -down)
 
     def _funnel(self, i: int, distance: float) -> float:

@@ -1,7 +1,7 @@
 """Range of motion covered by the thresholds, compared with a path, or with a stream so far.
 
 A level was learned at certain speeds and in certain poses. Beyond them the residual may be larger,
-and exceed its level without a touch. Pure.
+and exceed its level without a contact. Pure.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from common.arrays import Vector
 from daemon.motion.path import Place
 
 _FASTER = 1.1  # ratio to the speed covered, above which a warning is given
-_FURTHER = 0.1  # [rad] outside the range seen
+_FURTHER = 0.1  # [rad] outside the covered range, above which a warning is given
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class CoveredRange:
     def warnings(
         self, joints: Sequence[str], fastest: Vector, lowest: Vector, highest: Vector
     ) -> list[str]:
-        """The same, of the largest speed (n,) [rad/s] and the range (n,) [rad]."""
+        """Warnings about a motion of this largest speed (n,) [rad/s] and range (n,) [rad]."""
         warnings = []
         for i, name in enumerate(joints):
             if fastest[i] > _FASTER * self.speed[i]:

@@ -1,4 +1,4 @@
-"""Guidance of an arm that is led by hand: the guide that its axes ask for, where there are any."""
+"""Guidance of an arm that is led by hand: the guide that its configured axes define, if any."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from estimator.model import Model
 
 
 def guide_place(model: Model, axes: GuideAxes) -> Place:
-    """Frame of a guide. Raises ModelError for one that the arm does not have."""
+    """Frame of a guide. Raises ModelError for an unknown one."""
     try:
         return model.place("" if axes.frame in (TOOL, BASE) else axes.frame)
     except ModelError as error:
@@ -22,18 +22,18 @@ class Guidance:
     """Guide of one arm, changed between two ticks; vectors of shape (n,)."""
 
     def __init__(self, model: Model | None, velocity: Vector, rate: float) -> None:
-        """model: None for an arm that gets no guide; velocity: most of each joint [rad/s]; rate: of
-        its spring [1/s]."""
+        """model: None if no guide is permitted; velocity: largest of each joint [rad/s]; rate: of
+        the spring [1/s]."""
         self.axes, self.words = GuideAxes(), ""
-        """The guide, and it in words; none: empty"""
+        """Axes of the guide, and their description; empty without a guide"""
         self.sure = True
-        """False in doubt: it begins anew, without its spring"""
+        """False if sensing is doubtful: the guide then restarts, without its spring"""
         self._model, self._velocity, self._rate = model, velocity, rate
         self._guide: Guide | None = None
 
     def change(self, axes: GuideAxes) -> None:
-        """Lead the arm by such a guide from now on, which begins where it is led next. Raises
-        ModelError for a frame that the arm does not have, and for an arm that gets none."""
+        """Replace the guide; the new one begins where the arm is led next. Raises ModelError for an
+        unknown frame, or if no guide is permitted."""
         guide = None
         if axes.guides:
             if self._model is None:
@@ -56,12 +56,12 @@ class Guidance:
         return self._guide is not None
 
     def begin(self, q: Vector) -> None:
-        """Begin at q [rad], unless it has begun."""
+        """Begin the guide at q [rad], unless it has begun."""
         if self._guide is not None:
             self._guide.begin(q)
 
     def forget(self) -> None:
-        """Begin anew: the arm goes where no hand leads it."""
+        """Discard the guide's pose: the arm moves by itself."""
         if self._guide is not None:
             self._guide.forget()
 
@@ -69,9 +69,9 @@ class Guidance:
         self, q: Vector, moved: Vector, sent: Vector, before: Vector, asked: Vector,
         share: Vector, gain: Vector, room: Vector, *, pushed: bool,
     ) -> Vector:  # fmt: skip
-        """Velocity [rad/s] of an arm at q [rad] that was led at `before`, and now goes a share of
-        the way to the velocity `asked`, with gains K_a; `moved` are velocities of its motors,
-        `sent` their setpoints, room (2, n) is left down and up [rad]."""
+        """Guided velocity [rad/s] at q [rad]: from the velocity `before` of the previous tick by a
+        share of the difference to `asked`, with gains K_a; `moved` are the velocities of the
+        motors, `sent` their setpoints, room (2, n) the travel left down and up [rad]."""
         assert self._guide is not None
         if not self.sure:
             self._guide.forget()

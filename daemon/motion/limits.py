@@ -42,9 +42,9 @@ class Limits:
         gaps: a limit holds for every position of the link while its motor stands.
 
         `before` is the velocity commanded one interval `dt` [s] ago. Acceleration is respected
-        first; only where the braking distance to a joint limit asks for more deceleration than
+        first; only where the braking distance to a joint limit requires more deceleration than
         `acceleration` (a limit that was crossed already, a hand that pushed the arm there) does the
-        funnel win, since the other way is through the limit.
+        funnel take precedence, as the joint would cross the limit otherwise.
 
         A velocity that is not finite counts as zero: the joint decelerates.
         """
@@ -93,6 +93,6 @@ class Limits:
 
 
 def all_finite(values: Vector) -> bool:
-    """True if no value is NaN or infinite, as their sum would be, too. On so few values this is
-    five times faster than numpy, whose reductions cost more than all else in a tick."""
+    """True if no value is NaN or infinite, by their sum. On so few values this is five times faster
+    than numpy, whose reductions would cost more than anything else in a tick."""
     return math.isfinite(sum(values.tolist()))

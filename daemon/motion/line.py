@@ -1,4 +1,4 @@
-"""Straight line through joint space with a trapezoid of speed. Pure."""
+"""Straight line through joint space with a trapezoidal speed profile. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ PLANNED_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """Line q(t) = start + s(t) way, s from 0 to 1 with a trapezoid of speed; vectors (n,).
+    """Line q(t) = start + s(t) way, s from 0 to 1 with a trapezoidal profile; vectors (n,).
 
     All joints start and arrive together, so no joint leaves the box that both ends span.
     """
 
     start: Vector  # [rad]
-    way: Vector  # [rad]
+    way: Vector  # from start to end [rad]
     rate: float  # largest ds/dt [1/s]
     ramp_s: float  # from standstill to `rate`, and back
 

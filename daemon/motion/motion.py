@@ -49,28 +49,28 @@ class Motion:
         model: Model | None = None,
     ) -> None:
         """blind: the signs of the links are unchecked, so the motors hold the arm, and no loop is
-        closed over the links. walls: not with those, whose positions may be wrong. model: of an arm
-        that may get a guide."""
+        closed over the links; walls and model (for a guide) are then not used, as the positions of
+        the links may be wrong."""
         self.velocity = np.zeros_like(limits.lower)
-        """target velocity [rad/s]"""
+        """Target velocity [rad/s]"""
         self.reference = np.zeros_like(limits.lower)
-        """desired q [rad]"""
+        """Desired q [rad]"""
         self.blind, self.walls = blind, None if blind else walls
         self.model = None if blind else model
         self.meeting: Meeting | None = None
-        """of the last path that was looked at, if it leads through a shape"""
-        self._held_back = False  # by a wall, and not caught up since
+        """First collision of shapes on the last checked path, if any"""
+        self._held_back = False  # by a wall, and not caught up yet
         self.limits, self.gains, self.follower = limits, gains, follower
         self.probing = np.zeros_like(limits.lower)
-        """velocity [rad/s] with which an arm that yields swings beside, of `probe`"""
+        """Additional velocity [rad/s] of a yielding arm, from `probe`"""
         self._probed = self._yielding = self.probing
         self.excess: Vector | None = None
-        """residual beyond what witnesses a hand, of `hand_witness`; None in doubt [Nm]"""
+        """Residual [Nm] beyond what witnesses a hand, from `hand_witness`; None in doubt"""
         self.guidance = Guidance(self.model, law.velocity, manner.position_gain)
         self._assist = Assist(law.velocity)
         self._manner, self._law = manner, law
         self.giving_way = Release(manner.release, limits)
-        self._loose = False  # stands with no position loop, as it backs away from nothing
+        self._loose = False  # retracts without a push: stands without a position loop
         self._go(self.reference, self.reference, 1.0)
 
     # --- begin a mode, from the measured pose q within the limits ------------------------------
@@ -90,12 +90,12 @@ class Motion:
 
     @property
     def stream(self) -> TargetStream | None:
-        """Trajectory, if it is a stream of targets."""
+        """Trajectory, if it is a stream of targets; else None."""
         path = self.follower.place.path
         return path if isinstance(path, TargetStream) else None
 
     def retract(self, q: Vector, thresholded: Vector) -> None:
-        """Back away from q [rad] in the direction of the thresholded residual [Nm]; without one,
+        """Retract from q [rad] in the direction of the thresholded residual [Nm]; if that is zero,
         stand where the drives bring the arm to rest."""
         pushed = self.gains.value * thresholded
         furthest = float(np.abs(pushed).max())
@@ -104,7 +104,7 @@ class Motion:
         self._go(q, q + share * pushed, self._manner.retract_velocity)
 
     def release(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
-        """Let go of a contact, from q [rad], in the direction of the thresholded residual [Nm]."""
+        """Release a contact, from q [rad], in the direction of the thresholded residual [Nm]."""
         self.hold(q)
         self.giving_way.begin(q, thresholded, residual)
 
@@ -112,11 +112,11 @@ class Motion:
         """Remove setpoints against the thresholded residual [Nm], when the arm begins to yield.
 
         A setpoint that a blocked motor does not reach only presses, and its drive seems not to
-        follow: it drops at once to `motor_velocity` [rad/s], from which the ramp begins.
+        follow: it is reduced at once to `motor_velocity` [rad/s], where the ramp begins.
         """
         self.probing = self._probed = np.zeros_like(self.velocity)
         self._assist.stop()
-        self.guidance.begin(self.reference)  # not where the push has taken it since
+        self.guidance.begin(self.reference)  # not at q, which the push may have displaced
         reached = np.minimum(
             np.maximum(motor_velocity, -np.abs(self.velocity)), np.abs(self.velocity)
         )
@@ -124,7 +124,7 @@ class Motion:
         self.velocity = np.where(thresholded * self.velocity < 0.0, reached, self.velocity)
 
     def can_release(self, q: Vector, thresholded: Vector) -> bool:
-        """True if the arm can let go: links are trusted, and a pressed joint has room."""
+        """True if the arm can release: links are trusted, and a pressed joint has room."""
         return not self.blind and self.giving_way.possible(q, thresholded)
 
     def go_back(self, q: Vector, home: Vector) -> None:
@@ -156,7 +156,7 @@ class Motion:
         return self._line.duration_s
 
     def arrived(self, q: Vector) -> bool:
-        """True if the arm stands at the line's end."""
+        """True if the arm is at the line's end."""
         return not self.under_way and float(np.abs(q - self.reference).max()) < ARRIVED_RAD
 
     def opposed(self, thresholded: Vector) -> bool:
@@ -185,7 +185,7 @@ class Motion:
         if mode is not Mode.ADMITTANCE and mode is not Mode.HOLDING:
             self.guidance.forget()
         desired = self._desired(mode, q, push, dt, play, moved)
-        # A joint whose sample is old has moved on at its setpoint.
+        # Joints with an old sample are assumed to have moved at their setpoints since.
         here = q if age_s is None else q + self.velocity * age_s
         if mode in SENSING:
             before = self.velocity
@@ -196,7 +196,7 @@ class Motion:
                 self.walls.bound(here, moved, wanted, self.limits.each(play), self.velocity)
                 self._held_back = self._held_back or self.walls.slows
                 if mode is Mode.HOLDING and self.walls.slows and self.walls.touch(self.reference):
-                    self.hold(q)  # what it is held back from is no place to go to later
+                    self.hold(q)  # a pose that walls prevent is not to be reached later either
         else:
             self.velocity = desired
             if self.walls is not None:
@@ -218,7 +218,7 @@ class Motion:
             case Mode.HOLDING:
                 return np.zeros_like(q) if self.blind else self._towards(self.reference, q)
             case Mode.ADMITTANCE:
-                # A bound takes from the swing first: what it took is no push the other way.
+                # Bounds reduce the probing velocity first: this is no push the other way.
                 low, high = np.minimum(self._probed, 0.0), np.maximum(self._probed, 0.0)
                 swung = np.minimum(np.maximum(self.velocity - self._yielding, low), high)
                 before, self._probed = self.velocity - swung, self.probing
@@ -258,7 +258,7 @@ class Motion:
         self, q: Vector, before: Vector, push: Vector, dt: float, play: Vector | float,
         moved: Vector | None,
     ) -> Vector:  # fmt: skip
-        """Velocity (n,) [rad/s] of an arm that was led at `before`, by its guide."""
+        """Velocity (n,) [rad/s] by the guide, of an arm that was led at `before`."""
         limits, moved = self.limits, self.velocity if moved is None else moved
         room = np.array([q - limits.lower, limits.upper - q]) - limits.each(play)
         gain, share = self.gains.value, self._law.share(dt)
@@ -267,8 +267,8 @@ class Motion:
         return self.guidance.step(q, moved, sent, before, asked, share, gain, room, pushed=pushed)
 
     def _towards(self, reference: Vector, q: Vector, speed: Vector | float = 0.0) -> Vector:
-        """Velocity (n,) [rad/s] of the position loop. What walls held back does not dash when they
-        open: it catches up no faster than its path goes, `speed`, or than an arm goes back."""
+        """Velocity (n,) [rad/s] of the position loop. An arm that walls held back catches up slowly
+        when they open: at the `speed` of its path or at `return_velocity`, whichever is larger."""
         velocity: Vector = self._manner.position_gain * (reference - q)
         if self.walls is None or not self._held_back:
             return velocity

@@ -86,7 +86,7 @@ class Sinusoids:
         return np.array([a * omega * math.cos(omega * s) for a, omega in joints])
 
     def extent(self, s: float) -> tuple[Vector, Vector]:
-        """Lowest and highest offset [rad]: the whole swing, which has no end."""
+        """Lowest and highest offset [rad]: the amplitudes, as the motion does not end."""
         return -self.amplitude, self.amplitude
 
     def fastest(self, s: float) -> Vector:
@@ -110,7 +110,7 @@ class Reference:
 
 
 def stands(path: JointPath) -> bool:
-    """True for sinusoids of no joint, as in an empty configuration: they would run for ever, and
+    """True for sinusoids of no joint, as in an empty configuration: they would run forever, and
     move nothing."""
     return isinstance(path, Sinusoids) and not path.amplitude.any()
 
@@ -135,7 +135,7 @@ class Place:
 
     def room(self, lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
         """Lowest and highest pose (n,) [rad] from which the path from here on stays within [lower,
-        upper]; the lowest is above the highest where it fits nowhere. Infinite for a joint that
+        upper]; the lowest is above the highest if it fits nowhere. Infinite for a joint that
         holds."""
         offset, (low, high) = self.path.offset(self.s), self.path.extent(self.s)
         moves = self.path.fastest(self.s) > 0.0
@@ -172,7 +172,7 @@ class Follower:
 
     @property
     def finished(self) -> bool:
-        """True if the path has come to its end."""
+        """True at the end of the path."""
         return self.place.s >= self.place.path.duration
 
     def anchor(self, q: Vector) -> None:
@@ -185,7 +185,7 @@ class Follower:
     def step(self, dt: float) -> Reference:
         """Advance by dt [s] and return the reference there.
 
-        ds/dt rises linearly to 1 within `ramp_s`, and falls as gently before the path's end.
+        ds/dt rises linearly to 1 within `ramp_s`, and falls at the same rate before the path's end.
         """
         path, s = self.place.path, self.place.s
         room = max(path.duration - s, 0.0)
@@ -198,6 +198,6 @@ class Follower:
 
 
 def _braking_rate(room: float, dt: float, ramp_s: float) -> float:
-    """Largest ds/dt from which path time still stops `room` [s] ahead, falling by 1 in
-    `ramp_s`: r dt + r^2 ramp / 2 = room."""
+    """Largest ds/dt from which path time still stops within `room` [s], falling by 1 in `ramp_s`:
+    r dt + r^2 ramp / 2 = room."""
     return (math.sqrt(dt * dt + 2.0 * ramp_s * room) - dt) / ramp_s

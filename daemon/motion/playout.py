@@ -3,7 +3,7 @@
 Targets come late, early, twice, out of order, or not at all. Each carries its sender's time, so its
 lateness shows. The buffer is read some tens of milliseconds behind the sender: by its period, by
 the largest lateness of the last seconds, and by half of the window over which the motion is
-averaged. So nearly every target has come before its turn, and is interpolated, not guessed.
+averaged. Nearly every target is thus received before it is due, and interpolated, not predicted.
 
 The mean of a piecewise linear motion over a window is a quadratic spline: position and velocity are
 smooth, and steps of a coarse encoder do not become jerks.
@@ -18,26 +18,26 @@ import numpy as np
 
 from common.arrays import Vector
 
-# Targets that are kept: those of the longest delay and window, at 300 Hz.
+# Size of the buffer: targets of the longest delay and window, at 300 Hz.
 KEPT: Final = 80
-# Least time between two targets; of a faster sender some are left out [s].
+# Shortest time between two targets; some targets of a faster sender are dropped [s].
 LEAST_SPACING_S: Final = 1e-3
-# Least half width of the window [s].
+# Smallest half width of the window [s].
 LEAST_HALF_WINDOW_S: Final = 0.025
 # Longest delay behind the sender [s].
 LONGEST_DELAY_S: Final = 0.15
-# A target this late belongs to a past that the arm no longer follows [s].
+# A target this late is dropped, as the arm is past it [s].
 TOO_LATE_S: Final = 0.15
-# Time after the last target for which its velocity is believed [s].
+# Time after the last target for which its velocity is extrapolated [s].
 HOLDOVER_S: Final = 0.15
 # Shortest time over which the velocity at the last target is measured [s].
 VELOCITY_S: Final = 0.02
-# Time by which a target may come earlier than the earliest one [s]: a clock that is set further
-# forwards begins anew, and one that does not count seconds does so at each target.
+# Time by which a target may come earlier than the earliest one [s]: a sender's clock that jumps
+# further forwards restarts the buffer; one that does not count in seconds does so at each target.
 EARLY_S: Final = 0.25
 # Share of real time by which reading may run fast or slow, to change its delay smoothly.
 SLEW: Final = 0.1
-# Time in which a lateness is forgotten [s], and drift of two clocks that is followed [s/s].
+# Time constant with which lateness is forgotten [s], and clock drift that is followed [s/s].
 FORGET_S: Final = 2.0
 DRIFT: Final = 1e-3
 # Weight of the newest spacing in the sender's period, and longest spacing that counts [s].
@@ -47,8 +47,8 @@ LONGEST_PERIOD_S: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Target: pose q (n,) [rad], its velocity (n,) [rad/s] or None, and the sender's number and
-    time [s]."""
+    """Target: pose q (n,) [rad], its velocity (n,) [rad/s] or None, and its number and time [s], as
+    given by the sender."""
 
     number: int
     sent_s: float
@@ -67,19 +67,19 @@ class _Node:
 
 @dataclass(slots=True)
 class Playout:
-    """Buffer of one sender's targets, from the first one on, which came at `now_s`."""
+    """Buffer of one sender's targets, beginning with the first one, received at `now_s`."""
 
     first: Target
     now_s: float
     period_s: float = 0.0  # of the sender, as estimated; 0 before the second target
     jitter_s: float = 0.0  # largest lateness of the last seconds
-    lost: int = 0  # targets that never came, by their numbers
+    lost: int = 0  # targets never received, by their numbers
     dropped: int = 0  # targets out of order, repeated or too late
     jumps: int = 0  # of the sender's clock, forwards
     newest: Target = field(init=False)
     _velocity: Vector = field(init=False)  # at the newest
     _nodes: list[_Node] = field(init=False)
-    _base_s: float = field(init=False)  # receiver's time less sender's, of the earliest arrivals
+    _base_s: float = field(init=False)  # receiver's time minus sender's, of the earliest arrivals
     _at_s: float = field(init=False)  # sender's time in the middle of the window
 
     def __post_init__(self) -> None:
@@ -99,17 +99,17 @@ class Playout:
 
     @property
     def half_window_s(self) -> float:
-        """Half width of the window of the mean [s]: that of a period, or more."""
+        """Half width of the averaging window [s]: half a period, or more."""
         return max(0.5 * self.period_s, LEAST_HALF_WINDOW_S)
 
     @property
     def delay_s(self) -> float:
-        """Delay behind the sender that is aimed at [s]."""
+        """Desired delay behind the sender [s]."""
         return min(self.period_s + self.jitter_s + self.half_window_s, LONGEST_DELAY_S)
 
     def put(self, target: Target, now_s: float) -> bool:
-        """Take a target that came at now_s; False if it is dropped: out of order, repeated, sent
-        before the one before it or hardly later, or too late; or if it begins a new time."""
+        """Add a target received at now_s. False if it is dropped (out of order, repeated, sent
+        before or hardly after the previous one, too late), or if it restarts the buffer."""
         newest = self.newest
         late_s = now_s - target.sent_s - self._base_s
         soon = target.sent_s < newest.sent_s + LEAST_SPACING_S
@@ -147,12 +147,12 @@ class Playout:
         return slope
 
     def step(self, now_s: float, dt: float) -> None:
-        """Read from dt [s] later, a little more or less where the delay is to change."""
+        """Advance the time of reading by dt [s], slightly more or less to adjust the delay."""
         self.now_s = now_s
         self.jitter_s -= dt / FORGET_S * self.jitter_s
         self._base_s += DRIFT * dt
         error_s = now_s - self._base_s - self.delay_s - self._at_s - dt
-        # Further behind than any delay, of a clock that runs too fast: the past is left out.
+        # Further behind than any delay, as the sender's clock runs too fast: skip the past.
         most_s = error_s if error_s > EARLY_S else SLEW * dt
         self._at_s += dt + min(max(error_s, -SLEW * dt), most_s)
 
@@ -172,9 +172,9 @@ class Playout:
         if s >= last.sent_s:
             ahead_s = s - last.sent_s
             moving_s = min(ahead_s, HOLDOVER_S)
-            way = moving_s * self._velocity
-            integral = last.integral + ahead_s * (last.q + way) - 0.5 * moving_s * way
-            return last.q + way, integral
+            travel = moving_s * self._velocity
+            integral = last.integral + ahead_s * (last.q + travel) - 0.5 * moving_s * travel
+            return last.q + travel, integral
         for i in range(len(nodes) - 2, -1, -1):
             node, later = nodes[i], nodes[i + 1]
             if s >= node.sent_s:

@@ -1,9 +1,9 @@
 """Straight path to a pose: all joints start and arrive together, the furthest at the requested
 speed, the others slower. A straight line through joint space leaves no box that contains both its
-ends, so it stays within the joint limits; obstacles in the way are not known to it.
+ends, so it stays within the joint limits; obstacles are not considered.
 
-Unlike a path of displacements it leads to one pose: if a person has moved the arm meanwhile, it
-begins anew from there.
+Unlike a path of displacements it leads to one pose: if a person has moved the arm meanwhile, it is
+planned again from there.
 """
 
 import math
@@ -39,7 +39,7 @@ class PosePath:
 
     @property
     def way(self) -> Vector:
-        """Distance of each joint, signed (n,) [rad]."""
+        """Signed distance of each joint (n,) [rad]."""
         return self.goal - self.start
 
     @property
@@ -59,8 +59,8 @@ class PosePath:
         return self.way / duration if duration else np.zeros_like(self.way)
 
     def extent(self, s: float) -> tuple[Vector, Vector]:
-        """Offset of the goal [rad], as lowest and highest: if the arm stands slightly outside its
-        limits, the path leads inwards."""
+        """Offset of the goal [rad], as lowest and highest: from slightly outside the limits, the
+        path leads inwards."""
         del s
         return self.way, self.way
 

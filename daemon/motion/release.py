@@ -1,12 +1,12 @@
-"""Release after a collision: every joint in contact gives way, slowly, the way it is pushed. Pure;
-time is an argument.
+"""Release after a collision: every joint in contact moves slowly the way it is pushed. Pure; time
+is an argument.
 
 All of them move at one constant speed, and each stops for good when its residual falls to its
-stated contact level. Nothing learned begins it: a joint is let go of by the residual without
-learned friction, too. A speed in proportion to the torque would close a loop around the stiffness
-of the clamp and the delay of the residual, which oscillates against anything stiff; a speed that
-begins once and ends once is no loop. Each joint moves in the direction of its own torque: the power
-of all of them on the obstacle is thus positive, and no point of contact is moved into it.
+stated contact level. Learning alone starts no release: the residual without learned friction must
+show the contact, too. A speed proportional to the torque would close a loop around the stiffness of
+the clamp and the delay of the residual, which oscillates against anything stiff; a speed that
+starts once and ends once closes no loop. Each joint moves in the direction of its external torque:
+the obstacle thus does positive work on the arm, and no point of contact is moved into it.
 """
 
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ from common.arrays import Vector
 from daemon.modes.release_stage import Ending
 from daemon.motion.limits import Limits
 
-# Time added to that of the whole distance, for ramps and for the end at a limit [s].
+# Time beyond that for the whole distance, for ramps and for slowing down at a limit [s].
 SLACK_S: Final = 1.0
-# Distance from the end of its way at which a joint counts as arrived [rad].
+# Distance from the end of its travel at which a joint counts as arrived [rad].
 ARRIVED_RAD: Final = 0.01
-# Ticks in a row until pressure from elsewhere counts.
+# Consecutive ticks until pressure from elsewhere counts.
 DEBOUNCE_TICKS: Final = 3
-# Longest pause while sensing is not reliable [s]; reliable ticks count down as much, so that the
-# pauses are no longer than the motion and this.
+# Longest pause while sensing is not reliable [s]; reliable time is subtracted, so that all pauses
+# together are no longer than the motion plus this.
 PAUSE_S: Final = 0.5
 
 
@@ -49,11 +49,11 @@ class Release:
         n = len(limits.lower)
         self._bounds, self._limits = bounds, limits
         self._speed = np.minimum(bounds.velocity, limits.velocity)
-        self._begun, self._pushed, self._way, self._followed, self._residual = np.zeros((5, n))
+        self._begun, self._pushed, self._moving, self._followed, self._residual = np.zeros((5, n))
         self._elapsed_s = self._unsure_s = 0.0
         self._against, self._sure = 0, True
         self.end: Ending | None = None
-        """None while it goes on."""
+        """None during the release"""
 
     def possible(self, q: Vector, thresholded: Vector) -> bool:
         """True if a pressed joint at q [rad] has room before its limit."""
@@ -62,19 +62,19 @@ class Release:
     def begin(self, q: Vector, thresholded: Vector, residual: Vector) -> None:
         """Begin at q [rad], with the joints whose thresholded residual [Nm] is not zero.
 
-        A joint that gave way to the same push since `forget` has only the rest of its distance.
+        A joint that moved with the same push since `forget` has only the rest of its distance.
         """
         pushed = np.sign(thresholded)
         again = (pushed != 0.0) & (pushed == self._pushed)
         self._begun = np.where(again, self._begun, q)
         self._pushed, self._residual = pushed, residual.copy()
-        self._way = pushed.copy()
+        self._moving = pushed.copy()  # sign of the velocity; 0 once a joint has stopped
         self._followed[:] = 0.0
         self._elapsed_s, self._unsure_s, self._against, self._sure = 0.0, 0.0, 0, True
         self.end = None
 
     def forget(self) -> None:
-        """End of a contact: the next push counts as another one."""
+        """End the contact: the next push counts as another one."""
         self._pushed[:] = 0.0
 
     def step(
@@ -82,7 +82,7 @@ class Release:
     ) -> None:
         """Process the measurements dt [s] after the last: link positions [rad], velocities of
         motors [rad/s], thresholded residual [Nm]. Unless `sure`, they may be wrong or old, and the
-        release waits."""
+        release pauses."""
         self._sure = sure
         if not sure:
             self._unsure_s += dt
@@ -94,12 +94,12 @@ class Release:
         self._followed = np.maximum(self._pushed * motor_velocity, 0.0)
         against = bool(self._elsewhere(thresholded).any())
         self._against = self._against + 1 if against else 0
-        pressed = self._way * thresholded > 0.0
+        pressed = self._moving * thresholded > 0.0
         room = np.minimum(self._left(q), self._to_limit(q, self._pushed)) > ARRIVED_RAD
-        self._way = np.where(pressed & room, self._way, 0.0)
+        self._moving = np.where(pressed & room, self._moving, 0.0)
         if self._against >= DEBOUNCE_TICKS:
             self.end = Ending.ELSEWHERE
-        elif not self._way.any():
+        elif not self._moving.any():
             bounded = bool(np.any(thresholded * self._pushed > 0.0))
             self.end = Ending.BOUND if bounded else Ending.ELSEWHERE if against else Ending.LET_GO
         elif self._elapsed_s > self._bounds.distance / self._bounds.velocity + SLACK_S:
@@ -137,24 +137,24 @@ class Release:
                 return ""
 
     def velocity(self, q: Vector) -> Vector:
-        """Desired velocity [rad/s] at q [rad]: decreasing towards the end of the distance, limited
-        by the motors' own, and zero while torques may be old."""
+        """Desired velocity [rad/s] at q [rad]: decreasing towards the end of the distance, at most
+        `ahead` of the motors' velocity, and zero while torques may be old."""
         if not self._sure:
             return np.zeros_like(q)
         speed = np.minimum(self._speed, self._followed + self._bounds.ahead)
         slowed: Vector = np.minimum(speed, self._limits.funnel(self._left(q)))
-        return self._way * slowed
+        return self._moving * slowed
 
     def rest(self, q: Vector, before: Vector, thresholded: Vector) -> Vector:
         """Position to hold [rad]: for each joint, of q and an earlier position, the one further
-        away from the contact, unless it is pressed back. A link that fell back through its gap is
-        thus not pressed against it again."""
+        away from the contact, unless the joint is pressed back. A link that fell back through its
+        gap is thus not pressed against the contact again."""
         away = (self._pushed * (before - q) > 0.0) & (self._pushed * thresholded >= 0.0)
         further: Vector = np.where(away, before, q)
         return further
 
     def _elsewhere(self, thresholded: Vector) -> NDArray[np.bool_]:
-        """Joints that are pressed from the other side, or that had no contact when it began."""
+        """Joints pressed from the other side, or without contact when the release began."""
         other: NDArray[np.bool_] = (thresholded != 0.0) & (np.sign(thresholded) != self._pushed)
         return other
 

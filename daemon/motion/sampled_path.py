@@ -27,8 +27,8 @@ BLOCK_ROWS = 512
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Consecutive knots, the first of which is the last of the block before; and the lowest and
-    highest positions and the largest speed on the way through them, (n,)."""
+    """Consecutive knots, the first of which is the last of the previous block; and the lowest and
+    highest positions and the largest speed between them, (n,)."""
 
     times: Vector  # (m,)
     knots: Tensor  # (m, 2, n): position and velocity
@@ -64,7 +64,7 @@ class SampledPath:
         self._fast = np.maximum.accumulate(fast[::-1])[::-1]
 
     def led_to(self, q: Vector) -> "SampledPath":
-        """Itself: its displacements go on from any pose."""
+        """Itself: its displacements continue from any pose."""
         del q
         return self
 
@@ -100,8 +100,8 @@ class SampledPath:
         return max(bisect_right(self._starts, s) - 1, 0)
 
     def _piece(self, s: float) -> tuple[float, float, Matrix]:
-        """Piece around s: its length [s], the share of it that has passed, and its ends (4, n):
-        position and velocity of the first, then of the second."""
+        """Piece at s: its length [s], the share of it before s, and its ends (4, n): position and
+        velocity of the first, then of the second."""
         block = self._blocks[self._block(s)]
         j = int(block.times.searchsorted(s, side="right")) - 1
         j = min(max(j, 0), len(block.times) - 2)
@@ -112,7 +112,7 @@ class SampledPath:
 
 
 class PathBuilder:
-    """Builder of a SampledPath: takes its rows chunk by chunk, and refuses those beyond a limit.
+    """Builder of a SampledPath, which takes rows in chunks, and refuses those beyond a limit.
 
     `columns` are the joints that the rows name, in the rows' order; all others hold. Rows are
     [t, q of each column, q_dot of each column]. Raises TrajectoryError for an unknown, doubled or
@@ -143,26 +143,26 @@ class PathBuilder:
         self._start_s = 0.0
 
     def append(self, rows: Sequence[Sequence[float]]) -> None:
-        """Check and keep the next rows. Raises TrajectoryError with the row (counted from 0 over
-        all chunks) and the reason; then nothing of this chunk is kept."""
+        """Check and add the next rows. Raises TrajectoryError with the row (counted from 0 over
+        all chunks) and the reason; nothing of this chunk is added then."""
         if self.rows + len(rows) > MAX_ROWS:
             raise TrajectoryError(f"more than {MAX_ROWS} rows", row=MAX_ROWS)
         if not rows:
             return
         times, knots = self._knots_of(rows)
         first_row = self.rows
-        # A single knot has no piece, except with the one before it.
+        # A single knot forms a piece only with the previous one.
         if self._last is not None:
             times = np.concatenate([self._last[0], times])
             knots = np.concatenate([self._last[1], knots])
             first_row -= 1
         if len(times) > 1:
-            self._keep(times, knots, *self._judged(times, knots, first_row))
+            self._keep(times, knots, *self._checked(times, knots, first_row))
         self._last = times[-1:], knots[-1:]
         self.rows += len(rows)
 
     def finish(self) -> SampledPath:
-        """Whole path. Raises TrajectoryError if there are fewer than two rows."""
+        """Complete path. Raises TrajectoryError if there are fewer than two rows."""
         if not self._blocks:
             raise TrajectoryError(f"{self.rows} rows of samples; a trajectory needs two or more")
         return SampledPath(
@@ -174,7 +174,7 @@ class PathBuilder:
         )
 
     def _keep(self, times: Vector, knots: Tensor, low: Vector, high: Vector, fast: Vector) -> None:
-        """Keep knots as a new block, or in the last one while that is short."""
+        """Store knots as a new block, or in the last one while that is short."""
         if self._blocks and len(self._blocks[-1].times) < BLOCK_ROWS:
             block = self._blocks.pop()
             times = np.concatenate([block.times, times[1:]])
@@ -204,11 +204,11 @@ class PathBuilder:
         knots[:, :, self._columns] = table[:, 1:].reshape(len(rows), 2, k)
         return table[:, 0] - self._start_s, knots
 
-    def _judged(
+    def _checked(
         self, times: Vector, knots: Tensor, first_row: int
     ) -> tuple[Vector, Vector, Vector]:
-        """Lowest and highest position and largest speed on the way, (n,); raises TrajectoryError at
-        the first row that breaks a limit."""
+        """Lowest and highest position and largest speed between the knots, (n,); raises
+        TrajectoryError at the first row that violates a limit."""
         h = np.diff(times)[:, None]
         if (h < SHORTEST_STEP_S).any():
             i = int(np.argmax(h < SHORTEST_STEP_S))
@@ -220,7 +220,7 @@ class PathBuilder:
         limits = self._limits
         # The soft start or stop may fall on any piece: d/dt (q' ds/dt) = q'' (ds/dt)^2 + q' / ramp.
         acceleration = acceleration + velocity / self._ramp_s
-        # In the order in which they explain each other: a jump breaks them all.
+        # In the order in which they explain each other: a jump violates them all.
         self._refuse(
             speed > limits.velocity + ROUNDING,
             first_row,
@@ -280,7 +280,7 @@ def _piece_extremes(knots: Tensor, h: Matrix) -> tuple[Matrix, Matrix, Matrix, M
     with np.errstate(divide="ignore", invalid="ignore"):
         peak = _inside(-b / (2.0 * a))
         root = np.sqrt(np.maximum(b * b - 4.0 * a * v0, 0.0))
-        # The form that loses no digits, and holds where a is zero.
+        # Form of the roots without cancellation, also valid for a = 0.
         half = -0.5 * (b + np.copysign(root, b))
         zeros = (_inside(half / a), _inside(v0 / half))
     speed = np.maximum(np.maximum(np.abs(v0), np.abs(v1)), np.abs(a * peak * peak + b * peak + v0))
@@ -293,5 +293,5 @@ def _piece_extremes(knots: Tensor, h: Matrix) -> tuple[Matrix, Matrix, Matrix, M
 
 
 def _inside(u: Matrix) -> Matrix:
-    """u where it lies in the piece, else its beginning."""
+    """u where it is inside the piece, else 0, its beginning."""
     return np.where((u > 0.0) & (u < 1.0), u, 0.0)

@@ -1,11 +1,11 @@
-"""Stream of targets that the arm follows: a trajectory that a client makes while it runs.
+"""Stream of targets that the arm follows: a trajectory that a client generates while it runs.
 
-Its phases are a table: the arm joins the stream slowly, follows it, brakes while no target comes,
-and waits where it stands after a contact, or where the target is out of reach. What reaches the
-limits is still bounded by `Limits`, as all setpoints.
+The arm joins the stream slowly, follows it, brakes while no target comes, and waits where it stands
+after a contact, or while the target is out of reach. `Limits` bounds its setpoints, like all
+others.
 
-Pure; the time is counted by ticks. As a JointPath it is a path without an end, on which no joint
-has to be anywhere, so that it may begin and go on from each pose.
+Pure; time is counted in ticks. As a JointPath it has no end and requires no pose, so that it may
+begin and continue anywhere.
 """
 
 import math
@@ -26,15 +26,15 @@ STREAM_SHARE: Final = 0.8
 # Distance of the furthest joint from its target at which the arm has joined the stream, and at
 # which it joins again by itself after a contact [rad].
 NEAR_RAD: Final = 0.05
-# The same, within which a stream that was silent for a moment is followed on at once [rad].
+# Distance within which a stream that was silent for a moment is followed again at once [rad].
 RESUMED_RAD: Final = 0.15
-# Share of the velocity limit from which on a stream counts as faster: jitter adds to its velocity.
+# Ratio to the velocity limit from which on a stream counts as faster: jitter adds to its velocity.
 FASTER: Final = 1.5
 # Silence after which the arm brakes [s], and after which the stream has stalled: at 20 Hz more
-# than two targets lost in a row.
+# than two consecutive targets lost.
 BRAKED_S: Final = 0.14
 STALLED_S: Final = 0.175
-# Time for which a contact is reported after its end, so that a slow sender hears of it [s].
+# Time for which a contact is reported after its end, so that a slow sender receives it [s].
 SAID_S: Final = 0.5
 # Silence after which the stream has ended [s].
 ENDED_S: Final = 0.5
@@ -43,17 +43,17 @@ ENDED_S: Final = 0.5
 class AfterContact(StrEnum):
     """Continuation of a stream when a contact is over, and quiet."""
 
-    HOLD = "hold"  # holds until the stream is near the arm again, or is asked for anew
-    REJOIN = "rejoin"  # goes slowly to where the stream is
+    HOLD = "hold"  # holds until the stream is near the arm again, or is requested again
+    REJOIN = "rejoin"  # moves slowly to the stream
 
 
 class Phase(StrEnum):
     """Phase of the arm on a stream."""
 
-    JOINING = "joining"  # goes slowly to the target
+    JOINING = "joining"  # moves slowly to the target
     FOLLOWING = "following"
-    STALLED = "stalled"  # has braked, and stands: no target came for STALLED_S
-    WAITING = "waiting"  # stands until the stream is near, or is asked for anew
+    STALLED = "stalled"  # has braked to standstill: no target came for STALLED_S
+    WAITING = "waiting"  # stands until the stream is near, or is requested again
 
 
 CAUSES: Final = {
@@ -70,14 +70,14 @@ class StreamSettings:
     """Configured behaviour of streams."""
 
     after_contact: AfterContact
-    reach: float  # furthest target that the arm goes to [rad]
+    reach: float  # largest distance of a target that is approached [rad]
     join_velocity: float  # [rad/s]
 
 
 def next_phase(phase: Phase, *, silent: bool, apart: float, newest: float, reach: float) -> Phase:
-    """Phase of the next tick. silent: no target comes; apart: of the furthest joint from its target
-    as it is read [rad], which is gone to within `reach` [rad]; newest: the same, from the newest
-    target: a stream that jumps across the arm is near it only between two targets."""
+    """Phase of the next tick. silent: no target comes; apart: distance of the furthest joint from
+    the interpolated target [rad], which is approached within `reach` [rad]; newest: the same, from
+    the newest target, as a stream that jumps across the arm is near it only between two targets."""
     near = max(apart, newest) < NEAR_RAD
     match phase:
         case Phase.WAITING:
@@ -105,8 +105,8 @@ class TargetStream:
     limits: Limits
     first: Target
     phase: Phase = Phase.JOINING
-    bounded: int = 0  # targets outside the joint limits, or faster
-    refused: int = 0  # targets that are no numbers
+    bounded: int = 0  # targets outside the joint limits, or too fast
+    refused: int = 0  # targets that are not finite
     name: str = "a stream"
     duration: float = math.inf
     begin: Vector | None = None
@@ -128,8 +128,8 @@ class TargetStream:
     # --- from the sender ------------------------------------------------------------------------
 
     def put(self, target: Target) -> None:
-        """Take a target that came since the last tick. One outside the joint limits is moved to
-        the limit; one that is no number is left out."""
+        """Add a target received since the last tick. One outside the joint limits is moved to the
+        limit; one that is not finite is dropped."""
         numbers = (target.q, *([] if target.velocity is None else [target.velocity]))
         since_s = target.sent_s - self.first.sent_s
         if not (math.isfinite(since_s) and all(np.isfinite(x).all() for x in numbers)):
@@ -140,13 +140,13 @@ class TargetStream:
             self.bounded += int((np.abs(self.playout.speed) > FASTER * self.limits.velocity).any())
 
     def rejoin(self, *, interrupted: bool) -> None:
-        """Go to where the stream is, after a contact; interrupted: once that is over."""
+        """Move to the stream after a contact; interrupted: once the contact is over."""
         self._rejoins = interrupted
         if self.phase is Phase.WAITING:
             self.phase = Phase.JOINING
 
     def _within(self, target: Target) -> Target:
-        """The target within the limits, its time since the first one: small times are exact."""
+        """Target within the limits, its time counted from the first one: small times are exact."""
         limits, velocity = self.limits, target.velocity
         q = np.minimum(np.maximum(target.q, limits.lower), limits.upper)
         if velocity is not None:
@@ -166,18 +166,18 @@ class TargetStream:
 
     @property
     def silent_s(self) -> float:
-        """Time since the last target that counted [s]."""
+        """Time since the last accepted target [s]."""
         return self._now_s - self._heard_s
 
     @property
     def delay_s(self) -> float:
-        """Delay of the arm behind the sender [s]: that of the playout, less the tick in which a
-        target waits, which counts as on its way."""
+        """Delay of the arm behind the sender [s]: that of the playout, minus the tick in which a
+        target waits, which counts as transmission."""
         return self.playout.delay_s - self._period_s
 
     @property
     def ended(self) -> bool:
-        """True once it has been silent for too long."""
+        """True once the stream has been silent for more than ENDED_S."""
         return self.silent_s > ENDED_S
 
     @property
@@ -188,11 +188,11 @@ class TargetStream:
 
     @property
     def contact(self) -> str:
-        """Description of the contact that lasts, or was over less than SAID_S ago."""
+        """Description of the present contact, or of one that ended less than SAID_S ago."""
         return self._contact if self._now_s - self._touched_s < SAID_S else ""
 
     def touch(self, contact: str) -> None:
-        """Note the contact of this tick; empty without one."""
+        """Record the contact of this tick; empty without one."""
         if contact:
             self._contact, self._touched_s = contact, self._now_s
 
@@ -233,12 +233,12 @@ class TargetStream:
     # --- as a JointPath -------------------------------------------------------------------------
 
     def led_to(self, q: Vector) -> "TargetStream":
-        """Itself: it goes on from any pose."""
+        """Itself: it continues from any pose."""
         del q
         return self
 
     def offset(self, s: float) -> Vector:
-        """Zero: its way is not known before."""
+        """Zero: its course is not known in advance."""
         del s
         return np.zeros_like(self.limits.lower)
 

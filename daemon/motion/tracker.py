@@ -1,9 +1,9 @@
-"""Tracker of a moving target within velocity, acceleration and jerk. Pure.
+"""Tracker of a moving target within limits of velocity, acceleration and jerk. Pure.
 
-The wanted velocity is the target's, and what closes the distance to it: proportional to a short
-distance, and for a long one that from which half of the acceleration still stops in time. The
-velocity goes there within the limits, so a target that jumps is approached as a joint may move, and
-one that moves within the limits is followed without a lag of its own.
+The desired velocity is the target's plus a correction of the distance to it: proportional to a
+short distance, and for a long one the speed from which half of the acceleration still stops in
+time. The velocity approaches it within the limits, so a target that jumps is approached within
+them, and a target that moves within them is tracked without additional lag.
 """
 
 from dataclasses import dataclass, field
@@ -25,8 +25,8 @@ BRAKING_SHARE: Final = 0.5
 
 @dataclass(slots=True)
 class Tracker:
-    """Position q (n,) [rad] that tracks a target within `most_acceleration` (n,) [rad/s2]; at
-    standstill at the beginning."""
+    """Position q (n,) [rad] that tracks a target within `most_acceleration` (n,) [rad/s2],
+    beginning at standstill."""
 
     q: Vector
     most_acceleration: Vector
@@ -50,12 +50,12 @@ class Tracker:
         push = (wanted - self.velocity) / max(LAG_S, dt)
         push = np.minimum(np.maximum(push, self.acceleration - change), self.acceleration + change)
         push = np.minimum(np.maximum(push, -fullest), fullest)
-        return self._go_on(self.velocity + push * dt, dt)
+        return self._advance(self.velocity + push * dt, dt)
 
     def brake(self, q: Vector, fullest: Vector, dt: float) -> Reference:
         """Advance by dt [s] towards standstill, with the acceleration `fullest` (n,) [rad/s2] at
-        once. A joint is where it was measured, q (n,) [rad], until it stands: a position loop would
-        lead it on to where it should have been."""
+        once. While a joint moves, its position is the measured q (n,) [rad]: otherwise the position
+        loop would drive it on to where it should have been."""
         self.q = np.where(self.velocity != 0.0, q, self.q)
         most = fullest * dt
         slower = self.velocity - np.minimum(np.maximum(self.velocity, -most), most)
@@ -63,7 +63,7 @@ class Tracker:
         self.velocity = slower
         return Reference(self.q, slower)
 
-    def _go_on(self, velocity: Vector, dt: float) -> Reference:
+    def _advance(self, velocity: Vector, dt: float) -> Reference:
         self.acceleration = (velocity - self.velocity) / dt
         self.q = self.q + 0.5 * (self.velocity + velocity) * dt
         self.velocity = velocity

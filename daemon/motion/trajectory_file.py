@@ -31,7 +31,7 @@ SHORTEST_STEP_S = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryFile:
-    """Content of a file; row i of `times` [s] and `positions` [rad] stands in line `lines[i]`."""
+    """Content of a file; row i of `times` [s] and `positions` [rad] is from line `lines[i]`."""
 
     path: Path
     joints: tuple[str, ...]
@@ -55,7 +55,7 @@ class TrajectoryFile:
         return [a + share * (b - a) for a, b in pairs]
 
     def placed(self, error: TrajectoryError) -> TrajectoryError:
-        """The error of a row, with file and line in front."""
+        """Error of a row, with file and line in front."""
         line = "" if error.row is None else f":{self.lines[min(error.row, len(self.lines) - 1)]}"
         return TrajectoryError(f"{self.path}{line}: {error}", row=error.row)
 
@@ -63,7 +63,7 @@ class TrajectoryFile:
 def read_trajectory(path: Path, known: Sequence[str]) -> TrajectoryFile:
     """Read a file whose joints must be among `known`.
 
-    Raises TrajectoryError with file, line, column and reason of the first fault.
+    Raises TrajectoryError with file, line, column and reason of the first error.
     """
     try:
         # The byte order mark that some spreadsheets write is not part of the header.

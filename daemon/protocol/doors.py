@@ -28,7 +28,7 @@ class DoorRule:
     connections: int
 
 
-MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, loud ones wait for their turn
+MAX_CONNECTIONS: Final = 256  # silent ones cost nothing, others wait for their turn
 
 DOORS: Final[dict[Door, DoorRule]] = {
     Door.CONTROL: DoorRule(CONTROL_GROUP, frozenset(COMMANDS), MAX_CONNECTIONS),

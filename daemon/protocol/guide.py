@@ -17,15 +17,15 @@ TOOL, BASE = "tool", "base"
 class GuideAxes(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
 ):
-    """Directions of a guide; those that are not named are free, and with none there is no guide."""
+    """Axes of a guide; those not named are free, and if all are free there is no guide."""
 
-    # the tool with its axes or, `base`, with those of the URDF's root; or a link, by its origin
+    # the tool in its own axes or (`base`) in those of the URDF's root; or a link, at its origin
     frame: Frame = TOOL
     free: Axes = ()
     damped: Axes = ()  # at a fifth of the speed
     held: Axes = ()
-    stiff: Axes = ()  # held, and taken back to where the guide began
-    redundant: Redundant = "free"  # joints that can move where the frame stands
+    stiff: Axes = ()  # held, and returned to where the guide began
+    redundant: Redundant = "free"  # joint motion that leaves the frame at rest
 
     @property
     def guides(self) -> bool:
@@ -38,7 +38,7 @@ class GuideAxes(
         return [of.get(axis, 0) for axis in AXES]
 
     def objections(self, joints: int) -> list[str]:
-        """Reasons why an arm of so many joints cannot be led so."""
+        """Reasons why these axes cannot guide an arm of this number of joints."""
         named = [axis for kind in KINDS for axis in getattr(self, kind)]
         twice = sorted({axis for axis in named if named.count(axis) > 1})
         found = [f"{', '.join(twice)} named twice: an axis is {' or '.join(KINDS)}"] * bool(twice)

@@ -12,14 +12,14 @@ PROGRAM_S = 0.5
 PERSON_S = 600.0
 SHORTEST_S = 0.05
 LONGEST_S = 86_400.0
-#: Time for which every joint must have sensed contact and no touch before [s], as what comes and
-#: goes might be armed in a good moment.
+#: Time before arming in which every joint must sense, without a contact [s]: sensing that comes and
+#: goes must not be armed in a good moment.
 SENSES_S = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """Owner of a lease; `connection` is 0 for a person, whose every process may renew it."""
+    """Owner of a lease; `connection` is 0 for a person, any of whose processes may renew it."""
 
     uid: int
     pid: int
@@ -39,7 +39,7 @@ class Owner:
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """Permission of one owner, valid before `until_s` and no longer."""
+    """Permission of one owner, valid until `until_s`."""
 
     owner: Owner
     until_s: float

@@ -11,7 +11,7 @@ from estimator.payload import Payload
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
-    """One check before the arm may be armed, with the reason why it passed or failed."""
+    """Arming check, with the reason why it passed or failed."""
 
     name: str
     passed: bool
@@ -22,7 +22,7 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ToolForce(msgspec.Struct, frozen=True, kw_only=True):
-    """Forces at the tool that the arm detects; directions along x, y, z of the URDF's root."""
+    """Smallest detected forces at the tool; directions along x, y, z of the URDF's root."""
 
     least_N: float  # in the most sensitive direction
     least_along: list[float]
@@ -32,8 +32,8 @@ class ToolForce(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Sensitivity(msgspec.Struct, frozen=True, kw_only=True):
-    """Smallest touches that the arm detects in its present pose: torque at each joint, force at the
-    tool. With errors of the model both may be a little larger (docs/estimator.md)."""
+    """Smallest contacts that the arm detects in its present pose: torque at each joint, force at
+    the tool. With model errors both may be a little larger (docs/estimator.md)."""
 
     joints: list[str]
     tool: str  # description of the tool point
@@ -45,15 +45,15 @@ class Sensitivity(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Way(msgspec.Struct, frozen=True, kw_only=True):
-    """Way to a pose: a straight line through joint space, on which all joints arrive together."""
+    """Path to a pose: a straight line through joint space, on which all joints arrive together."""
 
     name: str
     joints: list[str]
     start: PerJoint  # [rad]
     goal: PerJoint  # [rad]
-    speed: PerJoint  # largest on the way [rad/s]
-    duration_s: float  # from standstill to standstill, unless a contact comes in between
-    shapes: bool = False  # it is checked against those of the arm and its surroundings
+    speed: PerJoint  # largest on the path [rad/s]
+    duration_s: float  # from standstill to standstill, without a contact
+    shapes: bool = False  # it is checked against the shapes of the arm and its surroundings
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -65,13 +65,13 @@ class Reply(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     mode: Mode | None = None
     armed: bool = False
     checks: list[Check] = []  # of `arm`
-    sensitivity: Sensitivity | None = None  # of `arm` that is done
-    row: int | None = None  # of a trajectory: the first that was refused, from 0
+    sensitivity: Sensitivity | None = None  # of a successful `arm`
+    row: int | None = None  # first refused row of a trajectory, from 0
     unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
-    # of `start` and `go` that are done, and of a plan: beyond what the thresholds cover, or
-    # nearer to a limit than a joint may get
+    # of a successful `start` or `go`, and of a plan: motion that the thresholds do not cover, or
+    # that ends nearer to a limit than a joint may get
     warnings: list[str] = []
-    way: Way | None = None  # of `go` that is done, or planned
+    way: Way | None = None  # of a successful or planned `go`
     stream: StreamState | None = None  # of `follow` and `target`
     status: "Status | None" = None
     snapshot: "Snapshot | None" = None
@@ -91,13 +91,13 @@ class Grant(msgspec.Struct, frozen=True):
 
 
 class Trajectory(msgspec.Struct, frozen=True, kw_only=True):
-    """The trajectory that runs, is interrupted, or would be run by `start`."""
+    """Trajectory that runs, is interrupted, or would be run by `start`."""
 
-    name: str  # empty where none is configured: `start` needs a file then
+    name: str  # empty if none is configured: `start` then needs a file
     state: Literal["ready", "running", "interrupted", "paused"]
     time_s: float  # path time
-    duration_s: float | None  # None: it has no end
-    attended: bool = False  # it halts, and is forgotten, when the program that began it ends
+    duration_s: float | None  # None: endless
+    attended: bool = False  # it halts and is forgotten when the program that began it ends
 
 
 class Learned(msgspec.Struct, frozen=True, kw_only=True):
@@ -119,7 +119,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     mode: Mode
     armed: bool
     permit: Permit | None  # while armed
-    disarmed: str = ""  # cause of the last end of arming; empty before one
+    disarmed: str = ""  # cause of the last disarming; empty before one
     disarmed_s: float = 0.0  # when that was, as `uptime_s` counts
     cause: str
     since_s: float | None = None  # when `cause` led to this mode, as `uptime_s` counts
@@ -140,10 +140,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     residual: PerJoint
     threshold: PerJoint
     contact: PerJoint = []  # configured contact levels [Nm]
-    least: PerJoint = []  # that learning leaves of them at least [Nm]
-    level_share: PerJoint = []  # k: share of them that learning leaves now
+    least: PerJoint = []  # lowest contact levels that learning may set [Nm]
+    level_share: PerJoint = []  # k: share of the contact levels that learning leaves now
     side: list[SideName]
-    gain: PerJoint  # K_a, as it is or is about to be [rad/s per Nm]
+    gain: PerJoint  # K_a, at the end of its ramp [rad/s per Nm]
     age_ticks: list[int]
     serials: list[int | None] = []  # 0x1018:4 of the drives
     unproved: list[str] = []  # joints commanded to stop and not confirmed at standstill
@@ -152,18 +152,18 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     sensing: list[bool] | None = None  # joints that sense contact now; None before the first tick
     sensing_since_s: PerJoint | None = None  # when that last changed, as `uptime_s` counts
     lost: PerJoint | None = None  # share of recent samples that went missing
-    learned: Learned | None = None  # None where nothing is learned
+    learned: Learned | None = None  # None if learning is off
     hand: str = ""  # the URDF's last link, in whose frame payloads are
     payload: Payload | None = None  # announced since the start, and forgotten at its end
     payloads: list[Payload] = []  # that can be announced by name
-    poses: dict[str, dict[str, float]] = {}  # that `go` can be asked for: joints by name [rad]
+    poses: dict[str, dict[str, float]] = {}  # poses for `go`, by name: positions by joint [rad]
     gears: list[str] = []  # findings of their trends, a line for each joint (`contactctl health`)
     recognised: str = ""  # description of an unannounced payload, with advice; empty without one
     guide: GuideAxes = GuideAxes()  # of an arm that is led by hand
-    wrench: Wrench | None = None  # force at the tool; None in a mode that senses nothing
-    wrench_at: str = ""  # its point, in words
+    wrench: Wrench | None = None  # force at the tool; None in a mode without contact sensing
+    wrench_at: str = ""  # description of its point
     wrench_axes: str = ""  # link of the URDF along whose axes it is
     near: Near | None = None  # None without shapes, or in a mode in which the arm does not move
-    unguarded: str = ""  # reason why no shape is guarded in this run, of an arm that has some
+    unguarded: str = ""  # reason why no shape is guarded in this run, although the arm has some
     changed: list[str] = []  # files that differ from those in use; checked while off
-    not_taken_up: str = ""  # reason why a `reload` kept the old ones, with file and field
+    not_taken_up: str = ""  # reason why a `reload` kept the previous files, with file and field

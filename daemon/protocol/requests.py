@@ -1,7 +1,7 @@
 """Requests of the control socket: one struct per command, with the arguments that it takes.
 
-JSON objects, distinguished by `command`. A field that a command does not take is refused, as is an
-unknown one.
+JSON objects, distinguished by `command`. Fields that a command does not take are refused, as are
+unknown ones.
 """
 
 from typing import Annotated, Any, Final, Literal, get_args
@@ -18,7 +18,7 @@ MAX_REQUEST_BYTES: Final = 8192  # of one message to the daemon
 
 
 def _within(least: float, most: float) -> msgspec.Meta:
-    """Bounds for the schema, of numbers that are checked where joint and row are known."""
+    """Bounds for the JSON schema only: such numbers are checked where joint and row are known."""
     return msgspec.Meta(extra_json_schema={"minimum": least, "maximum": most})
 
 
@@ -33,15 +33,15 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     name: Annotated[str, msgspec.Meta(min_length=1, max_length=64, pattern=ONE_LINE)]
     joints: Annotated[list[str], msgspec.Meta(max_length=32)]  # all others hold
-    from_here: bool = False  # may begin from any pose, run as displacements
-    motors_only: bool = False  # by the motors' velocity alone, whatever the links do
+    from_here: bool = False  # run as displacements from any pose
+    motors_only: bool = False  # by the motors' velocity alone, with no loop over the links
 
 
 class _Bare(
     msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True,
     tag_field="command",
 ):  # fmt: skip
-    """Base of all requests: fields that each of them has."""
+    """Base of all requests, with their common fields."""
 
     # Person or program on whose behalf the client asks, as stated by the client: for the log only,
     # not verified.
@@ -63,15 +63,15 @@ class Enable(_Bare, frozen=True, tag="enable"):
 class Load(_Bare, frozen=True, tag="load"):
     """Begin a trajectory, or append to it."""
 
-    header: Header | None = None  # begins one
-    rows: list[list[Plausible]] | None = None  # more of it
+    header: Header | None = None  # begins a new one
+    rows: list[list[Plausible]] | None = None  # rows to append
 
 
 class Start(_Bare, frozen=True, tag="start"):
-    """Run the configured trajectory, or go on with the one that is paused."""
+    """Run the configured trajectory, or continue the paused one."""
 
-    loaded: bool = False  # run what this connection has loaded
-    # what is loaded halts when this connection ends, or sends nothing for 2 s, and is forgotten
+    loaded: bool = False  # run the trajectory that this connection has loaded
+    # the loaded one halts and is forgotten when this connection ends, or sends nothing for 2 s
     attended: bool = False
 
 
@@ -83,10 +83,10 @@ class Go(_Bare, frozen=True, tag="go"):
     targets: Annotated[dict[str, Plausible], msgspec.Meta(max_length=32)] | None = None
     # of the joint that goes furthest; 0.2 unless given [rad/s]
     speed: Annotated[float, msgspec.Meta(ge=SLOWEST, le=FASTEST)] | None = None
-    plan: bool = False  # answer only what it would do
-    # positions for which it was planned; refused if the arm is elsewhere by now [rad]
+    plan: bool = False  # only answer with the planned motion
+    # positions from which it was planned; refused if the arm has moved since [rad]
     planned_from: Pose | None = None
-    # it halts when this connection ends, or sends nothing for 2 s, and is forgotten
+    # the motion halts and is forgotten when this connection ends, or sends nothing for 2 s
     attended: bool = False
 
 
@@ -94,7 +94,7 @@ class Follow(_Bare, frozen=True, tag="follow"):
     """Follow a stream of targets, of which this is the first; or rejoin it after a contact."""
 
     q: Pose  # of all joints [rad]
-    sent_s: Plausible  # the sender's time, of a clock that never runs back [s]
+    sent_s: Plausible  # time of the sender's monotonic clock [s]
     number: Count = 0  # the sender's count of its targets
 
 
@@ -104,7 +104,7 @@ class Target(_Bare, frozen=True, tag="target"):
     q: Pose  # of all joints [rad]
     sent_s: Plausible  # as in `follow` [s]
     number: Count  # as in `follow`
-    velocity: Pose | None = None  # of all joints [rad/s]; measured from the targets unless given
+    velocity: Pose | None = None  # of all joints [rad/s]; computed from the targets unless given
 
 
 class Pause(_Bare, frozen=True, tag="pause"):
@@ -112,7 +112,7 @@ class Pause(_Bare, frozen=True, tag="pause"):
 
 
 class Arm(_Bare, frozen=True, tag="arm"):
-    """Let the arm yield to hands, for as long as the lease lasts."""
+    """Let the arm yield to contact while the lease lasts."""
 
     lease_s: LeaseS | None = None  # from now, unless renewed; 0.5 s, or 600 s if detached
     # the lease outlives this connection, and any process of this user may arm again
@@ -120,13 +120,13 @@ class Arm(_Bare, frozen=True, tag="arm"):
 
 
 class Renew(_Bare, frozen=True, tag="renew"):
-    """Prolong the lease of this connection."""
+    """Extend the lease of this connection."""
 
     lease_s: LeaseS | None = None  # from now; 0.5 s unless given
 
 
 class Disarm(_Bare, frozen=True, tag="disarm"):
-    """Yield to hands no longer."""
+    """Stop yielding to contact."""
 
 
 class Stop(_Bare, frozen=True, tag="stop"):
@@ -134,11 +134,11 @@ class Stop(_Bare, frozen=True, tag="stop"):
 
 
 class Disable(_Bare, frozen=True, tag="disable"):
-    """Stop, and take power from the drives."""
+    """Stop, and switch the drives off."""
 
 
 class Reset(_Bare, frozen=True, tag="reset"):
-    """End a fault whose cause is gone."""
+    """Clear a fault whose cause is gone."""
 
 
 class SetGain(_Bare, frozen=True, tag="gain"):
@@ -150,7 +150,7 @@ class SetGain(_Bare, frozen=True, tag="gain"):
 
 
 class SetGuide(_Bare, frozen=True, tag="guide"):
-    """Lead the arm by a guide that begins where it is led next; by none without axes."""
+    """Set the guide, which begins where the arm is led next; without axes, remove it."""
 
     axes: GuideAxes = GuideAxes()
 
@@ -161,22 +161,22 @@ class SetPayload(_Bare, frozen=True, tag="payload"):
     name: str | None = None  # by its name in the configuration, or
     # by its mass, 0 for nothing, or at least LIGHTEST_KG [kg]
     mass: Annotated[float, _within(0.0, HEAVIEST_KG)] | None = None
-    # beside `mass`: its centre in the hand's frame, three numbers [m]
+    # with `mass`: its centre in the hand's frame, three numbers [m]
     com: list[Annotated[float, _within(-FURTHEST_M, FURTHEST_M)]] | None = None
     # edges of a box about that centre, along the hand's axes, three numbers [m]
     box: list[Annotated[float, _within(THINNEST_M, FURTHEST_M)]] | None = None
 
 
 class Reload(_Bare, frozen=True, tag="reload"):
-    """Take up changed files while the drives are off."""
+    """Load changed files while the drives are off."""
 
 
 class GetStatus(_Bare, frozen=True, tag="status"):
-    """Ask for the Status."""
+    """Request the Status."""
 
 
 class Subscribe(_Bare, frozen=True, tag="subscribe"):
-    """Ask for a State each tick."""
+    """Request a State in each tick."""
 
 
 Request = (
@@ -192,7 +192,7 @@ Command = Literal[
 COMMANDS: Final[tuple[Command, ...]] = get_args(Command)
 KINDS: Final[dict[Command, type[Any]]] = dict(zip(COMMANDS, get_args(Request), strict=True))
 
-# Commands that let the arm move: dropped if the client closed the connection before the answer.
+# Commands that let the arm move: dropped if the client closes the connection before the answer.
 AWAITED: Final[frozenset[Command]] = frozenset({"enable", "start", "go", "follow", "target", "arm"})
 # Commands that the view socket takes: none that lets the arm move.
 VIEWED: Final[frozenset[Command]] = frozenset({"subscribe", "status", "stop", "disarm"})

@@ -84,8 +84,8 @@ def _refuse_unless_stale(path: Path) -> None:
 
 
 def open_to_group(path: Path, mode: int, group: str) -> str:
-    """Give the file to `group` with `mode`. Returns the reason where its group had to stay another
-    one, else an empty text."""
+    """Give the file to `group` with `mode`. Returns the reason if the group could not be set, else
+    an empty text."""
     why = ""
     try:
         wanted = grp.getgrnam(group).gr_gid

@@ -1,6 +1,6 @@
 """State of a tick, its record for readers and recordings, and the Snapshot that is sent before it.
 
-Everything is JSON. Numbers keep every bit on the way (shortest round-trip representation), so a
+Everything is JSON. Numbers are encoded without loss (shortest round-trip representation), so a
 recording can be replayed bit-identically. Vectors have one entry per joint, in the order of
 `Snapshot.joints`, SI units at the link side.
 """
@@ -30,21 +30,21 @@ class Permit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StreamState(msgspec.Struct, frozen=True, kw_only=True):
-    """Stream of targets that the arm follows, and what came of it."""
+    """Stream of targets that the arm follows, and its statistics."""
 
     sender: str
     phase: Literal["joining", "following", "stalled", "waiting", "interrupted", "paused"]
     target: PerJoint  # newest [rad]
-    age_s: float  # since it came
+    age_s: float  # since it was received
     rate_hz: float | None  # of the sender, by its own times; None before the second target
     jitter_s: float  # largest lateness of the last seconds
     delay_s: float  # by which the arm follows behind the sender
-    lost: int  # targets that never came
+    lost: int  # targets never received
     dropped: int  # targets out of order, repeated, or too late
-    bounded: int  # targets outside the joint limits, or faster
-    refused: int  # targets that were no numbers
-    after_contact: Literal["hold", "rejoin"]  # what the arm does once a contact is over
-    contact: str = ""  # the one that lasts, or was over less than 0.5 s ago, described
+    bounded: int  # targets outside the joint limits, or too fast
+    refused: int  # targets that were not finite
+    after_contact: Literal["hold", "rejoin"]  # continuation once a contact is over
+    contact: str = ""  # description of one that lasts, or ended less than 0.5 s ago
 
 
 class Contact(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,18 +58,18 @@ class Contact(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wrench(msgspec.Struct, frozen=True, kw_only=True):
-    """Force that presses on the tool, along the axes of its frame; `contactctl status` names both.
-    It is valid if one force acts, and there: see `misfit`."""
+    """External force at the tool, in the axes of its frame; `contactctl status` names both. It is
+    valid if a single force acts, at the tool: see `misfit`."""
 
-    force: list[float]  # x y z [N], along the directions that are seen; zero where nothing acts
+    force: list[float]  # x y z [N], along the observable directions; zero if nothing acts
     covariance: list[float]  # of its error, xx xy xz yy yz zz [N2]
-    unseen: list[list[float]]  # directions x y z along which nothing is known
-    strength: float  # over its level: below 1 nothing acts
-    misfit: float  # of the residuals to one force there; about 1, above 2 there is none such
+    unseen: list[list[float]]  # directions x y z that are not observable
+    strength: float  # ratio to its level: below 1 nothing acts
+    misfit: float  # of one force at the tool to the residuals: about 1; above 2: no such force
 
 
 class Near(msgspec.Struct, frozen=True, kw_only=True):
-    """Nearest two of the arm's shapes and its surroundings that are guarded."""
+    """Nearest guarded pair among the shapes of the arm and its surroundings."""
 
     pair: list[str]  # their names
     distance: float  # negative where they overlap [m]
@@ -77,11 +77,11 @@ class Near(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Meeting(msgspec.Struct, frozen=True, kw_only=True):
-    """Place of a path that was refused, at which it leads one shape through another."""
+    """Collision of two shapes on a path that was refused."""
 
     pair: list[str]  # their names
     position: PerJoint  # of the links there [rad]
-    text: str  # reason of the refusal
+    text: str  # reason for the refusal
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -94,13 +94,13 @@ class Notice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class Timing(msgspec.Struct, frozen=True, kw_only=True):
-    """Timing of the loop: the only fields of a State that differ between two lockstep runs with one
-    seed."""
+    """Timing of the loop: the only fields of a State that differ between two lockstep runs with the
+    same seed."""
 
     wall_s: float  # Unix time of the tick
     monotonic_s: float  # CLOCK_MONOTONIC of the wake-up
     lateness_us: float  # wake-up after the deadline
-    work_us: float  # from the wake-up to the last frame sent, in the tick before this one
+    work_us: float  # from the wake-up to the last frame sent, in the previous tick
     missed: int  # deadlines missed since the start
     doors_us: float = 0.0  # spent on clients and the log, after the previous tick
 
@@ -110,18 +110,18 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
 
     tick: int
     time_s: float  # time of the tick since the loop started
-    interval_s: float  # since the tick before
+    interval_s: float  # since the previous tick
     mode: Mode
     armed: bool
     cause: str  # reason for this mode
-    moving: bool  # a trajectory is running or will go on after this contact
-    fresh: list[bool]  # joints whose samples came in time; of others these are the last
+    moving: bool  # a trajectory is running, or will continue after this contact
+    fresh: list[bool]  # joints whose samples came in time; others have their last values
     drives: list[str]  # CiA 402 states
     # measured, input of the estimator
     current: PerJoint  # [A]
     link_position: PerJoint  # q [rad]
     motor_velocity: PerJoint  # theta_dot [rad/s]
-    motor_position: PerJoint | None  # theta [rad], where the drive has it
+    motor_position: PerJoint | None  # theta [rad], if the drives measure it
     # estimated
     link_velocity: PerJoint  # q_dot [rad/s]
     motor_estimate: PerJoint  # theta used [rad]
@@ -132,7 +132,7 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     residual: PerJoint  # [Nm]
     threshold: PerJoint  # in force in this tick [Nm]
     thresholded: PerJoint  # sign(r) max(|r| - threshold, 0) [Nm]
-    touched_link: str  # at least this one, by its joint; empty: no contact, or not known
+    touched_link: str  # by its joint; it may be one further out; empty: no contact, or unknown
     beside: dict[str, PerJoint]  # other residuals on the same samples [Nm]
     flags: list[str]  # warnings of the estimator
     # decided
@@ -155,9 +155,9 @@ class State(msgspec.Struct, frozen=True, kw_only=True):
     wrench: Wrench | None = None  # at the tool; None in recordings from before it was published
     # Left out without shapes, and in a mode in which the arm does not move.
     near: Near | msgspec.UnsetType = msgspec.UNSET
-    # Left out unless the last path that was asked for was refused for it.
+    # Left out unless the last requested path was refused for it.
     meeting: Meeting | msgspec.UnsetType = msgspec.UNSET
-    # Along which a hand leads the arm, as `contactctl guide` shows it. Left out without one.
+    # Guide of the hand that leads the arm, as `contactctl guide` shows it. Left out without one.
     guide: str | msgspec.UnsetType = msgspec.UNSET
 
 

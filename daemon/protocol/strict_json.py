@@ -34,7 +34,7 @@ class StrictDecoder(Generic[T]):
         except msgspec.ValidationError as error:
             with contextlib.suppress(json.JSONDecodeError, UnicodeDecodeError, RecursionError):
                 _STRICT.decode(packet.decode())
-            raise msgspec.ValidationError(f"{error}{_given(packet, str(error))}") from error
+            raise msgspec.ValidationError(f"{error}{_value_text(packet, str(error))}") from error
         except UnicodeDecodeError as error:
             raise msgspec.DecodeError(f"JSON is malformed: {error}") from error
         except RecursionError as error:
@@ -42,7 +42,7 @@ class StrictDecoder(Generic[T]):
         return found
 
 
-def _given(packet: bytes, problem: str) -> str:
+def _value_text(packet: bytes, problem: str) -> str:
     """Text of the value that caused a validation error; empty if the error names no single one."""
     place = _PLACE.search(problem)
     if place is None:
@@ -56,7 +56,7 @@ def _given(packet: bytes, problem: str) -> str:
     return f", not {msgspec.json.encode(value)[:_SHOWN_BYTES].decode(errors='replace')}"
 
 
-def _once(pairs: list[tuple[str, Any]]) -> None:
+def _unique_keys(pairs: list[tuple[str, Any]]) -> None:
     seen: set[str] = set()
     for key, _ in pairs:
         if key in seen:
@@ -64,4 +64,4 @@ def _once(pairs: list[tuple[str, Any]]) -> None:
         seen.add(key)
 
 
-_STRICT = json.JSONDecoder(object_pairs_hook=_once)
+_STRICT = json.JSONDecoder(object_pairs_hook=_unique_keys)

@@ -1,4 +1,4 @@
-"""Text in messages: what may stand in one line of the log, and in a short packet."""
+"""Text in messages: characters allowed in one line of the log, and in a short packet."""
 
 from typing import Final
 

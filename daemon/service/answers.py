@@ -1,9 +1,9 @@
 """Answers to the packets of the sockets' clients, and refusal of requests overtaken by a stop.
 
 Every packet is answered: one that is not a request, that a door does not take, that came before a
-stop, or that causes an error inside the daemon is refused with the reason. Moments are counted by
-looks at connections and reads: a request that lets the arm move must have been sent after the last
-stop.
+stop, or that causes an error inside the daemon is refused with the reason. Moments are values of a
+counter that polls and reads advance: a request that lets the arm move must have been sent after the
+last stop.
 """
 
 import contextlib
@@ -32,7 +32,7 @@ from daemon.protocol.strict_json import StrictDecoder
 from daemon.service.connections import Connection, Connections
 from daemon.service.internal_errors import error_in_words
 
-SHORT_BYTES: Final = 128  # a stop is no longer; longer packets are decoded in their turn
+SHORT_BYTES: Final = 128  # longest stop; longer packets are decoded in their turn
 SEND_BUFFER_BYTES: Final = 1 << 20  # the kernel grants what net.core.wmem_max allows
 
 Handler = Callable[[Request, Peer], Reply]
@@ -44,11 +44,11 @@ class Answers:
 
     def __init__(self, connections: Connections) -> None:
         self.moment = 0
-        # called with the packet, its sender, and the error that no request should raise
+        # called with the packet, its sender, and the unexpected error
         self.on_internal_error: InternalErrorListener = lambda *_: None
         self._connections = connections
         self._served: set[Command] = set()  # stops that were served in this poll
-        self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # each, by a moment
+        self._stopped_at: dict[Command, int] = dict.fromkeys(OUTDATED_BY, 0)  # latest moment
         self._decoder: StrictDecoder[Request] = StrictDecoder(Request)
 
     def begin_poll(self, handle: Handler) -> int:
@@ -58,7 +58,7 @@ class Answers:
         return self.next_moment()
 
     def next_moment(self) -> int:
-        """Count on by one."""
+        """Advance the counter by one; returns the new moment."""
         self.moment += 1
         return self.moment
 
@@ -69,7 +69,7 @@ class Answers:
             return False
         try:
             request = self._decoder.decode(packet)
-        except Exception:  # it is answered in its turn
+        except Exception:  # answered in its turn
             return False
         return (
             request.command in OUTDATED_BY
@@ -78,7 +78,7 @@ class Answers:
         )
 
     def answer(self, connection: Connection, packet: bytes | None, after: int) -> Reply:
-        """Answer to a packet that was sent after this moment; a packet of None was too long."""
+        """Answer to a packet that was sent after this moment; None: the packet was too long."""
         try:
             return self._answered(connection, packet, after)
         except ContactdError as error:
@@ -92,7 +92,7 @@ class Answers:
         return Reply(ok=False, message=f"{error_in_words(error)}; see the daemon's log")
 
     def _answered(self, connection: Connection, packet: bytes | None, after: int) -> Reply:
-        """Carry out a packet. Raises any error in doing so."""
+        """Reply to a packet, after carrying it out. Raises any error in doing so."""
         if packet is None:
             return Reply(ok=False, message=f"a request has at most {MAX_REQUEST_BYTES} bytes")
         try:
@@ -128,8 +128,8 @@ class Answers:
 
 
 def _no_request(packet: bytes, problem: str) -> str:
-    """Refusal of a packet that is not a request; with the fields of its command, or the commands,
-    unless it is about one field."""
+    """Refusal of a packet that is not a request; with the fields of its command, or all commands,
+    unless the problem is about one field."""
     text = f"not a request: {problem}"
     if "`$." in problem and "`$.command" not in problem:
         return text
@@ -141,7 +141,7 @@ def _no_request(packet: bytes, problem: str) -> str:
 
 
 def _command_in(packet: bytes) -> Command | None:
-    """Command of a packet that is not a request otherwise; None without one."""
+    """Command of a packet that is otherwise not a request; None without one."""
     try:
         return msgspec.json.decode(packet, type=_Named).command
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):

@@ -8,13 +8,13 @@ it, as the client that was to end it at a touch no longer watches it.
 
 from dataclasses import dataclass
 
-# A client that watches asks for the status some fifty times a second.
+# A client that watches requests the status some fifty times a second.
 SILENT_S = 2.0
 
 
 @dataclass(slots=True)
 class Attendance:
-    """Connection that watches the motion which runs or is paused; 0 where none needs to be."""
+    """Connection that watches the running or paused motion; 0 if it is not attended."""
 
     silent_s: float = SILENT_S
     _connection: int = 0

@@ -42,12 +42,12 @@ def default_directory() -> Path:
 
 
 def ring_path(socket: Path) -> Path:
-    """Path of the ring of the daemon with this control socket: beside it, where memory is files."""
+    """Path of the ring of the daemon with this control socket: next to it, usually on a tmpfs."""
     return socket.with_name(f"{socket.name}.frames")
 
 
 class BlackBox:
-    """Daemon's side; a context that ends in good order unless an exception leaves it."""
+    """Daemon's side of the black box; its end as a context is orderly without an exception."""
 
     def __init__(self, path: Path, directory: Path, rate_hz: float, snapshot: bytes = b"") -> None:
         """Save the ring that an earlier daemon left, create the ring for a bus of `rate_hz` frames
@@ -82,22 +82,22 @@ class BlackBox:
         self.close(orderly=kind is None or not self._begun)
 
     def begin(self) -> None:
-        """Leave a log at any disorderly end from now on."""
+        """Leave a log after any disorderly end from now on."""
         self._begun = True
 
     def report(self, fault: str) -> None:
-        """Report a fault to the helper. Never waits: if the pipe is full, it has received one."""
+        """Report a fault to the helper. Never waits: if the pipe is full, it already holds one."""
         if self._helper and self._helper.stdin:
             try:
                 os.write(self._helper.stdin.fileno(), fault.encode()[:200] + b"\n")
             except BlockingIOError:
                 pass
             except OSError:
-                self._unheard = fault  # for the next one: the frames are still there
+                self._unheard = fault  # for the next helper: the frames are still there
 
     def look_after(self, now_s: float) -> None:
         """Restart the helper if it was killed, at most once in HELPS_EVERY_S, and report a fault
-        that it missed; to be called now and then, between two ticks."""
+        that it missed; to be called periodically, between two ticks."""
         helper = self._helper
         if helper is None or now_s < self._helped_s + HELPS_EVERY_S or helper.poll() is None:
             return

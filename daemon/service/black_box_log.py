@@ -39,19 +39,20 @@ class Context(msgspec.Struct, frozen=True):
 
 
 def context_path(ring: Path) -> Path:
-    """Path of the daemon's snapshot for the helper: beside the ring."""
+    """Path of the daemon's snapshot for the helper: next to the ring."""
     return ring.with_suffix(".context")
 
 
 def context_of_log(log: Path) -> Path:
-    """Path of the context of a log: beside it."""
+    """Path of the context of a log: next to it."""
     return log.with_suffix(".json")
 
 
 def follow(path: Path, directory: Path, pipe: int, report: Callable[[str], None]) -> None:
-    """Write a log after every fault, and after a death, until the pipe ends. Raises LogError."""
+    """Write a log after every fault, and if the daemon dies, until the pipe ends. Raises
+    LogError."""
     with open_regular(path, follow=False) as ring:
-        # A locked ring is in the care of a helper.
+        # The lock shows that a helper serves this ring.
         fcntl.flock(ring, fcntl.LOCK_EX)
         alive = True
         while alive:
@@ -83,7 +84,7 @@ def _faults(heard: bytes) -> list[tuple[float, str]]:
 
 
 def save(path: Path, directory: Path, faults: Sequence[tuple[float, str]] = ()) -> Path | None:
-    """Write the frames of a ring to a new log in `directory`, with its context, and forget the
+    """Write the frames of a ring to a new log in `directory`, with its context, and delete the
     oldest logs.
 
     Returns the log's path, None if there are no frames. Raises LogError.
@@ -100,7 +101,7 @@ def save(path: Path, directory: Path, faults: Sequence[tuple[float, str]] = ()) 
 
 
 def write_context(ring: Path, log: Path, faults: Sequence[tuple[float, str]] = ()) -> None:
-    """Write the context of `log` beside it, if the daemon of the ring left one. A log without
+    """Write the context of `log` next to it, if the daemon of the ring left one. A log without
     context is still usable: an error is only logged."""
     try:
         with open_regular(context_path(ring), follow=False) as stream:
@@ -114,7 +115,8 @@ def write_context(ring: Path, log: Path, faults: Sequence[tuple[float, str]] = (
 
 
 def new_log(directory: Path) -> Path:
-    """Path of a new log in `directory`, which is made: the time of day, UTC. Raises LogError."""
+    """Path of a new log, named by the UTC time, in `directory`, which is created. Raises
+    LogError."""
     now = time.time()
     stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(now)) + f"{now % 1:.3f}"[1:] + "Z"
     try:
@@ -151,7 +153,7 @@ def save_left_over(path: Path, directory: Path, patience_s: float = PATIENCE_S) 
     """Save the frames that a dead daemon left without a helper, and remove the ring; returns the
     log's path, None if there is none.
 
-    Waits up to `patience_s` for a helper that is at work. Raises LogError.
+    Waits up to `patience_s` for a helper that is still writing. Raises LogError.
     """
     end = time.monotonic() + patience_s
     try:

@@ -1,4 +1,4 @@
-"""Commands of clients: what each does to the arm between two ticks, and its reply."""
+"""Commands of clients: their execution between two ticks, and their replies."""
 
 import logging
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def outcome(machine: ModeMachine) -> str:
 
 @dataclass(slots=True)
 class Commands:
-    """Commands to one arm, and what they leave: lease, trajectory, stream, attendance."""
+    """Commands to one arm, and their state: lease, trajectory, stream, attendance."""
 
     process: Process
     loop: Loop
@@ -46,8 +46,8 @@ class Commands:
     permission: Permission
     set_up: SetUp
     trends: TrendLine | None = None
-    ending: bool = False  # the arm is being brought to rest for good, or for newer files
-    reloading: bool = False  # the latter was requested
+    ending: bool = False  # the arm is being brought to rest, at the end or for a reload
+    reloading: bool = False  # a reload was requested
     upload: TrajectoryUpload = field(init=False)
     streams: Streams = field(init=False)
     attendance: Attendance = field(default_factory=Attendance)
@@ -59,8 +59,8 @@ class Commands:
         self.control.on_close = self._on_close
 
     def handle(self, request: Request, peer: Peer) -> Reply:
-        """Carry out one request; a refusal lists every reason. After any exception the arm is as it
-        was before, or stopped."""
+        """Carry out one request; a refusal lists every reason. After an exception the arm is in its
+        previous state, or stopped."""
         tick, permission = self.loop.tick, self.permission
         before = Checkpoint.of(tick, permission)
         try:
@@ -112,17 +112,17 @@ class Commands:
         ends = event is Event.PAUSE and self.streams.of(peer.connection, controller.stream)
         reply = self._reply(request, self.set_up.request(event, who))
         if ends and reply.ok:
-            # Its sender ends the stream; a pause by others holds the arm until `start`.
+            # A pause by its sender ends the stream; by others it holds the arm until `start`.
             controller.mend(Event.ABANDON, f"{who} ended its stream", self.loop.time_s)
         return reply
 
     def _start(self, request: requests.Start, peer: Peer, who: str) -> Reply:
         path = self.upload.take(peer.connection) if request.loaded else None
-        seen = self._beyond_what_was_seen(self.loop.tick.controller.next_place(path))
-        reply = self._set_out(request, peer, who, path, seen)
+        seen = self._coverage_warnings(self.loop.tick.controller.next_place(path))
+        reply = self._start_motion(request, peer, who, path, seen)
         return replace(reply, warnings=seen) if reply.ok else reply
 
-    def _set_out(
+    def _start_motion(
         self,
         request: requests.Start | requests.Go,
         peer: Peer,
@@ -130,7 +130,7 @@ class Commands:
         path: JointPath | None,
         seen: Sequence[str],
     ) -> Reply:
-        """Start `path`, or without one the motion that is next."""
+        """Start `path`, or the next motion if it is None."""
         controller = self.loop.tick.controller
         goes_on = path is None and controller.machine.paused
         reply = self._reply(request, self.set_up.request(Event.START, who, path))
@@ -143,7 +143,7 @@ class Commands:
         return reply
 
     def _reply(self, request: Request, reasons: Sequence[str] = (), done: str = "") -> Reply:
-        """Refusal for these reasons; without any, the reply for `done`, or else for the mode."""
+        """Refusal for these reasons; without any, a reply with the text `done`, or the mode."""
         machine = self.loop.tick.controller.machine
         done = "refused" if reasons else done or outcome(machine)
         return Reply(
@@ -155,8 +155,8 @@ class Commands:
             unproved=list(self.loop.tick.unproved()) if request.command in SEEN_TO_STAND else [],
         )
 
-    def _beyond_what_was_seen(self, place: Place) -> list[str]:
-        """Warnings about a path that is to be started."""
+    def _coverage_warnings(self, place: Place) -> list[str]:
+        """Warnings about motion of a path that the thresholds do not cover."""
         last = self.loop.tick.last
         if last is None or last.decision is None or place.path.motors_only:
             return []
@@ -173,7 +173,7 @@ class Commands:
         except TrajectoryError as error:
             return self._reply(request, [str(error)])
         # All warnings, before the arm starts.
-        seen, way = self._beyond_what_was_seen(Place(path)), poses.way(path)
+        seen, way = self._coverage_warnings(Place(path)), poses.way(path)
         warnings = [*seen, *poses.short_of(path)]
         reasons = self.permission.checks.unsettled()
         if request.plan:
@@ -181,7 +181,7 @@ class Commands:
         if request.plan or reasons:
             reply = self._reply(request, reasons, "planned")
         else:
-            reply = self._set_out(request, peer, who, path, seen)
+            reply = self._start_motion(request, peer, who, path, seen)
         return replace(reply, way=way, warnings=warnings) if reply.ok else reply
 
     def _follow(self, request: requests.Follow, peer: Peer, who: str) -> Reply:
@@ -196,7 +196,7 @@ class Commands:
             return self._reply(request, [why])
         if own:
             target = self.streams.target(request)
-            own.put(target)  # refused or not, its sender is there
+            own.put(target)  # even if refused below: its sender is alive
             self.streams.refuse_far(target, q, begun=True)
             own.rejoin(interrupted=controller.machine.mode is not Mode.TRACKING)
             return self._followed(request)
@@ -254,7 +254,7 @@ class Commands:
             return self._reply(request, [f"the drives must be off, not {mode}: {to_off}"])
         changed = ", ".join(self.process.files.changed()) or "nothing"
         reply = self._reply(request, done="the files are read, and the drives set up anew")
-        _log.info("reload: asked for by %s; changed: %s", who, changed)
+        _log.info("reload: requested by %s; changed: %s", who, changed)
         self.reloading = True
         return reply
 

@@ -1,8 +1,7 @@
 """Connections of the control socket, and the queues in which they wait.
 
-Each is either silent, and is closed for newcomers the sooner the longer it has been silent, or
-waits for its turn with its pending packets. Readers are separate and are never closed for
-newcomers.
+Each is either silent (those silent longest are closed first for newcomers), or waits for its turn
+with its pending packets. Readers are separate and are never closed for newcomers.
 """
 
 import socket
@@ -14,7 +13,7 @@ from typing import Final
 from daemon.protocol.doors import DOORS, MAX_CONNECTIONS, Door
 from daemon.protocol.socket_path import Peer
 
-MOST_PENDING: Final = 8  # packets of a connection that are kept for its turns
+MOST_PENDING: Final = 8  # packets of a connection that are queued for its turns
 GRACE: Final = 10  # polls in which a newcomer has time for its first packet
 MAX_READERS: Final = 16
 MAX_READERS_OF_ONE_USER: Final = 8
@@ -33,9 +32,9 @@ class Connection:
     # Packets that wait for their turns, None if too long, each with a moment after which it was
     # sent.
     pending: deque[tuple[bytes | None, int]] = field(default_factory=deque)
-    silent_at: int = 0  # the last moment at which it was known to have no packet to read
-    entered: int = 0  # the poll in which it was let in
-    looked: int = 0  # the last poll in which it had a packet to read
+    silent_at: int = 0  # last moment at which it was known to have no packet to read
+    entered: int = 0  # poll in which it was admitted
+    looked: int = 0  # last poll in which it had a packet to read
 
     @property
     def full(self) -> bool:
@@ -51,7 +50,7 @@ class Connections:
     all: dict[int, Connection] = field(default_factory=dict)
     waiting: dict[int, Connection] = field(default_factory=dict)  # in the order of their turns
     readers: dict[int, Connection] = field(default_factory=dict)
-    # Longest first, by door and user.
+    # By door and user, those silent longest first.
     _silent: dict[tuple[Door, int], dict[int, Connection]] = field(default_factory=dict)
     _at: Counter[Door] = field(default_factory=Counter)
     _of: Counter[int] = field(default_factory=Counter)  # by user
@@ -90,7 +89,7 @@ class Connections:
         self.waiting.setdefault(connection.file, connection)
 
     def next_turn(self) -> Connection:
-        """Connection whose turn it is; from now on it is the last in the queue, or silent."""
+        """Connection whose turn it is; it is then the last in the queue, or silent."""
         connection = self.waiting.pop(next(iter(self.waiting)))
         if len(connection.pending) > 1:
             self.wait(connection)
@@ -99,7 +98,7 @@ class Connections:
         return connection
 
     def served(self, connection: Connection) -> None:
-        """Count the silence of a connection from now on."""
+        """Mark a connection as silent from now on."""
         line = self._silent_like(connection)
         line.pop(connection.file, None)
         if not connection.reads:

@@ -22,7 +22,7 @@ _LONGEST: Final = 200  # characters of an error's own text
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """State of the arm before a request, as far as the request may change it step by step."""
+    """State of the arm before a request, as far as a failed request may have changed it."""
 
     mode: Mode
     armed: bool
@@ -42,7 +42,7 @@ class Checkpoint:
         machine = controller.machine
         event = remedy(command, self, machine.mode, armed=machine.armed)
         if event is not None:
-            controller.mend(event, f"{command} broke inside", time_s)
+            controller.mend(event, f"internal error in {command}", time_s)
         if machine.mode is self.mode or machine.mode is Mode.OFF:
             controller.motion.follower.place = self.place
         permission.lease = self.lease if machine.armed else None

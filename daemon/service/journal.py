@@ -27,7 +27,7 @@ _PRIORITY = {
 }
 
 
-# Lines that may wait for the writer; beyond, they are counted instead of kept.
+# Lines that may wait for the writer; further lines are only counted.
 MOST_WAITING = 1000
 # The rate limit: a bucket of lines, and how fast it fills up again.
 BURST = 30  # lines
@@ -56,7 +56,7 @@ class _JournalFormatter(_Formatter):
 
 
 class _BoundedHandler(logging.handlers.QueueHandler):
-    """Queue of lines for the writer, as long as it keeps up."""
+    """Queue of lines for the writer; lines beyond MOST_WAITING are dropped and counted."""
 
     queue: queue.SimpleQueue[logging.LogRecord]
     lost = 0
@@ -108,7 +108,7 @@ class LogLimit:
     """Rate limit for one event log."""
 
     _room: float = BURST
-    _time_s: float = 0.0  # when `_room` was true
+    _time_s: float = 0.0  # time of `_room`
     _since_s: float = 0.0  # of the first line that was left out
     _left_out: dict[str, int] = field(default_factory=dict)
     _others: int = 0

@@ -1,6 +1,6 @@
 """Listener of one door: listens, and admits the clients that the socket file's group allows.
 
-The file's mode already ensures this; the kernel is asked once more, as the file may have been
+The file's mode already ensures this; credentials are checked once more, as the file may have been
 opened to all.
 """
 
@@ -21,7 +21,7 @@ from daemon.protocol.replies import Reply
 from daemon.protocol.socket_path import LISTEN_BACKLOG, Peer, groups_of, listen, peer_of
 from daemon.service.connections import Connection
 
-#: As many as the kernel keeps waiting outside.
+#: Clients that the kernel keeps waiting outside, at most.
 MOST_OUTSIDE: Final = LISTEN_BACKLOG + 1
 SPARED_FILES: Final = 64  # descriptors for the daemon's own files
 FEWEST_PLACES: Final = 8
@@ -44,7 +44,7 @@ class NoDescriptorError(Exception):
 
 
 class Listener:
-    """Listens at `path` from construction to `close`; `numbers` counts connections, through all
+    """Listener at `path` from construction to `close`; `numbers` counts the connections of all
     doors. Raises ControlError if another daemon serves `path`, or the file cannot be made."""
 
     def __init__(self, path: Path, door: Door, numbers: Iterator[int]) -> None:
@@ -60,21 +60,21 @@ class Listener:
         return self._socket.fileno()
 
     def close(self) -> None:
-        """Remove the socket file, if it still is this one's."""
+        """Close the listener, and remove the socket file if it is still this one's."""
         self._socket.close()
         with contextlib.suppress(OSError):
             if self.path.stat().st_ino == self._inode:
                 self.path.unlink()
 
     def next(self) -> Connection | None:
-        """Connection of the next client that may come in; None without one. Never waits. Raises
+        """Connection of the next admitted client; None without one. Never waits. Raises
         NoDescriptorError if a client is outside, and no descriptor is left for it."""
         for _ in range(MOST_OUTSIDE):
             try:
                 accepted, _ = self._socket.accept()
             except OSError as error:
                 # The kernel looks for a descriptor before it looks for a client.
-                if error.errno in (errno.EMFILE, errno.ENFILE) and self._is_called():
+                if error.errno in (errno.EMFILE, errno.ENFILE) and self._client_waits():
                     raise NoDescriptorError from error
                 return None  # gone again
             accepted.setblocking(False)
@@ -90,7 +90,7 @@ class Listener:
                 accepted.send(msgspec.json.encode(reply))
         return None
 
-    def _is_called(self) -> bool:
+    def _client_waits(self) -> bool:
         """True while a client waits outside."""
         looked = select.poll()
         looked.register(self._socket, select.POLLIN)
@@ -100,5 +100,5 @@ class Listener:
         """True if the socket file's group, owner or root is at the other end."""
         try:
             return peer.uid in (0, self._own_uid) or self._group in groups_of(accepted)
-        except OSError:  # an old kernel, or too many groups to ask for: the file's mode has decided
+        except OSError:  # an old kernel, or too many groups to list: the file's mode has decided
             return True

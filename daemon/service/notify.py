@@ -11,7 +11,7 @@ import socket
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 
-# The watchdog is fed this many times in the time that systemd allows.
+# The watchdog is fed this many times within its timeout.
 FEEDS_PER_TIMEOUT = 4
 # As `TimeoutStartSec=` of the unit.
 RELOAD_S = 60.0
@@ -35,12 +35,12 @@ class Notifier:
         self._failing = False
 
     def ready(self, status: str) -> None:
-        """Report that the start is over: units that wait for this service may begin."""
+        """Report that the start is complete: units that wait for this service may start."""
         self._notify(b"READY=1\n" + self._patience(self._watchdog_s), status)
 
     def reloading(self, status: str, now_s: float) -> None:
-        """Report that a new start has begun (`now_s` monotonic). The watchdog allows it as long as
-        the first one, as no tick feeds it meanwhile."""
+        """Report that a new start has begun (`now_s` monotonic). The watchdog's timeout is extended
+        to that of the first start, as no tick feeds it meanwhile."""
         now = f"RELOADING=1\nMONOTONIC_USEC={round(1e6 * now_s)}\n"
         self._notify(now.encode() + self._patience(RELOAD_S), status)
 
@@ -49,7 +49,7 @@ class Notifier:
         self._notify(self._state, text)
 
     def stopping(self, status: str) -> None:
-        """Report that the end has begun."""
+        """Report that the shutdown has begun."""
         self._notify(b"STOPPING=1\n", status)
 
     def ticked(self, now_s: float) -> None:

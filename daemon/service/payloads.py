@@ -35,7 +35,7 @@ class Payloads:
     robot: Robot
     named: dict[str, Payload] = field(init=False)
     hand: str = field(init=False)
-    """name of the link in whose frame they are"""
+    """Name of the link in whose frame they are"""
     _tool_place: list[float] = field(init=False)
     _carrying: Carrying = field(init=False)
 
@@ -72,16 +72,16 @@ class Payloads:
         return Payload.of(request.mass, com, box=request.box)
 
     def walls(self, payload: Payload | None, q: Vector | None) -> Walls | None:
-        """Walls of the arm while it carries that, at q (n,) [rad] now, if that is known; None
-        without shapes. Raises ModelError for a box without shapes to keep it off, with too many
-        pairs, or that reaches into a link."""
+        """Walls of the arm with this payload, checked at its present q (n,) [rad], if known; None
+        without shapes. Raises ModelError for a box if the arm has no shapes, for too many pairs,
+        and for a box that reaches into a link."""
         robot = self.robot
         if payload is None or payload.box is None:
             return build_walls(robot)
         if robot.walls is None:
             raise ModelError(
-                "the arm has no shapes from which a box could be kept: `contactd shapes` first, or "
-                "leave the box out"
+                "the arm has no shapes to guard against a box: `contactd shapes` first, or leave "
+                "the box out"
             )
         content = with_payload(robot.walls, payload, robot.model)
         if (pairs := guarded(content)) > MOST_PAIRS:
@@ -91,7 +91,7 @@ class Payloads:
             c = walls.clearance
             for row in np.flatnonzero(np.asarray(c.gap) < 0.0):
                 first, second = c.pairs[c.pair[row]]
-                # A table that it stands on is left all the same.
+                # Overlap with surroundings is permitted: the payload may stand on a table.
                 if isinstance(second, Capsule) and PAYLOAD in (first.name, second.name):
                     other = first.name if second.name == PAYLOAD else second.name
                     raise ModelError(
@@ -101,5 +101,5 @@ class Payloads:
         return walls
 
     def too_heavy(self, payload: Payload | None) -> list[str]:
-        """Reasons why the motors cannot carry it, joint by joint."""
+        """Reasons why the motors cannot carry the payload, joint by joint."""
         return [] if payload is None else self._carrying.too_heavy(payload)

@@ -1,4 +1,4 @@
-"""Poses for the `go` command: given by values of joints, or by their names in the configuration."""
+"""Poses for the `go` command: given as joint positions, or by their names in the configuration."""
 
 from dataclasses import dataclass, field
 
@@ -26,7 +26,7 @@ class Poses:
     robot: Robot
     joints: list[str] = field(init=False)
     named: dict[str, dict[str, float]] = field(init=False)
-    """each with the joints that it names [rad]; others stay"""
+    """Joint positions by name of the pose [rad]; other joints stay"""
     _limits: Limits = field(init=False)
     _ramp_s: float = field(init=False)
 
@@ -38,7 +38,7 @@ class Poses:
     def path(self, request: Go, q: Vector) -> PosePath:
         """Path from q (n,) [rad] to the pose of a request. Raises TrajectoryError for an unknown
         pose, or if the arm is elsewhere than where the request was planned."""
-        name, values = self._asked_for(request)
+        name, values = self._requested(request)
         goal = q.copy()
         for joint, value in values.items():
             if joint not in self.joints:
@@ -59,7 +59,7 @@ class Poses:
         )
 
     def way(self, path: PosePath) -> Way:
-        """Figures of the path, for a person to check before the arm moves."""
+        """Description of the path, for a person to check before the arm moves."""
         return Way(
             name=path.name,
             joints=self.joints,
@@ -71,8 +71,8 @@ class Poses:
         )
 
     def short_of(self, path: PosePath) -> list[str]:
-        """Warnings for joints that the path moves nearer to a limit than a link may fall in its
-        gap: they stop short of it, unless the link has fallen to that side already."""
+        """Warnings for joints that the path moves nearer to a limit than the width of their gap:
+        they stop short, unless the link has fallen to that side of the gap already."""
         goal, limits = path.goal, self._limits
         gaps = np.array([2.0 * joint.half_gap for joint in self.robot.configuration.joints])
         short = gaps - np.minimum(goal - limits.lower, limits.upper - goal)
@@ -83,7 +83,7 @@ class Poses:
             if path.way[i] and short[i] > WARNED_RAD
         ]
 
-    def _asked_for(self, request: Go) -> tuple[str, dict[str, float]]:
+    def _requested(self, request: Go) -> tuple[str, dict[str, float]]:
         if (request.pose is None) == (not request.targets):
             raise TrajectoryError("it takes either a `pose` or `targets`")
         if request.pose is None:

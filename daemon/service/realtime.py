@@ -1,6 +1,6 @@
 """Real-time set-up of the process; each step is reported as achieved or not.
 
-The daemon also runs on a machine without the rights. Imports nothing that may start threads.
+The daemon also runs without the privileges. Imports nothing that may start threads.
 """
 
 import ctypes
@@ -18,15 +18,15 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 
 def go_realtime() -> list[Grant]:
-    """Lock memory, give this thread a real-time priority, freeze the objects that the garbage
-    collector would walk, and check the rest. For the loop's thread, when all that it needs is
+    """Lock memory, give this thread a real-time priority, freeze the garbage collector, and check
+    CPU affinity and threads. To be called in the loop's thread, when all that it needs is
     loaded."""
     return [_lock_memory(), _schedule(), _freeze(), _cpus(), _threads()]
 
 
 def leave_realtime() -> None:
-    """Give back priority and frozen objects, so that the remains of a loop are collected, and files
-    are read at normal priority. Memory stays locked."""
+    """Restore normal priority and unfreeze the garbage collector after the loop has ended, so that
+    its objects are collected, and files are read at normal priority. Memory stays locked."""
     gc.unfreeze()
     gc.enable()
     # The reset of the policy on fork cannot be undone without privilege.
@@ -41,7 +41,7 @@ def _lock_memory() -> Grant:
 
 
 def _schedule() -> Grant:
-    # This thread alone: threads that it starts later have normal priority, as has the log's writer.
+    # Only this thread: threads that it starts later, and the log's writer, have normal priority.
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     try:
         os.sched_setscheduler(0, policy, os.sched_param(FIFO_PRIORITY))
@@ -59,19 +59,19 @@ def _freeze() -> Grant:
 
 def _cpus() -> Grant:
     """CPUs of the loop, which the administrator sets (`CPUAffinity=`, `taskset`)."""
-    mine, there_are = sorted(os.sched_getaffinity(0)), os.cpu_count() or 1
-    if len(mine) < there_are:
-        names = ", ".join(map(str, mine))
-        return Grant("cpu", True, f"bound to CPU {names} of {there_are}")
-    if there_are == 1:
+    allowed, total = sorted(os.sched_getaffinity(0)), os.cpu_count() or 1
+    if len(allowed) < total:
+        names = ", ".join(map(str, allowed))
+        return Grant("cpu", True, f"bound to CPU {names} of {total}")
+    if total == 1:
         return Grant("cpu", True, "bound to the only CPU")
-    return Grant("cpu", False, f"not bound to a CPU (free to move among {there_are})")
+    return Grant("cpu", False, f"not bound to a CPU (free to move among {total})")
 
 
 def _threads() -> Grant:
-    """Count the threads of this process that are not Python's own."""
-    there_are = len(list(Path("/proc/self/task").iterdir()))
-    strange = there_are - threading.active_count()
-    if strange <= 0:
+    """Check for threads of this process that are not Python's own."""
+    total = len(list(Path("/proc/self/task").iterdir()))
+    foreign = total - threading.active_count()
+    if foreign <= 0:
         return Grant("threads", True, "numeric libraries single-threaded")
-    return Grant("threads", False, f"numeric libraries run {strange} threads of their own")
+    return Grant("threads", False, f"numeric libraries run {foreign} threads of their own")

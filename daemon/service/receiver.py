@@ -1,4 +1,4 @@
-"""Receiver of connections: a stop is answered at once, any other packet waits for its turn."""
+"""Reading of packets from connections: a stop is answered at once, all others wait their turn."""
 
 import contextlib
 import errno
@@ -13,13 +13,12 @@ from daemon.protocol.requests import MAX_REQUEST_BYTES
 from daemon.service.answers import Answers, Handler, has_hung_up
 from daemon.service.connections import Connection, Connections
 
-MOST_LAST_PACKETS: Final = (
-    1024  # packets of closed clients read in one poll; the kernel keeps 300 of each
-)
+#: Packets of closed clients read in one poll; the kernel keeps 300 of each.
+MOST_LAST_PACKETS: Final = 1024
 
 
 class Receiver:
-    """Receiver of all connections of one daemon; `drop` closes one."""
+    """Reader of the packets of all connections of one daemon; `drop` closes a connection."""
 
     def __init__(
         self, connections: Connections, answers: Answers, drop: Callable[[Connection], None]
@@ -35,7 +34,7 @@ class Receiver:
         return self._answers.begin_poll(handle)
 
     def receive_all(self, connection: Connection) -> None:
-        """Read the packets of a connection, as far as they may be kept."""
+        """Read the packets of a connection, as long as there is room for them."""
         while not connection.full and self.receive(connection):
             pass
 
@@ -69,7 +68,7 @@ class Receiver:
             if not connection.pending:
                 self._connections.served(connection)
             self.answer(connection, packet, self._answers.moment)
-            connection.silent_at = self._answers.moment  # its next packets come after its own stop
+            connection.silent_at = self._answers.moment  # its later packets follow its own stop
         elif not connection.full:
             connection.pending.append((packet, connection.silent_at))
             self._connections.wait(connection)
@@ -80,8 +79,7 @@ class Receiver:
         try:
             return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
         except ConnectionResetError:
-            # A client that hung up with answers unread is reported so once, before its last
-            # packets.
+            # A client that hung up with unread answers causes this once, before its last packets.
             with contextlib.suppress(ConnectionResetError):
                 return connected.recv_into(self._buffer, 0, socket.MSG_TRUNC)
         return 0
@@ -95,7 +93,7 @@ class Receiver:
         return True
 
     def send(self, connection: Connection, reply: Reply) -> None:
-        """Send an answer; a connection that takes none is dropped."""
+        """Send an answer; a connection that does not take it is dropped."""
         try:
             packet = self._encoder.encode(reply)
         except Exception as error:

@@ -1,4 +1,4 @@
-"""Smallest touches that the arm detects now, at its joints and at its tool. Computed between two
+"""Smallest contacts that the arm detects now, at its joints and at its tool. Computed between two
 ticks."""
 
 import numpy as np
@@ -13,7 +13,7 @@ FADING = 1.02
 
 
 def sensitivity_now(tick: Tick) -> Sensitivity | None:
-    """Smallest touches detected in the pose of the last estimate, with every joint at its velocity
+    """Smallest contacts detected in the pose of the last estimate, with every joint at its velocity
     limit, and at rest; None before the first estimate. A joint that does not sense now detects
     none."""
     if tick.last is None or tick.last.estimate is None:
@@ -40,7 +40,7 @@ def sensitivity_now(tick: Tick) -> Sensitivity | None:
 
 
 def _levels(levels: Vector) -> list[float | None]:
-    """Levels (n,) [Nm], None where they are infinite: JSON knows no infinity."""
+    """Levels (n,) [Nm], None where they are infinite: JSON has no infinity."""
     return [level if level < np.inf else None for level in levels.tolist()]
 
 

@@ -25,7 +25,7 @@ from drivers.api import BootableDrives
 # arm), and share for beginning requests.
 ENTRANCE_SHARE = 0.28
 TURNS_SHARE = 0.1
-SHOWN_BYTES = 200  # of a request that broke, in the log
+SHOWN_BYTES = 200  # of a request that caused an error, in the log
 LOOKS_EVERY = 100  # ticks between checks of the black box's helper
 AT_REST = frozenset({Mode.OFF, Mode.HOLDING, Mode.FAULTED})
 
@@ -35,7 +35,7 @@ _log = logging.getLogger("contactd")
 
 @dataclass(slots=True)
 class Service:
-    """Everything around the loop, in the slack after each tick."""
+    """Services around the loop, in the slack after each tick."""
 
     process: Process
     loop: Loop
@@ -85,7 +85,7 @@ class Service:
         at_rest = machine.mode in AT_REST and not machine.armed
         if self.black_box is not None and due and at_rest:
             self.black_box.look_after(self.loop.time_s)
-        # After the State, which reports decisions of its own tick: this is in the next one.
+        # After the State, which reports decisions of its own tick: this belongs to the next one.
         self.commands.permission.expire(self.loop.time_s)
         self.control.spare = self.commands.permission.connection
         period_s = self.process.robot.configuration.period_s

@@ -30,17 +30,17 @@ class SetUp:
     drives: BootableDrives
     tick: Tick
     time_s: Callable[[], float]
-    """of the loop [s]"""
+    """Time of the loop [s]"""
     meanwhile: Callable[[], None] = lambda: None
-    """called while drives answer or are given up: feeds the watchdog"""
+    """Called while waiting for drives: feeds the watchdog"""
     resume: Callable[[], None] = lambda: None
-    """called after the pause in ticking"""
+    """Called after the pause in ticking"""
     asking: Callable[[], AbstractContextManager[None]] = nullcontext
-    """entered while drives are asked, and no tick runs"""
+    """Context in which drives are queried, and no tick runs"""
 
     def request(self, event: Event, who: str, path: JointPath | None = None) -> list[str]:
         """Carry out a requested event, `enable` and `reset` only with drives whose set-up is
-        verified; returns the reasons of a refusal, empty when it was done."""
+        verified; returns the reasons for a refusal, empty if it was done."""
         controller = self.tick.controller
         # A request that is refused anyway must not make the loop pause.
         if event in PROVED and controller.machine.can(event):
@@ -58,14 +58,14 @@ class SetUp:
             return self.tick.controller.refusals(event)
         if drives.left_alone or not (unproved := drives.unproved()):
             return []
-        # Soon they stand, or nothing is sent to them any more.
+        # They will stand soon, or the daemon will send nothing to them any more.
         return [
             f"not seen to stand yet: {', '.join(unproved)}; try again, and if it stands, "
             "move its link a little by hand first: a sensor that never changes proves nothing"
         ]
 
     def prove(self) -> list[str]:
-        """Verify all drives, and set up again those that need it; returns the reasons of a
+        """Verify all drives, and set up again those that need it; returns the reasons for a
         failure."""
         renewed: list[int] = []
         try:

@@ -1,4 +1,4 @@
-"""Control socket, and the view socket beside it: polled by the tick and never waited for.
+"""Control socket, and the view socket beside it: polled after each tick, without blocking.
 
 AF_UNIX with message boundaries (SOCK_SEQPACKET): one JSON message is one packet. The socket file's
 group decides who may connect; the kernel, which is asked once more, identifies the process that did
@@ -13,7 +13,7 @@ own requests stay in their order. All packets of a client that hangs up are read
 
 A request that lets the arm move is refused unless it was sent after the last stop: the connection
 had no packet to read at some moment after that stop was served, or the stop was its own. Moments
-are counted by looks at connections and reads.
+are values of a counter that polls and reads advance.
 
 When all places are taken, the connection that has been silent longest is closed: clients that only
 hold connections cannot lock others out. Nor can one user hold all the places of readers.
@@ -73,7 +73,7 @@ class ControlSocket:
         self.answers = Answers(self._connections)
         self._receiver = Receiver(self._connections, self.answers, self._drop)
         self._poll = 0
-        self._began, self._began_before = 0, 0  # moments: this poll, and the one before
+        self._began, self._began_before = 0, 0  # moments of this poll, and of the previous one
         self.clock: Callable[[], float] = time.monotonic
         self.spare = 0  # the number of a connection that is never closed for a newcomer
         self.on_close: Callable[[Peer], None] = lambda _: (
@@ -116,21 +116,21 @@ class ControlSocket:
                 if file in self._listeners:
                     called.add(file)
                 elif connection := self._connections.all.get(file):
-                    self._look_at(connection, what)
-            # However many packets connections have sent: a client with a stop may be outside.
+                    self._read_connection(connection, what)
+            # Even after reading many packets: a client with a stop may be outside.
             until_s = max(until_s, self.clock() + LEAST_SHARE * entrance_s)
             doors = [file for file in self._listeners if file in called]
-            for file in doors if self._poll % 2 else doors[::-1]:  # another one first each time
+            for file in doors if self._poll % 2 else doors[::-1]:  # in alternating order
                 # A crowd at one door does not keep clients at the other from entering.
                 share_s = max(until_s - self.clock(), 0.0) / len(called)
                 called.discard(file)
-                self._let_in(self._listeners[file], self.clock() + share_s)
+                self._admit(self._listeners[file], self.clock() + share_s)
         self._serve_in_turn(turns_s)
 
-    def _look_at(self, connection: Connection, events: int) -> None:
+    def _read_connection(self, connection: Connection, events: int) -> None:
         if connection.gone:
             return
-        if connection.looked < self._poll - 1:  # the poll before found nothing
+        if connection.looked < self._poll - 1:  # the previous poll found nothing
             connection.silent_at = self._began_before
         connection.looked = self._poll
         if events & select.EPOLLHUP:
@@ -158,7 +158,7 @@ class ControlSocket:
                 return
 
     def publish(self, state: State) -> None:
-        """Send `state` to every reader that has room for it; encoded once, if there is a reader."""
+        """Send `state`, encoded once, to every reader that has room for it."""
         readers = self._connections.readers
         if not readers:
             return
@@ -182,13 +182,13 @@ class ControlSocket:
         self.answers.on_internal_error = lambda *_: None
 
     def close(self) -> None:
-        """Close every connection, and the listener."""
+        """Close every connection and listener."""
         self.drop_all()
         self._epoll.close()
         for listener in self._listeners.values():
             listener.close()
 
-    def _let_in(self, listener: Listener, until_s: float) -> None:
+    def _admit(self, listener: Listener, until_s: float) -> None:
         """Admit the clients that wait outside, and read the packets of each at once."""
         if listener.looked < self._poll - 1:
             listener.silent_at = self._began_before
@@ -236,7 +236,7 @@ class ControlSocket:
         if connection.socket.fileno() < 0:
             return  # closed already
         self._connections.drop(connection)
-        # Closing would do, but not while a process that is being started holds a copy.
+        # Closing is not enough while a process that is being started holds a copy.
         self._epoll.unregister(connection.file)
         connection.socket.close()
         connection.gone = True

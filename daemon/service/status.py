@@ -35,7 +35,7 @@ ASK_AGAIN = "request the motion again: it is forgotten when the program that beg
 
 @dataclass(slots=True)
 class Process:
-    """Properties of the daemon that do not change while it runs."""
+    """Properties of the daemon that do not depend on ticks."""
 
     robot: Robot
     pid: int
@@ -44,8 +44,8 @@ class Process:
     not_taken_up: str = ""  # reason why newer files are not in use
     read: Files | None = None  # as they were when the robot was loaded; None: as they are now
     files: Files = field(init=False)
-    changed: list[str] = field(default_factory=list)  # of these, when they were last checked
-    place: str = field(init=False)  # of config.yaml; the file system is queried only once
+    changed: list[str] = field(default_factory=list)  # files that had changed at the last check
+    place: str = field(init=False)  # path of config.yaml; the file system is queried only once
     payloads: Payloads = field(init=False)
     poses: Poses = field(init=False)
     seen: CoveredRange = field(init=False)
@@ -58,8 +58,8 @@ class Process:
         self.place = str(self.robot.place())
 
     def newer(self) -> list[str]:
-        """Reason why the arm is not enabled with the files as they were read: they have changed
-        since. Queries the file system."""
+        """Reason against `enable`: files have changed since they were read. Queries the file
+        system."""
         self.changed = self.files.changed()
         if not self.changed:
             return []
@@ -77,7 +77,7 @@ def status_of(
     *,
     attended: bool = False,
 ) -> Status:
-    """Status of the daemon: its process, its last tick, and what arming needs now."""
+    """Status of the daemon: its process, its last tick, and the arming checks now."""
     c, tick, last = process.robot.configuration, loop.tick, loop.tick.last
     samples, estimate = (last.samples, last.estimate) if last else (None, None)
     zeros = [0.0] * len(c.joints)
@@ -141,9 +141,9 @@ def status_of(
 
 
 def _advice(tick: Tick, unproved: Sequence[str], *, attended: bool) -> str:
-    """Advice, a line for each: first for a joint not confirmed at standstill, then for the cause, a
-    contact that is still present, the trajectory that waits, a possible load, and conditions at
-    which the arm goes on."""
+    """Advice, one item per line: first for a joint not confirmed at standstill, then for the cause,
+    a contact that is still present, the trajectory that waits, a possible load, and conditions that
+    do not stop the arm."""
     machine, finding = tick.controller.machine, tick.controller.finding
     advice = []
     if unproved and tick.controller.faulted:
@@ -188,7 +188,7 @@ def _trajectory(controller: Controller, *, attended: bool) -> Trajectory:
 
 
 def snapshot_of(robot: Robot, tick: Tick) -> Snapshot:
-    """Snapshot for a reader, beside the States. Raises ControlError before the first sample."""
+    """Snapshot for a reader of States. Raises ControlError before the first complete samples."""
     last = tick.last
     if last is None or last.decision is None:
         raise ControlError("the drives have not sent all their samples yet; try again")

@@ -1,4 +1,4 @@
-"""Streams of targets: the connection that sends one, and its targets as the arm takes them."""
+"""Streams of targets: the connection that sends one, and checks of its targets."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -33,25 +33,25 @@ class Streams:
     _highest: Vector = field(init=False)
 
     def of(self, connection: int, present: TargetStream | None) -> TargetStream | None:
-        """Stream that the arm follows at `present`, if this connection sends it."""
+        """Stream that the arm follows at `present`, if this connection sends it; else None."""
         return present if connection == self._owner and present is self._stream else None
 
     def refusal(self, connection: int, cause: str) -> str:
-        """Reason why the target of a connection is refused that sends no stream now."""
+        """Reason for refusing a target from a connection that sends no stream now."""
         if connection != self._owner:
             return "this connection sends no stream: `follow` begins one"
         return f"the arm no longer follows this connection: {cause}"
 
     def begun(self, request: requests.Follow, q: Vector, who: str) -> TargetStream:
-        """Stream that begins with a request, while the arm is at q (n,) [rad]. Raises
+        """New stream from its first request, while the arm is at q (n,) [rad]. Raises
         TrajectoryError for a target of other joints, or out of reach."""
         first = self.target(request)
         self.refuse_far(first, q)
         return TargetStream(who, self.settings, self.limits, first)
 
     def refuse_far(self, target: Target, q: Vector, *, begun: bool = False) -> None:
-        """Raise TrajectoryError, with each joint, if a target is out of reach from q (n,) [rad], of
-        a stream that is begun or not."""
+        """Raise TrajectoryError, with each joint, if a target is out of reach from q (n,) [rad];
+        begun: of a stream that the arm follows already."""
         apart = np.abs(target.q - q)
         beyond = ~(apart <= self.settings.reach)
         far = [
@@ -61,10 +61,10 @@ class Streams:
             if beyond[i]
         ]
         if far:
-            way = way_to(self.joints, np.where(beyond, target.q, np.nan))
+            advice = way_to(self.joints, np.where(beyond, target.q, np.nan))
             if begun:
-                way = "lead the arm or the stream nearer, or end the stream first: " + way
-            raise TrajectoryError("; ".join([*far, way]))
+                advice = "lead the arm or the stream nearer, or end the stream first: " + advice
+            raise TrajectoryError("; ".join([*far, advice]))
 
     def own(self, stream: TargetStream, connection: int) -> None:
         """Record the connection that sends a stream, once the arm follows it."""
@@ -74,13 +74,13 @@ class Streams:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings that the stream moved faster or further than its thresholds cover, in the order
-        in which they came."""
+        """Warnings that the stream moved faster or further than its thresholds cover, in order of
+        occurrence."""
         return list(self._warnings.values())
 
     def compare(self, seen: CoveredRange) -> None:
-        """Warn where the stream moves faster or further than its thresholds cover: a path is
-        compared before it runs, of a stream only what it did is known."""
+        """Warn if the stream has moved faster or further than the thresholds cover. Unlike a path,
+        it can be compared only while it runs."""
         assert self._stream is not None
         moves = self._stream.moves
         self._fastest = np.maximum(self._fastest, np.abs(moves.velocity))

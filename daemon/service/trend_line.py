@@ -1,7 +1,7 @@
-"""Connection to the process that gathers trends: a row for each tick, and its warnings.
+"""Connection to the process that gathers trends: one row per tick to it, warnings from it.
 
-The daemon only writes to a pipe and reads from one, and waits for neither: rows that do not fit are
-left out, and the process begins a new interval.
+The daemon writes to a pipe and reads from another without blocking: rows that do not fit are left
+out, and the process begins a new interval.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ from daemon.protocol.trend_row import (
 from daemon.tick.telemetry import TickRecord
 from estimator.estimator import Estimator
 
-#: Room for some seconds of rows.
+#: Size of the pipe: some seconds of rows.
 PIPE_BYTES: Final = 1 << 20
 #: Ticks between two reads of the warnings.
 LISTENS_EVERY: Final = 100
@@ -43,7 +43,7 @@ _log = logging.getLogger("contactd")
 
 
 class TrendLine:
-    """Daemon's end. `warnings` are the present warnings about the gears, a line each."""
+    """Daemon's end of the connection; `warnings` about the gears, one per line, are the latest."""
 
     def __init__(self, robot: Robot, folder: Path | None) -> None:
         """Start the process for records in `folder`; without a folder nothing is gathered. If it
@@ -69,8 +69,8 @@ class TrendLine:
             return
         if record.estimate is not None and record.mode in SENSING:
             self._send(record, estimator)
-        if self._ticks % LISTENS_EVERY == 0 and self._process is not None:  # sending may end it
-            self._listen(self._process)
+        if self._ticks % LISTENS_EVERY == 0 and self._process is not None:  # `_send` may clear it
+            self._read_warnings(self._process)
 
     def _send(self, record: TickRecord, estimator: Estimator) -> None:
         estimate, samples, row = record.estimate, record.samples, self._joints
@@ -92,7 +92,7 @@ class TrendLine:
             _log.warning("trends are no longer gathered: %s", error)
             self._process = None
 
-    def _listen(self, process: "subprocess.Popen[bytes]") -> None:
+    def _read_warnings(self, process: "subprocess.Popen[bytes]") -> None:
         assert process.stdout is not None
         try:
             heard = os.read(process.stdout.fileno(), _ANSWER_BYTES)
@@ -122,7 +122,7 @@ class TrendLine:
 
 
 def identified_dates(robot: Robot) -> dict[str, str]:
-    """Date of the last identification of each joint's gap or friction, where there was one."""
+    """Date of the last identification of each joint's gap or friction, if there was one."""
     if robot.identified is None:
         return {}
     dates = {

@@ -19,7 +19,8 @@ class TrajectoryUpload:
         self._path: SampledPath | None = None
 
     def begin(self, header: Header, owner: int) -> None:
-        """Make room for a trajectory of the connection `owner`. Raises TrajectoryError."""
+        """Begin a trajectory of the connection `owner`, in place of any other. Raises
+        TrajectoryError."""
         builder = PathBuilder(
             header.name,
             self._joints,
@@ -54,7 +55,7 @@ class TrajectoryUpload:
         return self._path
 
     def release(self, owner: int) -> None:
-        """Forget the trajectory of this connection; one that runs already continues."""
+        """Discard the trajectory of this connection; if it runs already, it continues."""
         if owner == self._owner:
             self._owner, self._builder, self._path = 0, None, None
 

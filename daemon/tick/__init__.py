@@ -1,1 +1,1 @@
-"""Work of one period: read, estimate, judge, decide, command. No I/O but the drives."""
+"""Work of one period: read, estimate, detect faults, decide, command. No I/O except the drives'."""

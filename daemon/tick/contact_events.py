@@ -1,5 +1,5 @@
 """Events of contacts and collisions: from the inputs of a tick to an event of the mode table, by
-the configured reactions and as far as the arm can follow it."""
+the configured reactions, as far as the arm can carry them out."""
 
 from daemon.faults.conditions import Response
 from daemon.modes.contact_reactions import ATTENTIVE, Reactions
@@ -12,7 +12,7 @@ from daemon.tick.decision import ControlInput
 
 
 class ContactEvents:
-    """Reactions of one arm to contact, and the stage of the release of the present one."""
+    """Reactions of one arm to contact, and the stage of the present contact's release."""
 
     def __init__(
         self, reactions: Reactions, machine: ModeMachine, motion: Motion, quiet: QuietTimer
@@ -23,8 +23,8 @@ class ContactEvents:
         self._opposed = False
 
     def pressed(self, observed: ControlInput) -> str:
-        """Contact still present after the arm stopped for it: a collision that lasts, or the rest
-        that a release left. Empty without one."""
+        """Description of a contact that is still present after the arm stopped for it: a collision,
+        or what remains after a release; empty without one."""
         if self._machine.mode not in (Mode.HOLDING, Mode.STOPPING) or self._motion.blind:
             return ""
         return observed.hit or (observed.touched if self.stage in LEFT else "")
@@ -63,38 +63,38 @@ class ContactEvents:
         counts = observed.struck or (attentive and not self._motion.blind)
         if not (counts and self._collision(observed)):
             return None
-        return self._able(self._reactions.to_collision(self._machine.armed), observed)
+        return self._permitted(self._reactions.to_collision(self._machine.armed), observed)
 
     def _of_contact(self, observed: ControlInput, attentive: bool) -> Trigger | None:
-        """Event of a contact below the collision level. A probable load is held instead of yielded
-        to, or backed away from; while the arm holds, it causes none."""
+        """Event of a contact below the collision level. For a probable load the arm halts instead
+        of yielding or retracting; while it holds, a load causes no event."""
         reaction = self._reactions.to_contact(self._machine.armed) or self._halt_of_path()
         cause = observed.touched
         if observed.load:
             attentive = self._machine.mode in ATTENTIVE or self._machine.mode in GUIDED
             reaction = Event.HALT if reaction in (Event.TOUCH, Event.RETRACT) else reaction
             cause = f"{observed.touched}: {observed.load}"
-        event = self._able(reaction, observed) if attentive else None
+        event = self._permitted(reaction, observed) if attentive else None
         return Trigger(event, cause) if event else None
 
     def _halt_of_path(self) -> Event | None:
-        """Event of a contact for which configuration and permission define no reaction."""
+        """Event of a contact to which configuration and permission assign no reaction."""
         careful = self._motion.follower.place.path.halts_at_contact
         return Event.HALT if self._machine.mode is Mode.TRACKING and careful else None
 
-    def _able(self, event: Event | None, observed: ControlInput) -> Event | None:
-        """Event of a contact as far as the arm can follow it: a halt where it must not let go, and
-        none where it holds already."""
+    def _permitted(self, event: Event | None, observed: ControlInput) -> Event | None:
+        """Event of a contact as far as the arm can carry it out: a halt if it must not release, and
+        none if it holds already."""
         if event is Event.RELEASE and self._machine.can(event):
             event = event if self._releases(observed) else Event.HALT
         elif event is Event.RETRACT and (self._opposed or not observed.avoided.any()):
-            # One that stands without a hand goes on to stand.
+            # An arm that waits after retracting keeps waiting.
             event = None if self._machine.mode is Mode.RETRACTING else Event.HALT
         return None if event is Event.HALT and self._machine.mode is Mode.HOLDING else event
 
     def _releases(self, observed: ControlInput) -> bool:
-        """True if the arm may let go: once for each contact, so that it does not move to and fro
-        between two obstacles; again if it only ended because sensing was not reliable."""
+        """True if the arm may release: once for each contact, so that it does not move to and fro
+        between two obstacles; again if a release only ended because sensing was not reliable."""
         if self.stage in (ReleaseStage.RELEASED, ReleaseStage.LET_GO) or not observed.sure:
             return False
         sound = all(f.response is Response.CONTINUE for f in observed.findings)

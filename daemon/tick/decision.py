@@ -24,7 +24,7 @@ class ControllerSettings:
     enable_timeout_s: float
     stop_timeout_s: float
     assists: bool = False  # a hand that leads
-    probes: bool = True  # for a hand that rests, before a trajectory goes on
+    probes: bool = True  # for a resting hand, before a trajectory resumes
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +44,9 @@ class ControlInput:
     struck: bool = False  # a collision began in this tick
     sure: bool = True  # every joint senses, and no residual has just restarted
     load: str = ""  # description of a load at the hand that explains the whole residual
-    too_often: str = ""  # description of contacts in doubt that came again and again at one place
-    play: Vector | float = 0.0  # distance links may fall down and up in their gaps, (2, n) [rad]
-    # Residual that may move the arm; None: all that is thresholded.
+    too_often: str = ""  # description of contacts in doubt that recur at one place
+    play: Vector | float = 0.0  # free travel of links down and up in their gaps, (2, n) [rad]
+    # Residual that may move the arm; None: the thresholded residual.
     independent: IndependentResidual | None = None
 
     @property
@@ -56,22 +56,22 @@ class ControlInput:
 
     @property
     def avoided(self) -> Vector:
-        """Thresholded residual (n,) [Nm] that the arm backs away from or lets go of, none of it due
-        to learning alone."""
+        """Thresholded residual (n,) [Nm] for retracting and releasing, without what is due to
+        learning alone."""
         return self.thresholded if self.independent is None else beyond_stated(self.independent)
 
     @property
     def opposing(self) -> Vector:
-        """Residual (n,) [Nm] beyond the configured level, which stops an arm that backs away."""
+        """Residual (n,) [Nm] beyond the configured level, which stops a retracting arm."""
         if self.independent is None:
             return self.thresholded
         return dead_band(self.independent.agreed, self.independent.configured)
 
     @property
     def pressing(self) -> Vector:
-        """Residual (n,) [Nm] beyond the stated level that still presses a joint that lets go, with
-        learned friction, as without it a clamp seems looser than it is; none that is due to
-        learning alone."""
+        """Residual (n,) [Nm] beyond the stated level that still presses a releasing joint. Learned
+        friction is used, as without it a clamp seems looser than it is, but what is due to learning
+        alone is left out."""
         if self.independent is None:
             return self.thresholded
         pressing = dead_band(self.residual, self.independent.stated)
@@ -83,6 +83,6 @@ class Decision:
     """Commands to the drives, and the reference behind them; vectors of shape (n,)."""
 
     power: tuple[PowerTarget, ...]
-    reset: bool  # ask drives in fault for a reset
+    reset: bool  # request a fault reset from drives in fault
     velocity: Vector  # target velocity [rad/s]
     reference: Vector  # desired q [rad]

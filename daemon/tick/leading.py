@@ -1,4 +1,4 @@
-"""Changes of how a hand leads the arm, on request, in any mode: gains and guide."""
+"""Requests that change how a hand leads the arm, in any mode: gains and guide."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from daemon.protocol.requests import SetGain, SetGuide
 
 @dataclass(frozen=True, slots=True)
 class Leading:
-    """Requests about the leading of one arm; each method returns the reasons of a refusal."""
+    """Handler of these requests for one arm; each method returns the reasons for a refusal."""
 
     machine: ModeMachine
     motion: Motion
     joints: tuple[str, ...]
 
     def change(self, request: SetGain | SetGuide, who: str) -> tuple[list[str], str]:
-        """Carry out a request; returns reasons of a refusal, and what it is about."""
+        """Carry out a request; returns the reasons for a refusal, and the subject as text."""
         if isinstance(request, SetGuide):
             return self.set_guide(request.axes, who), str(request.axes)
         joint, gain = request.joint, request.gain
@@ -38,7 +38,7 @@ class Leading:
         return []
 
     def set_guide(self, axes: GuideAxes, who: str) -> list[str]:
-        """Lead the arm by another guide."""
+        """Replace the guide."""
         if reasons := axes.objections(len(self.joints)):
             return reasons
         text = f"guide {self.motion.guidance.axes} -> {axes}"

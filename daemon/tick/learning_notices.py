@@ -9,18 +9,18 @@ import numpy as np
 from daemon.protocol.state import Notice
 from estimator.estimator import Estimator
 
-#: Number of contacts in doubt at one place from which on it is reported, and from which on the arm
-#: holds: without a hand it would be interrupted for ever.
+#: Number of contacts in doubt at one place that is reported, and that makes the arm hold: without a
+#: hand, it would be interrupted forever.
 OFTEN: Final = 3
 TOO_OFTEN: Final = 5
-#: Friction per transmitted torque, beyond the identified interval, from which on it is reported:
-#: 0.05 is learned at most where there is none. Looked at once in so many ticks. What changes while
-#: a hand leads the arm is no evidence of it.
+#: Learned friction per transmitted torque, beyond the identified interval, that is reported: if
+#: there is none, at most 0.05 is learned. It is checked once in LOOKS_TICKS. Changes while a hand
+#: leads the arm do not count.
 LOAD, LOOKS_TICKS = 0.1, 50
 
 
 class LearningNotices:
-    """Learning notices of one arm, tick by tick."""
+    """News of one arm, tick by tick."""
 
     def __init__(self, estimator: Estimator, names: Sequence[str]) -> None:
         self._estimator, self._names = estimator, tuple(names)
@@ -31,7 +31,7 @@ class LearningNotices:
 
     @property
     def too_often(self) -> str:
-        """Joint with contacts at the same place TOO_OFTEN, described; empty without one."""
+        """Description of a joint interrupted TOO_OFTEN at the same place; empty without one."""
         interrupted = self._estimator.interrupted.tolist()
         if max(interrupted) < TOO_OFTEN:
             return ""
@@ -44,7 +44,7 @@ class LearningNotices:
 
     @property
     def load(self) -> str:
-        """Joints whose gears rub more under load than was identified, and advice; empty without."""
+        """Joints with more load-dependent friction than identified, with advice; may be empty."""
         estimator = self._estimator
         learned = (estimator.learned().load - self._by_hand).tolist()
         known = estimator.transmission.load_friction_error.tolist()
@@ -57,14 +57,14 @@ class LearningNotices:
             return ""
         return (
             f"friction grows with load, more than identified: {', '.join(found)}: "
-            "`contactd identify friction`, as what was learned of it ends with the daemon"
+            "`contactd identify friction`, as learned values are lost when the daemon ends"
         )
 
     def _at(self, i: int) -> str:
         return f"{self._estimator.place(i):.2f}"
 
     def step(self, *, led: bool = False) -> tuple[Notice, ...]:
-        """Notices of this tick, in which a hand may have led the arm; most often none."""
+        """Notices of this tick, usually none; led: a hand may have led the arm in it."""
         estimator = self._estimator
         self._ticks, self._led = self._ticks + 1, self._led or led
         if self._ticks % LOOKS_TICKS == 0:

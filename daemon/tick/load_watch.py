@@ -4,9 +4,9 @@ A recognised payload is reported, learning is suspended as long as it lasts, and
 confirmed the controller holds instead of yielding to it. The model and the levels stay as they are.
 When a payload is announced, the residual that still shows it for some 0.1 s is not a contact.
 
-An arm that yields hardly moves, and recognises nothing. A steady pull like that of a payload, and
-contacts that keep the arm from its trajectory again and again, are reported within seconds
-(`hint`), and change nothing.
+While the arm yields, it hardly moves, and no payload is recognised. A steady pull like that of a
+payload, and contacts that interrupt the trajectory again and again, are only reported, within
+seconds (`hint`).
 """
 
 from typing import Final
@@ -24,7 +24,7 @@ from estimator.payload import Payload
 from estimator.recognition import Recognition
 from estimator.steady_pull import SteadyPull
 
-#: A payload found again is reported if its mass differs by this share, or by this many kg.
+#: A recognised payload is reported again if its mass changed by this share, and this many kg.
 NEWS_SHARE, NEWS_KG = 0.15, 0.05
 #: Distance from the tool point, along an axis, from which on a place is part of the advice [m].
 AWAY_M: Final = 0.01
@@ -46,7 +46,7 @@ class LoadWatch:
         self._interruptions = Interruptions(estimator.period_s)
         self._hinted_kg = 0.0
         self._mode = Mode.OFF
-        self._payload: Payload | None = None  # that the model counts
+        self._payload: Payload | None = None  # in the model
         self._reported_kg = 0.0
         # Mass and mass times place (4,) by which the model was changed, and the share of this
         # change that r still shows.
@@ -68,7 +68,7 @@ class LoadWatch:
         return "" if left.any() else self.words
 
     def settles(self, estimate: Estimate) -> bool:
-        """True if the residual is explained by the rest of a payload that was just announced."""
+        """True if the transient of a payload that was just announced explains the residual."""
         if self._left <= _FADED:
             return False
         model = self._estimator.model
@@ -78,7 +78,7 @@ class LoadWatch:
         return not dead_band(estimate.residual - shown, estimate.threshold).any()
 
     def step(self, mode: Mode, estimate: Estimate | None, sensing: Sensing) -> tuple[Notice, ...]:
-        """Take the estimate of a tick that ended in `mode`; returns news."""
+        """Process the estimate of a tick that ended in `mode`; returns notices."""
         recognition, before = self._recognition, self._recognition.found
         often = self._interruptions.often
         self._left *= self._fades
@@ -107,11 +107,11 @@ class LoadWatch:
         if not self._pull.lasts:
             self._hinted_kg = 0.0
         if found is not None:
-            if found == before or not _is_other(found.mass, self._reported_kg):
+            if found == before or not _differs(found.mass, self._reported_kg):
                 return ()
             self._reported_kg = found.mass
             return (Notice(kind="mode", text=f"{self.words}: {self.advice}"),)
-        if pulls and _is_other(pulls, self._hinted_kg):
+        if pulls and _differs(pulls, self._hinted_kg):
             self._hinted_kg = pulls
         elif self._hinted_kg or often or not self._interruptions.often:
             return ()
@@ -139,7 +139,7 @@ class LoadWatch:
 
     @property
     def hint(self) -> str:
-        """Report of a possible load that is not recognised, with advice; empty without one."""
+        """Report of a possible but not recognised load, with advice; empty without one."""
         pulls = self._pull.mass
         if self.found is not None or not (pulls or self._interruptions.often):
             return ""
@@ -175,8 +175,8 @@ class LoadWatch:
 
 
 class Interruptions:
-    """Interruptions of the trajectory by contacts; `often` while the last OFTEN came within
-    OFTEN_S, and the latest is no longer ago than that."""
+    """Interruptions of the trajectory by contacts; `often` while the last OFTEN occurred within
+    OFTEN_S, and the latest at most OFTEN_S ago."""
 
     def __init__(self, period_s: float) -> None:
         self.often = False
@@ -189,7 +189,7 @@ class Interruptions:
         self._ago[:] = [self._within] * OFTEN
 
     def step(self, before: Mode, mode: Mode) -> None:
-        """Take the mode before and after a tick."""
+        """Process the modes before and after a tick."""
         ago = self._ago
         for k in range(OFTEN):
             ago[k] += 1
@@ -208,8 +208,8 @@ def together(one: Payload, other: Payload) -> Payload:
     return Payload(mass=mass, com=com)
 
 
-def _is_other(mass: float, reported: float) -> bool:
-    """True if a mass differs from the one reported last by enough for a new report; in kg."""
+def _differs(mass: float, reported: float) -> bool:
+    """True if a mass differs enough from the last reported one for a new report [kg]."""
     return abs(mass - reported) > max(NEWS_SHARE * mass, NEWS_KG)
 
 

@@ -1,8 +1,8 @@
-"""Fixed loop: absolute deadlines, one tick each, then the doors, then sleep.
+"""Fixed-rate loop: one tick per absolute deadline, then `doors` (clients and the log), then sleep.
 
-All ticks lie on one grid, so that lateness never adds up. After a late wake-up every deadline
-that the drives' answers would overlap is counted and skipped, never made up for: two ticks in a
-burst would make time appear to run twice as fast to the drives.
+All deadlines lie on one grid, so that lateness does not accumulate. After a late wake-up every
+deadline that the drives' answers would overlap is counted and skipped, never caught up: to the
+drives, two ticks in a burst would make time appear to run twice as fast.
 """
 
 import math
@@ -18,11 +18,11 @@ ANSWER_SHARE = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Source of the loop's time, and its way of waiting."""
+    """Time source of the loop, and its sleep function."""
 
     now: Callable[[], float]  # monotonic [s]
     sleep_until: Callable[[float], None]
-    wall: Callable[[], float]  # Unix time [s]; shown and recorded, decides nothing
+    wall: Callable[[], float]  # Unix time [s]; for display and recordings only
 
 
 def deadlines_left_out(lateness: float) -> int:
@@ -32,7 +32,7 @@ def deadlines_left_out(lateness: float) -> int:
 
 
 class Loop:
-    """Loop over `tick`, every `period_s` until it is stopped."""
+    """Loop that runs `tick` every `period_s`."""
 
     def __init__(self, tick: Tick, clock: Clock, period_s: float) -> None:
         self.tick = tick
@@ -52,11 +52,11 @@ class Loop:
 
     @property
     def time_s(self) -> float:
-        """Time since the loop was made [s]."""
+        """Time since the loop was created [s]."""
         return self.now_s - self._start_s
 
     def run(self, doors: Callable[[], None], running: Callable[[], bool]) -> None:
-        """Tick until `running()` is false; `doors()` follows each tick, in its slack."""
+        """Tick until `running()` is false; `doors()` runs after each tick, in its slack."""
         while running():
             self.step()
             began = self._clock.now()

@@ -23,7 +23,7 @@ class Notices:
         self._machine = machine
         self._sensing = SensingNotices(names)
         self._reported: frozenset[Finding] = frozenset()
-        self._proved = False  # every stop, in the tick before
+        self._proved = False  # every stop, in the previous tick
 
     def step(
         self,

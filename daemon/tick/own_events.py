@@ -1,5 +1,5 @@
-"""Events of the arm itself: energised, at rest, quiet, at a bound, arrived, timeout. From
-the inputs of a tick to one of the mode table, a function a mode."""
+"""Events of the arm itself: energised, at rest, quiet, at a bound, arrived, timeout. Each mode has
+a function from the inputs of a tick to an event of the mode table."""
 
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -22,12 +22,12 @@ from daemon.protocol.state import Meeting
 from daemon.tick.decision import ControlInput, ControllerSettings
 from daemon.tick.refusals import leaves_limits, looked_ahead
 
-# Places of the path that are looked at in one tick, before it goes on: half a ms.
+# Points of the path that are checked in one tick, before it resumes: half a millisecond.
 PLACES_A_TICK = 8
 
 
 class OwnEvents:
-    """Events of one arm without a person and without a contact."""
+    """Events of one arm that neither a person nor a contact causes."""
 
     def __init__(
         self,
@@ -41,9 +41,9 @@ class OwnEvents:
         self._settings, self._machine, self._motion = settings, machine, motion
         self._quiet, self._allowance = quiet, allowance
         self._probe, self._witness = Probe(len(settings.joints), settings.quiet_s), witness
-        self._ahead: Iterator[Meeting | None] | None = None  # what is still to be looked at
+        self._ahead: Iterator[Meeting | None] | None = None  # points that are still to be checked
         self._rests = ""  # joint on which a hand was found to rest, since the arm began to yield
-        self._waits: dict[Mode, Callable[[float, ControlInput], Trigger | None]] = {
+        self._handlers: dict[Mode, Callable[[float, ControlInput], Trigger | None]] = {
             Mode.ENABLING: self._enabling,
             Mode.STOPPING: self._stopping,
             Mode.TRACKING: self._tracking,
@@ -55,7 +55,7 @@ class OwnEvents:
         mode = self._machine.mode
         if mode in (Mode.ADMITTANCE, Mode.RETRACTING):
             self._allowance.spend(dt)
-            self._look_for_a_hand(time_s, mode, observed)
+            self._probe_for_hand(time_s, mode, observed)
             return self._yielding(mode, observed)
         self._allowance.recover(dt)
         self._rests = ""
@@ -65,12 +65,12 @@ class OwnEvents:
             self._probe.work(observed.residual, observed.motor_velocity, dt)
         if mode is Mode.RELEASING:
             return self._releasing(dt, observed)
-        waits = self._waits.get(mode)
-        return waits(time_s - self._machine.entered_s, observed) if waits else None
+        handler = self._handlers.get(mode)
+        return handler(time_s - self._machine.entered_s, observed) if handler else None
 
-    def _look_for_a_hand(self, time_s: float, mode: Mode, observed: ControlInput) -> None:
-        """Probe before a trajectory goes on after a hand was witnessed; where one rests, the quiet
-        time begins anew."""
+    def _probe_for_hand(self, time_s: float, mode: Mode, observed: ControlInput) -> None:
+        """Probe before a trajectory resumes after a hand was witnessed; if one rests on the arm,
+        the quiet time restarts."""
         probe, machine, independent = self._probe, self._machine, observed.independent
         led = mode is Mode.ADMITTANCE and self._witness is not None and self._witness.hand
         if independent is None or not (led and machine.moving and self._settings.probes):
@@ -87,7 +87,7 @@ class OwnEvents:
         if self._quiet.expired and (joint := probe.hand(jacobian)) is not None:
             name = self._settings.joints[joint]
             if name != self._rests:
-                cause = "it goes on once nothing presses, or push to lead it"
+                cause = "the trajectory resumes once nothing presses, or push to lead the arm"
                 machine.changes.append(Change(f"something rests on {name}", cause))
             self._rests = name
             self._quiet.restart(time_s)
@@ -110,12 +110,12 @@ class OwnEvents:
 
     @property
     def after_quiet(self) -> AfterQuiet:
-        """Continuation of the trajectory after a contact; a stream has settings of its own for the
-        way back to it."""
+        """Continuation of the trajectory after a contact; a stream has its own settings for the
+        return to it."""
         return AfterQuiet.RESUME if self._motion.stream else self._settings.after_quiet
 
     def _when_quiet(self, observed: ControlInput) -> tuple[Event, list[str]]:
-        """Event after the quiet time, with the reasons why the trajectory does not go on here."""
+        """Event after the quiet time, with the reasons why the trajectory does not resume here."""
         if not self._machine.moving:
             return Event.SETTLE, []
         if observed.too_often:
@@ -130,8 +130,8 @@ class OwnEvents:
         return (Event.RETURN if fits else Event.SETTLE), reasons
 
     def _blocked(self, q: Vector) -> list[str] | None:
-        """Reasons why the trajectory cannot go on from q (n,) [rad], where the arm stands: shapes
-        in its way. None: in a later tick."""
+        """Reasons why the trajectory cannot resume from q (n,) [rad]: shapes that it would lead
+        through each other. None until the check is complete, in a later tick."""
         if self._ahead is None:
             self._ahead = looked_ahead(self._motion.walls, q, self._motion.follower.place)
         looks = list(islice(self._ahead, PLACES_A_TICK))
@@ -176,7 +176,7 @@ class OwnEvents:
 
     def _returning(self, elapsed_s: float, observed: ControlInput) -> Trigger | None:
         if self._motion.arrived(observed.q):
-            # Where it goes on after that: from its reference.
+            # The trajectory then resumes from the reference.
             if (blocked := self._blocked(self._motion.reference)) is None:
                 return None
             if blocked:

@@ -1,4 +1,4 @@
-"""Recent late ticks and touches, which the record of a single tick does not show.
+"""History of late ticks and contacts, which the record of a single tick does not contain.
 
 Pure; time is an argument.
 """
@@ -12,8 +12,8 @@ from common.arrays import Vector
 from daemon.faults.finding import Finding
 from estimator.estimate import Estimate
 
-# A busy machine is late now and then, and one late tick is harmless: a loop that is not on time has
-# more late ticks than this within a second.
+# Late ticks that are tolerated within a second: on a busy machine single ones occur, and are
+# harmless.
 LATE_TICKS = 2
 
 
@@ -24,10 +24,10 @@ class RecentEvents:
         self.late_s: deque[float] = deque(maxlen=LATE_TICKS + 1)
         """times of the latest late ticks [s]"""
         self.touched_s: Vector = np.full(n, -np.inf)
-        """when each joint was last above its threshold (n,) [s]"""
+        """time at which each joint was last above its threshold (n,) [s]"""
 
     def step(self, findings: Sequence[Finding], estimate: Estimate | None, time_s: float) -> None:
-        """Note the lateness of one tick, and the joints that are touched in it."""
+        """Record whether this tick is late, and which joints are above their thresholds."""
         if estimate is not None and any(estimate.thresholded.tolist()):
             self.touched_s[estimate.thresholded != 0.0] = time_s
         if any(finding.check == "loop" for finding in findings):

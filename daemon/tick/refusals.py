@@ -15,12 +15,12 @@ from estimator.walls import SINKS_M, Walls
 
 # Largest distance from its first sample at which a recorded trajectory may begin [rad].
 START_TOLERANCE = 0.05
-# Distance outside the limits at which a joint seldom can be, as its end stops are nearer [rad].
+# Distance outside the limits beyond which a position is implausible: end stops are nearer [rad].
 FAR = 1.0
-# Distance inside the range of a path at which the way to it ends, as it is not exact [rad].
+# Margin by which a suggested move ends inside the range from which the path fits [rad].
 INSIDE = 0.02
-# Places of a path that are looked at for shapes in its way, a few ms in all; and of one without an
-# end, the time that is [s].
+# Number of points of a path that are checked for collisions of shapes, a few ms in all; and the
+# part of an endless path that is checked [s].
 PLACES, ENDLESS_S = 80, 60.0
 SHAPES_FILES = "surroundings.yaml or shapes.yaml"
 
@@ -37,10 +37,10 @@ def not_energisable(
     joints: Sequence[str], ends: Sequence[str], limits: Limits, observed: ControlInput
 ) -> list[str]:
     """Reasons against `enable`: findings that require a quick stop, drives that are still switching
-    off, and joints further outside their limits than the arm would lead them back by itself."""
+    off, and joints too far outside their limits for the arm to lead them back by itself."""
     reasons = [str(f) for f in observed.findings if f.response >= Response.QUICK_STOP]
     if late := [name for name, on in zip(joints, observed.operating, strict=True) if on]:
-        # Taken for enabled drives in the next tick, and then for drives that have dropped out.
+        # The next tick would take them for enabled drives, and then for ones that dropped out.
         reasons.append(f"still switching off: {', '.join(late)}")
     q = observed.q
     outside = limits.outside(q)
@@ -53,7 +53,7 @@ def not_energisable(
 
 
 def _way_back(end: str, limits: Limits, q: Vector, i: int) -> str:
-    """Advice for joint i, which stands outside; so far outside the position is doubted, too."""
+    """Advice for joint i outside its limits; beyond FAR, to check its position first."""
     if limits.lower[i] - FAR < q[i] < limits.upper[i] + FAR:
         return WAY_BACK[end]
     doubt = "scale and offset of its `link_position` first (`contactd identify zero`)"
@@ -61,7 +61,7 @@ def _way_back(end: str, limits: Limits, q: Vector, i: int) -> str:
 
 
 def lacking(path: JointPath, *, blind: bool) -> list[str]:
-    """Requirements of `start` that are missing in any pose: a trajectory, or trusted links."""
+    """Requirements of `start` that are missing whatever the pose: a trajectory, trusted links."""
     if stands(path):
         return [
             "no trajectory is configured: `contactctl start FILE.csv` runs one, `contactctl go` "
@@ -91,7 +91,7 @@ def touched(observed: ControlInput, path: JointPath, *, armed: bool, blind: bool
 
 def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place) -> list[str]:
     """Reasons against `start`: joints that are not where the path begins, otherwise those that it
-    would move out of their limits; then the command that moves the arm to where it can start."""
+    would move out of their limits; then the command that moves the arm to a valid start."""
     astray, begin = _astray(joints, q, place), place.path.begin
     if astray and begin is not None:
         there = np.where(place.astray(q, START_TOLERANCE), begin, np.nan)
@@ -105,13 +105,13 @@ def not_startable(joints: Sequence[str], q: Vector, limits: Limits, place: Place
 
 
 def leads_through(walls: Walls | None, q: Vector, place: Place) -> Meeting | None:
-    """First place of a path from q (n,) [rad] that is a reason against `start`."""
+    """First collision of shapes on a path from q (n,) [rad], a reason against `start`; or None."""
     return next(filter(None, looked_ahead(walls, q, place)), None)
 
 
 def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeting | None]:
-    """For each of PLACES of the rest of a path from q (n,) [rad], or of its first minute if it has
-    no end: what it leads through each other there, or deeper where they overlap."""
+    """Check of the rest of a path from q (n,) [rad], or of its first minute if it is endless: for
+    each of PLACES points, the pair that penetrates, or penetrates deeper than before, if any."""
     if walls is None or not walls.clearance.pairs:
         return
     clearance, path, s = walls.clearance, place.led_to(q).path, place.s
@@ -129,17 +129,17 @@ def looked_ahead(walls: Walls | None, q: Vector, place: Place) -> Iterator[Meeti
             continue
         names = [one.name for one in clearance.pairs[pair]]
         depth = f", {-1000.0 * gap:.0f} mm deep," if gap < -5e-4 else ""
-        through, way = "through", "go there another way"
+        through, advice = "through", "go there another way"
         if least[pair] < -ROUNDING:
             before = -1000.0 * (least[pair] + SINKS_M)
             through, depth = "deeper into", f", from {before:.0f} to {-1000.0 * gap:.0f} mm,"
-            way = f"go first where it comes out, correct {SHAPES_FILES}, or move it without power"
-        text = f"{path.name} leads {f' {through} '.join(names)}{depth} at {at_s:.1f} s: {way}"
+            advice = f"go first where they part, correct {SHAPES_FILES}, or move it without power"
+        text = f"{path.name} leads {f' {through} '.join(names)}{depth} at {at_s:.1f} s: {advice}"
         yield Meeting(pair=names, position=there.tolist(), text=text)
 
 
 def _floor(gaps: Vector, before: Vector | float) -> Vector:
-    """Least gap that each pair may have after these [m]."""
+    """Smallest gap that each pair may have after these [m]."""
     gaps = np.asarray(gaps)
     return np.where(gaps < 0.0, np.maximum(before, gaps - SINKS_M), -ROUNDING)
 

@@ -1,7 +1,6 @@
-"""Share of missing samples of each joint, and of ticks whose answers come late; notices when one is
-high.
+"""Shares of missing samples of each joint, and of ticks with late answers; notices if one is high.
 
-Single missing samples are bridged and have no effect, but point to a bad cable or a loaded bus.
+Single missing samples are bridged and have no effect, but indicate a bad cable or a loaded bus.
 Pure.
 """
 
@@ -27,7 +26,7 @@ class SampleLosses:
     def __init__(self, names: Sequence[str], period_s: float) -> None:
         """names: of the joints, (n,)."""
         self.share: Vector = np.zeros(len(names))
-        """of recent samples that are missing, (n,) [-]"""
+        """Share of recent samples that are missing, (n,)"""
         self._names = tuple(names)
         self._weight = period_s / WITHIN_S
         self._any = False
@@ -35,8 +34,8 @@ class SampleLosses:
         self._late, self._late_reported = 0.0, False
 
     def step(self, came: NDArray[np.bool_], *, complete: bool) -> tuple[Notice, ...]:
-        """Process one tick: which joints have a sample (n,), and whether all have one of a known
-        moment. Returns notices."""
+        """Process one tick: `came` is True for joints with a sample (n,); `complete` if all samples
+        are of this tick. Returns notices."""
         if complete and not self._any:
             return ()
         self.share += (~came - self.share) * self._weight
@@ -57,5 +56,5 @@ class SampleLosses:
         return tuple(Notice(kind="mode", text=text) for text in texts)
 
     def in_words(self, joints: Sequence[int]) -> str:
-        """Shares of these joints."""
+        """Shares of these joints, as text."""
         return ", ".join(f"{self._names[i]} {self.share[i]:.0%}" for i in joints)

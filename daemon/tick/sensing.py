@@ -19,7 +19,7 @@ from estimator.estimate import Estimate, Flag
 SETTLED: Final = 4.0
 #: Uninterrupted time after which a joint counts as sensing again [s].
 AGAIN_S: Final = 0.5
-#: Flags of an estimate that is valid nevertheless: true intervals were used, gaps were bridged.
+#: Flags with which an estimate is still valid: true intervals were used, missing samples bridged.
 HARMLESS: Final = Flag.LATE | Flag.BRIDGED
 _UNSETTLED: Final = ~(HARMLESS | Flag.RAISED)
 
@@ -30,25 +30,25 @@ class Sensing:
     def __init__(self, n: int, gain: float) -> None:
         """gain: of the residual [1/s]."""
         self.joints: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
-        """which joints sense contact (n,)"""
+        """True for joints that sense contact (n,)"""
         self.since_s: Vector = np.zeros(n)
-        """when that last changed, of each (n,) [s]"""
+        """Time of the last change of that, for each joint (n,) [s]"""
         self.settled = False
-        """no residual is still rising from a restart at zero."""
+        """True if no residual is still rising from a restart at zero"""
         self.sure = False
-        """every joint senses, settled, at levels that are not raised for missing samples."""
+        """True if every joint senses, settled, at levels not raised for missing samples"""
         self._each = [False] * n  # `joints`
         self._settles_s = SETTLED / gain
         self._unsettled_s = self._raised_s = -np.inf
 
     def begin_anew(self, time_s: float) -> None:
-        """Restart after the residuals were reset to zero: a contact has yet to show in them."""
+        """Restart after the residuals were reset to zero: they do not show a contact yet."""
         self.since_s = np.full_like(self.since_s, time_s)
         self._unsettled_s = time_s
         self.settled = self.sure = False
 
     def step(self, time_s: float, estimate: Estimate | None) -> None:
-        """Take the estimate of this tick; None while there is none."""
+        """Process the estimate of this tick; None while there is none."""
         if estimate is None:
             return
         if estimate.flags:
@@ -61,24 +61,24 @@ class Sensing:
             self.since_s = np.where(estimate.sensing != self.joints, time_s, self.since_s)
             self.joints, self._each = estimate.sensing, now
         self.settled = time_s - self._unsettled_s > self._settles_s
-        # They decay with half the residual's gain.
+        # Raised levels decay with half the residual's gain.
         raised = time_s - self._raised_s <= 2.0 * self._settles_s
         self.sure = self.settled and not raised and all(now)
 
 
 class SensingNotices:
-    """Notices about joints that do not sense contact: one when it begins, and one when it is over.
-    Sensing that comes and goes with every burst of losses is not reported each time."""
+    """Notices about joints that do not sense contact: one at the begin, and one at the end. Changes
+    with every burst of losses are not reported each time."""
 
     def __init__(self, names: Sequence[str]) -> None:
         """names: of the joints, (n,)."""
         self._names = tuple(names)
-        self._deaf_s: dict[int, float] = {}  # since when, of the joints that were reported
+        self._deaf_s: dict[int, float] = {}  # start time by joint that was reported
 
     def step(
         self, time_s: float, sensing: Sensing, findings: Sequence[Finding]
     ) -> tuple[Notice, ...]:
-        """Notices of one tick; findings: all that hold in it."""
+        """Notices of one tick; findings: all of this tick."""
         notices: list[Notice] = []
         for finding in findings:
             if finding.condition is Condition.DEAF:

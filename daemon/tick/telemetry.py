@@ -1,5 +1,5 @@
-"""Telemetry of a tick: its record, and the State made of it, with names and lists instead of enums
-and arrays."""
+"""Telemetry of a tick: its record, and the State built from it, with names and lists instead of
+enums and arrays."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -41,8 +41,8 @@ SIDE_NAMES: dict[int, SideName] = {
     Side.UNKNOWN: "unknown",
 }
 FLAG_NAMES = {flag: flag.name.lower() for flag in Flag if flag.name}
-# Fields of a State that are a vector of the estimate, with its name there. Fields in words are
-# added by `estimated`.
+# Fields of a State that are vectors of the estimate, with their names there; `estimated` adds the
+# other fields.
 ESTIMATED: Final = {
     "link_velocity": "q_dot",
     "motor_estimate": "theta",
@@ -62,10 +62,10 @@ class Wakeup:
 
     monotonic_s: float = 0.0
     lateness_s: float = 0.0
-    work_s: float = 0.0  # of the tick before
+    work_s: float = 0.0  # of the previous tick
     missed: int = 0  # deadlines, since the start
     left_out: int = 0  # deadlines skipped because this tick was late
-    doors_s: float = 0.0  # time for clients and the log, after the tick before
+    doors_s: float = 0.0  # time for clients and the log, after the previous tick
     wall_s: float = 0.0  # Unix time
 
 
@@ -86,7 +86,7 @@ class TickRecord:
     time_s: float  # since the loop started
     wakeup: Wakeup
     samples: Samples
-    interval_s: float  # since the tick before
+    interval_s: float  # since the previous tick
     estimate: Estimate | None  # None until every joint had sent a sample
     sensing: NDArray[np.bool_]  # joints that sense contact
     sensing_since_s: Vector  # when that changed last [s]
@@ -95,7 +95,7 @@ class TickRecord:
     mode: Mode  # after the decision, like all that follows
     armed: bool = False
     cause: str  # of the mode
-    moving: bool = False  # a trajectory runs, or goes on after this contact
+    moving: bool = False  # a trajectory runs, or continues after this contact
     quiet_s: float = 0.0  # since the last tick with a non-zero thresholded residual
     unproved: tuple[str, ...] = ()  # joints commanded to stop and not confirmed at standstill
     payload: Payload | None = None  # included in the model
@@ -171,18 +171,18 @@ def estimated(estimate: Estimate) -> dict[str, Any]:
 def wrench_of(row: Vector) -> Wrench:
     """Wrench of the estimate's row (WIDTH,)."""
     values: list[float] = row.tolist()
-    ways = [values[k : k + 3] for k in range(UNSEEN, WIDTH, 3)]
+    directions = [values[k : k + 3] for k in range(UNSEEN, WIDTH, 3)]
     return Wrench(
         force=values[FORCE:COVARIANCE],
         covariance=values[COVARIANCE:STRENGTH],
-        unseen=[way for way in ways if any(way)],
+        unseen=[one for one in directions if any(one)],
         strength=values[STRENGTH],
         misfit=values[MISFIT],
     )
 
 
 def near_of(walls: Walls | None) -> Near | UnsetType:
-    """Nearest pair, as the last bound found it."""
+    """Nearest guarded pair, as of the last bound by the walls."""
     if walls is None or walls.nearest < 0:
         return UNSET
     clearance = walls.clearance
@@ -191,7 +191,7 @@ def near_of(walls: Walls | None) -> Near | UnsetType:
 
 
 def stream_state(stream: TargetStream, trajectory: str) -> StreamState:
-    """State of a stream; trajectory: as of the mode machine."""
+    """State of a stream; trajectory: that of the mode machine."""
     playout = stream.playout
     return StreamState(
         sender=stream.sender,

@@ -1,7 +1,7 @@
-"""One tick: read, estimate, judge, decide, command; and its record.
+"""One tick: read, estimate, detect faults, decide, command; and its record.
 
-`begin` and `finish` are apart so that a test in lockstep can let the simulated drives answer the
-SYNC in between. Times come from the caller.
+`begin` and `finish` are separate so that simulated drives can answer the SYNC in between, in tests
+that run in lockstep. Times come from the caller.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ from estimator.walls import Walls
 
 # A sample younger than this still shows whether a joint is at standstill [periods].
 RECENT_PERIODS = 2.5
-# Setpoints are never moved on by more than this at once, however late a tick comes [periods].
+# Setpoints never advance by more than this in one tick, however late it is [periods].
 LONGEST_STEP = 2.0
 
 
@@ -50,22 +50,22 @@ class Tick:
         self.drives, self.estimator, self.controller = drives, estimator, controller
         self.number = -1
         self.last: TickRecord | None = None
-        """None before the first."""
+        """None before the first tick"""
         self.fatal: Finding | None = None
-        """Finding for which the program must end, once the drives are commanded to stop."""
+        """Finding that ends the program, once the drives are commanded to stop"""
         self._detector = detector
         self._period_s = period_s
         self._time_s = 0.0
         self._sampled_s = np.full(len(drives.names), -period_s)  # time of the last samples
         self._gaps = np.zeros(len(drives.names))
-        self._was_complete = False  # of the samples before
+        self._was_complete = False  # the previous samples
         self._sensing = Sensing(len(drives.names), estimator.settings.gain)
         self.recent = RecentEvents(len(drives.names))
         self._notices = Notices(drives.names, controller.machine)
         self.losses = SampleLosses(drives.names, period_s)
         self._standstill = np.zeros(len(drives.names))
         self.payload: Payload | None = None
-        """Payload at the hand in the model, from the next tick on."""
+        """Payload at the hand in the model, from the next tick on"""
         self.loads = LoadWatch(estimator)
         self.learning_notices = LearningNotices(estimator, drives.names)
 
@@ -106,9 +106,9 @@ class Tick:
             # The torque that friction held until now is not an external torque.
             self.estimator.reset()
             self._sensing.begin_anew(time_s)
-        if not machine.moving:  # what it met while it stood interrupted nothing
+        if not machine.moving:  # contacts at rest interrupt no trajectory
             self.estimator.interrupted[:] = 0
-        # While a brake may carry the arm nothing is sensed.
+        # No contact is sensed while a brake may carry the arm.
         contacts = estimate.contacts if estimate is not None and mode in SENSING else ()
         loads = self.loads.step(machine.mode, estimate, self._sensing)
         losses = self.losses.step(samples.came, complete=complete)
@@ -142,8 +142,8 @@ class Tick:
         )
 
     def _gaps_of(self, samples: Samples, interval_s: float, *, complete: bool) -> Vector:
-        """Time since the sample of each joint before this one (n,) [s], 0 where none came; until
-        the next tick."""
+        """Time between the previous and the present sample of each joint (n,) [s], 0 where none
+        came; the array is overwritten in the next tick."""
         gaps, time_s = self._gaps, self._time_s
         if complete and self._was_complete:
             gaps.fill(interval_s)
@@ -157,7 +157,7 @@ class Tick:
         return gaps
 
     def _estimated(self, samples: Samples, interval_s: float) -> Estimate | None:
-        """Estimate of this tick, once there was a sample of every joint."""
+        """Estimate of this tick; None until every joint has sent a sample."""
         begun = self.last is not None and self.last.estimate is not None
         if not begun and np.isnan(samples.link_position + samples.motor_velocity).any():
             return None
@@ -188,9 +188,9 @@ class Tick:
         known = self._control_input(samples, estimate, findings, complete=complete)
         decision = self.controller.step(self._time_s, self._step_s(), known)
         machine = self.controller.machine
-        # A maker's tool, or a stop, must not find a drive busy while anything moves.
-        stands = machine.mode is Mode.HOLDING and not machine.armed
-        self.drives.command(decision.power, decision.velocity, decision.reset, ask=stands)
+        # Slow requests could delay a stop, or a maker's tool: none are made unless the arm rests.
+        at_rest = machine.mode is Mode.HOLDING and not machine.armed
+        self.drives.command(decision.power, decision.velocity, decision.reset, ask=at_rest)
         return decision
 
     def _step_s(self) -> float:
@@ -245,8 +245,8 @@ class Tick:
     # --- requests between two ticks ---------------------------------------------------------
 
     def carry(self, payload: Payload | None, who: str, walls: Walls | None = None) -> list[str]:
-        """Set the payload of the model, None for none, with the walls of an arm that carries it,
-        from the next tick on; returns reasons of a refusal."""
+        """Set the payload of the model, None for none, and the walls with its shape, from the next
+        tick on; returns the reasons for a refusal."""
         machine = self.controller.machine
         if machine.mode in GUIDED or machine.mode in YIELDING:
             why = refusal(machine.mode, "payload")
@@ -255,7 +255,7 @@ class Tick:
         motion = self.controller.motion
         if motion.walls is not None:
             motion.walls = walls or motion.walls
-            text += ", whose shape no wall knows" if payload and not payload.box else ""
+            text += ", whose shape is not guarded" if payload and not payload.box else ""
         self.estimator.carry(payload)
         self.payload = payload
         self.loads.announce(payload)
@@ -263,7 +263,7 @@ class Tick:
         return []
 
     def unproved(self) -> tuple[str, ...]:
-        """Joints that must stand and are not confirmed at standstill: all of them, until the next
+        """Joints that must stand and are not confirmed at standstill: all joints, until the next
         tick commands them to stop."""
         to_stand = self.controller.machine.mode not in ENERGISED
         if to_stand and self.last is not None and self.last.mode in ENERGISED:

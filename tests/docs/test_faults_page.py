@@ -28,7 +28,7 @@ def test_the_pages_that_advice_names_are_there(page: str) -> None:
     ("constant", "value", "words"),
     [
         (following.TICKS, 20, "for 20 ticks a motor's velocity"),
-        (following.PRESSING_SHARE, 0.5, "with half of what it may"),
+        (following.PRESSING_SHARE, 0.5, "with half of its limit"),
         (witness.STILL_S, 0.2, "have rested for 0.2 s"),
         (plausibility.STUCK_TRAVEL, 0.1, "while the motor turns by 0.1 rad"),
         (plausibility.STUCK_TICKS, 20, "one value for 20 ticks"),

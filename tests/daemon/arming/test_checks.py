@@ -163,7 +163,7 @@ def test_no_check_passes_on_samples_of_an_earlier_tick(calm: Rig) -> None:
     old = replace(calm.samples, fresh=np.zeros(1, dtype=np.bool_))
     found = run(calm, samples=old)
     assert set(failing(found)) == SAMPLED
-    assert found.reasons == ("not known, without samples of joint in this tick",)
+    assert found.reasons == ("unknown: no samples of joint in this tick",)
 
 
 def test_a_restarted_drive_must_be_set_up_again_and_then_may_be_armed(rig: Rig) -> None:

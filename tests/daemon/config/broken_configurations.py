@@ -166,7 +166,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     "a residual twice": (
         "beside: [{kind: classical, friction: false, rotor_inertia: false, label: classical}]",
         "beside: [{kind: backlash}]", "beside: [",
-        "estimator.beside", ("backlash is there twice",),
+        "estimator.beside", ("backlash is listed twice",),
     ),
     "a residual of two masses without the second": (
         "residual: {kind: backlash}", "residual: {kind: two_mass, rotor_inertia: false}",
@@ -175,7 +175,7 @@ BROKEN: dict[str, tuple[str, str, str, str, tuple[str, ...]]] = {
     ),
     "a range of pre-sliding from its end": (
         "gain: 25.0", "gain: 25.0\n  presliding: [0.002, 0.0001]", "presliding: [",
-        "estimator.presliding", ("[0.002, 0.0001] rad", "at least comes first"),
+        "estimator.presliding", ("[0.002, 0.0001] rad", "must be [minimum, maximum]"),
     ),
     "contact at the collision level": (
         "contact: 0.8, collision: 6.0", "contact: 0.8, collision: 0.8", "collision: 0.8",

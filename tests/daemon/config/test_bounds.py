@@ -31,36 +31,36 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "levels of 800 Nm on a motor of 12": (
         SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0, least: 0.1",
         "contact: 800, collision: 900, least: 160", "joints[0] (joint).thresholds.contact",
-        ("800 Nm is beyond", "0.012 to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
+        ("800 Nm is outside", "0.012 to 6 Nm", f"0.5 of the motor's 12 {OF_MOTOR}"),
     ),
     "levels below all noise": (
         SINGLE_JOINT, "config.yaml", "contact: 0.5, collision: 4.0, least: 0.1",
         "contact: 1e-12, collision: 4.0, least: 2e-13", "joints[0] (joint).thresholds.contact",
-        ("1e-12 Nm is beyond", "its noise would be detected"),
+        ("1e-12 Nm is outside", "its noise would be detected"),
     ),
     "one link in grams": (
         ROMEO, "arm.urdf", 'mass value="0.694[0-9]*"', 'mass value="694"',
         "urdf (arm.urdf), line 20",
-        ("694 kg is beyond", "30 times all other moving links together: is it in kg?"),
+        ("694 kg is outside", "30 times all other moving links together: is it in kg?"),
     ),
     "a collision that no gear stands": (
         SINGLE_JOINT, "config.yaml", "collision: 4.0", "collision: 36.1",
         "joints[0] (joint).thresholds.collision",
-        ("36.1 Nm is beyond", "up to 36 Nm", "3 times the motor's 12 Nm"),
+        ("36.1 Nm is outside", "up to 36 Nm", "3 times the motor's 12 Nm"),
     ),
     "a residual that never rises": (
         SINGLE_JOINT, "config.yaml", "estimator:\n", "estimator:\n  gain: 1e-300\n",
         "estimator.gain",
-        ("1e-300 /s is beyond", "from 4.951 on /s", "ln 2 / gain and a period = 0.15 s"),
+        ("1e-300 /s is outside", "from 4.951 on /s", "ln 2 / gain and a period = 0.15 s"),
     ),
     "a touch that must last too long": (
         SINGLE_JOINT, "config.yaml", "estimator:\n", "estimator:\n  debounce: 14\n",
-        "estimator.debounce", ("14 ticks is beyond", "up to 12.23 ticks", "ln 2 / gain"),
+        "estimator.debounce", ("14 ticks is outside", "up to 12.23 ticks", "ln 2 / gain"),
     ),
     "levels that grow with speed": (
         SINGLE_JOINT, "config.yaml", "least: 0.1}", "least: 0.1, per_speed: 1e6}",
         "joints[0] (joint).thresholds.per_speed",
-        ("1e+06 Nm s/rad is beyond", "up to 2.75", "at limits.velocity come to 6 Nm"),
+        ("1e+06 Nm s/rad is outside", "up to 2.75", "level at limits.velocity is 6 Nm"),
     ),
     "no <inertial>": (
         ROMEO, "arm.urdf", ELBOW, r"\1", "urdf (arm.urdf), line 52",
@@ -77,63 +77,63 @@ DEAF: dict[str, tuple[Path, str, str, str, str, tuple[str, ...]]] = {
     "inertias 1e7 too large": (
         SINGLE_JOINT, "arm.urdf", r'(i(?:xx|yy|zz)=)"([^"]*)"', r'\1"\2e7"',
         "urdf (arm.urdf), line 13: link 'bar'",
-        ("1.35e+05 kg m2 is beyond", "up to 0.0625 kg m2", "1 kg at half the reach", "(0.5 m)"),
+        ("1.35e+05 kg m2 is outside", "up to 0.0625 kg m2", "1 kg at half the reach", "(0.5 m)"),
     ),
     "masses 1e7 too large": (
         SINGLE_JOINT, "arm.urdf", 'mass value="1.0"', 'mass value="1.0e7"',
         "urdf (arm.urdf), joint joint: gravity at worst",
-        ("1.933e+07 Nm is beyond", "up to 24 Nm", "are masses in kg"),
+        ("1.933e+07 Nm is outside", "up to 24 Nm", "are masses in kg"),
     ),
     "masses 1e4 too large on an upright joint": (
         DESK_ARM, "arm.urdf", '(?s)mass value="1.2".*?izz="0.0020"',
         'mass value="12000"/><inertia ixx="60" ixy="0" ixz="0" iyy="60" iyz="0" izz="20"',
         "urdf (arm.urdf), joint column: inertia of 20.04 kg m2 at limits.acceleration (4 rad/s2)",
-        ("80.14 Nm is beyond", "up to 18 Nm", "2 times the motor's 9 Nm"),
+        ("80.14 Nm is outside", "up to 18 Nm", "2 times the motor's 9 Nm"),
     ),
     "a gap of 0.5 rad": (
         SINGLE_JOINT, "config.yaml", "half_gap: 0.1", "half_gap: 0.5",
         "joints[0] (joint).half_gap",
-        ("0.5 rad is beyond", "up to 0.175 rad", "0.125 of its range of 2.8 rad"),
+        ("0.5 rad is outside", "up to 0.175 rad", "0.125 of its range of 2.8 rad"),
     ),
     "friction at rest": (
         SINGLE_JOINT, "config.yaml", "motor_coulomb: 0.3", "motor_coulomb: 1e6",
-        "joints[0] (joint).friction.motor_coulomb", ("1e+06 Nm is beyond", "up to 6 Nm"),
+        "joints[0] (joint).friction.motor_coulomb", ("1e+06 Nm is outside", "up to 6 Nm"),
     ),
     "friction in motion": (
         SINGLE_JOINT, "config.yaml", "link_viscous: 0.02", "link_viscous: 1e6",
-        "joints[0] (joint).friction.link_viscous", ("1e+06 Nm s/rad is beyond", "up to 3"),
+        "joints[0] (joint).friction.link_viscous", ("1e+06 Nm s/rad is outside", "up to 3"),
     ),
     "friction that raises the level at rest": (
         SINGLE_JOINT, "config.yaml", "motor_coulomb: 0.3, motor_viscous: 0.2, link_coulomb: 0.03",
         "stiction: 1, motor_coulomb: 5, motor_viscous: 0.2, link_coulomb: 5",
         "joints[0] (joint).thresholds",
-        ("19.62 Nm at rest is beyond", "up to 12 Nm", "friction (1.9 of 10 Nm: "),
+        ("19.62 Nm at rest is outside", "up to 12 Nm", "friction (1.9 of 10 Nm: "),
     ),
     "a rotor": (
         SINGLE_JOINT, "config.yaml", "rotor_inertia: 0.04", "rotor_inertia: 1e6",
         "joints[0] (joint).rotor_inertia",
-        ("1e+06 kg m2 is beyond", "up to 1 kg m2", "at limits.acceleration"),
+        ("1e+06 kg m2 is outside", "up to 1 kg m2", "at limits.acceleration"),
     ),
     "a spring in the gap": (
         SINGLE_JOINT, "config.yaml", "half_gap: 0.1",
         "half_gap: 0.1\n    gap_spring: {stiffness: 1e6}",
         "joints[0] (joint).gap_spring.stiffness",
-        ("1e+06 Nm/rad is beyond", "up to 2400", "bends the gear by 0.005 rad"),
+        ("1e+06 Nm/rad is outside", "up to 2400", "bends the gear by 0.005 rad"),
     ),
     "a damper in the gap": (
         SINGLE_JOINT, "config.yaml", "half_gap: 0.1",
         "half_gap: 0.1\n    gap_spring: {damping: 1e6}",
-        "joints[0] (joint).gap_spring.damping", ("1e+06 Nm s/rad is beyond", "up to 3 Nm"),
+        "joints[0] (joint).gap_spring.damping", ("1e+06 Nm s/rad is outside", "up to 3 Nm"),
     ),
     "a motor that makes room for any level": (
         SINGLE_JOINT, "config.yaml", "torque_constant: 3.0", "torque_constant: 300",
         "joints[0] (joint).torque_constant",
-        ("300 Nm/A is beyond", "up to 61.31", "50 times the weight of the whole arm"),
+        ("300 Nm/A is outside", "up to 61.31", "50 times the weight of the whole arm"),
     ),
     "no motor's torque constant": (
         SINGLE_JOINT, "config.yaml", "torque_constant: 3.0", "torque_constant: 1e-9",
         "joints[0] (joint).torque_constant",
-        ("1e-09 Nm/A is beyond", "0.01 to 1000 Nm/A", "behind a gear of 100"),
+        ("1e-09 Nm/A is outside", "0.01 to 1000 Nm/A", "behind a gear of 100"),
     ),
 }  # fmt: skip
 
@@ -186,9 +186,9 @@ def test_what_was_identified_is_bounded_with_its_own_line(tmp_path: Path) -> Non
         load_robot(arm)
     path = arm / "identified.yaml"
     line = 1 + next(i for i, x in enumerate(path.read_text().splitlines()) if "0.3" in x)
-    assert str(caught.value).startswith(
-        f"{path}:{line}: joints[0] (joint).half_gap: 0.3 rad is beyond what can be: up to 0.175"
-    )
+    where = f"{path}:{line}: joints[0] (joint).half_gap"
+    words = "0.3 rad is outside the possible range: up to 0.175"
+    assert str(caught.value).startswith(f"{where}: {words}")
 
 
 # --- nothing gets round them ----------------------------------------------------------------------

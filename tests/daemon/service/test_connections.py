@@ -161,7 +161,7 @@ def test_a_crowd_at_one_door_leaves_time_for_the_other(tmp_path: Path) -> None:
             began[0] = until_s  # it took all of that
 
         now = control_clock(control, began)
-        control._let_in = let_in  # type: ignore[method-assign]
+        control._admit = let_in  # type: ignore[method-assign]
         peers = [socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) for _ in range(2)]
         for one, at in zip(peers, control._listeners.values(), strict=True):
             one.connect(str(at.path))
@@ -191,14 +191,14 @@ def test_those_inside_leave_time_for_the_entrance(control: ControlSocket, dial: 
     control.poll(Handler())
     inside.send(b'{"command": "status"}')
     until: list[float] = []
-    control._let_in = lambda at, until_s: until.append(until_s)  # type: ignore[method-assign]
-    hear = control._look_at
+    control._admit = lambda at, until_s: until.append(until_s)  # type: ignore[method-assign]
+    hear = control._read_connection
 
     def slowly(*arguments: object) -> None:
         hear(*arguments)  # type: ignore[arg-type]
         began[0] += 5.0
 
-    control._look_at = slowly  # type: ignore[method-assign]
+    control._read_connection = slowly  # type: ignore[method-assign]
     dial()
     control.poll(Handler(), entrance_s=2.0)
     assert until == [began[0] + 1.0]

@@ -141,16 +141,16 @@ def test_a_start_that_was_sent_while_the_doors_were_open_is_older(
     control.poll(handler)
     early.send(b'{"command": "status"}')
     person.send(b'{"command": "stop"}')
-    look_at = control._look_at
+    look_at = control._read_connection
 
     def late(connection: Connection, events: int) -> None:
         look_at(connection, events)
         if connection.peer.connection == 1:
             early.send(b'{"command": "start"}')
 
-    control._look_at = late  # type: ignore[method-assign]
+    control._read_connection = late  # type: ignore[method-assign]
     control.poll(handler)
-    control._look_at = look_at  # type: ignore[method-assign]
+    control._read_connection = look_at  # type: ignore[method-assign]
     control.poll(handler)
     assert [request.command for request, _ in handler.seen] == ["stop", "status"]
     assert [reported(early)["ok"], reported(early)["ok"]] == [True, False]

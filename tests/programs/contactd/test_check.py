@@ -102,7 +102,7 @@ def test_a_refusal_ends_with_what_is_most_likely_behind_it(tmp_path):
     result = check(folder)
     assert result.exit_code == 78
     *refused, likely = result.output.splitlines()
-    assert all("is beyond what can be" in line for line in refused)
+    assert all("is outside the possible range" in line for line in refused)
     assert likely.endswith("by that it is 3 Nm/A at the link")
 
 
@@ -152,9 +152,9 @@ def test_an_arm_in_grams_or_millimetres_is_refused(tmp_path, scaled):
     result = check(folder)
     assert result.exit_code == 78
     assert (
-        "urdf (arm.urdf), joint swing: gravity at worst: 1134 Nm is beyond what can be: up to 9.6 "
-        "Nm, 2 times the motor's 4.8 Nm (torque_constant times max_current_A): are masses in kg "
-        "and lengths in m?"
+        "urdf (arm.urdf), joint swing: gravity at worst: 1134 Nm is outside the possible range: up "
+        "to 9.6 Nm, 2 times the motor's 4.8 Nm (torque_constant times max_current_A): are masses "
+        "in kg and lengths in m?"
     ) in result.output
     assert "joint column: gravity" not in result.output  # it is upright
 
@@ -186,13 +186,13 @@ def test_what_comes_near_its_bounds_is_reported_with_its_line(tmp_path):
     *_, warning, good = result.output.splitlines()
     line = 1 + next(i for i, x in enumerate(config.read_text().splitlines()) if "4.3" in x)
     assert warning == (
-        f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm comes near what can be: "
-        "0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times max_current_A): "
-        "above, it presses with nearly its full torque before a contact is detected; below, the "
-        "noise of its current is detected as a contact"
+        f"{config}:{line}: joints[0] (joint).thresholds.contact: 4.3 Nm is near the end of the "
+        "possible range: 0.012 to 6 Nm, 0.001 to 0.5 of the motor's 12 Nm (torque_constant times "
+        "max_current_A): above, it pushes with nearly its full torque before a contact is "
+        "detected; below, noise of its current is detected as a contact"
     )
     assert good.endswith("config.yaml: good")
-    assert "comes near" not in check(SINGLE_JOINT).output
+    assert "near the end of" not in check(SINGLE_JOINT).output
 
 
 def test_what_arm_would_refuse_is_reported(tmp_path):
