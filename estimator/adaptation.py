@@ -4,8 +4,6 @@
 
 Learned friction is taken off the residual and reaches the gap test; the level that a joint needs
 lowers the one in force. Where a contact raised doubt, both return to what was stated.
-
-Ordinary Python, which runs as it is; `adaptation.pxd` names the types for the compiler.
 """
 
 import numpy as np

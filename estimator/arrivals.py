@@ -1,9 +1,6 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Arrivals of samples: which joints have one in this tick, and how old those of the others are.
-
-Ordinary Python, which runs as it is; `arrivals.pxd` names the types for the compiler.
-"""
+"""Arrivals of samples: which joints have one in this tick, and how old those of the others are."""
 
 import numpy as np
 

@@ -10,8 +10,6 @@ boxes. The gap of a point x of a segment to something with the normal n at its n
 less the same at y for each that moves y. It is negative inside. One gap of a pair, the smallest, is
 not enough: where two segments are parallel its points jump from one end to the other. So each pair
 has a row for the nearest points, and one for each end: a fixed number, and nothing is allocated.
-
-Ordinary Python, which runs as it is; `clearance.pxd` names types for the compiler, decision 0037.
 """
 
 from collections.abc import Sequence

@@ -5,9 +5,6 @@
 A force on a link acts on its own joint and on those before it; the residuals of joints beyond the
 contact stay small. So the touched link is that of the last joint whose residual is clear: at least
 this one, and one further out only if the force has no lever about the joints in between.
-
-Ordinary Python, which runs as it is; `contact_detector.pxd` names the types for the compiler,
-decision 0037.
 """
 
 from collections.abc import Sequence

@@ -23,8 +23,6 @@ would have stayed below the level without.
 
 A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
 that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
-
-Ordinary Python, which runs as it is; `doubt.pxd` names the types for the compiler.
 """
 
 import numpy as np

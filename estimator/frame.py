@@ -1,10 +1,7 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Frame at a point of the arm: its Jacobian, and where it is, from a pose that `Dynamics` has
-computed. One walk from its body to the root.
-
-Ordinary Python, which runs as it is; `frame.pxd` names types for the compiler.
-"""
+computed. One walk from its body to the root."""
 
 import numpy as np
 

@@ -7,8 +7,6 @@ both ends.
 
 A joint whose sample is missing keeps its beginning, and its interval lasts until the next one
 comes: nothing of what happened meanwhile is lost, or counted twice.
-
-Ordinary Python, which runs as it is; `interval.pxd` names the types for the compiler.
 """
 
 import numpy as np

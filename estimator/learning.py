@@ -19,8 +19,6 @@ friction may be anything, what shows is believed less. No share goes beyond its 
 What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
 would make there, reduced as the joint shows its friction. What is known sinks them: the corrected
 residual shows what level its joint needs (`needed_level`).
-
-Ordinary Python, which runs as it is; `learning.pxd` names the types for the compiler.
 """
 
 from math import sqrt

@@ -10,8 +10,6 @@ Friction is the torque that may be off near rest, and at a turn: what stiction m
 `stiction_share` of it all. It passes the filter (13) of the residual, so that it covers what r
 still shows of it, and no more. `raise` is for what lasts a moment: a gap that is crossed, a side
 that is not known, samples that were missing; it fades with half the gain of r.
-
-Ordinary Python, which runs as it is; `levels.pxd` names the types for the compiler.
 """
 
 import numpy as np

@@ -13,9 +13,6 @@ How far back that instant lies is the method:
 For samples of equal distance T and encoder noise s the noise of the velocity is 2.55, 1.41 and
 0.71 times s / T. Currents and motor velocities are interpolated to the same instant: mixing times
 turns every acceleration into a torque that is not there.
-
-Ordinary Python, which runs as it is; `link_velocity.pxd` names the types for the compiler,
-decision 0037.
 """
 
 import numpy as np

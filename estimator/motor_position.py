@@ -13,9 +13,6 @@ its offset to the link is found, and drift taken out, by the geometry of the gap
 The side comes from the motor's side of the gear alone (current, friction, rotor inertia), never
 from the residual: a hand that moves the link to the other border of its gap is seen to do so, and
 is not explained away.
-
-Ordinary Python, which runs as it is; `motor_position.pxd` names the types for the compiler,
-decision 0037.
 """
 
 from enum import IntEnum

@@ -8,8 +8,6 @@ of the corrected residual over the configured level, in the last minutes of moti
 more in a pose in which the joint carries more than that motion has shown. A gap that is crossed has
 peaks of its own. What may be a person raises nothing: what is loud for long, what leans
 on the arm, and of one peak all but a tenth.
-
-Ordinary Python, which runs as it is; `needed_level.pxd` names the types for the compiler.
 """
 
 from math import sqrt

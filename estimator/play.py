@@ -1,9 +1,6 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Way that each link may fall in its gap while its motor stands.
-
-Ordinary Python, which runs as it is; `play.pxd` names the types for the compiler, decision 0037.
-"""
+"""Way that each link may fall in its gap while its motor stands."""
 
 from common.arrays import Matrix, Vector
 

@@ -15,8 +15,6 @@ twice; `interval` makes increments and integrals.
 An interval counts as gap only if the joint is in the gap at both ends. When the rotor meets the
 link within an interval, tau_M, friction and B Delta theta_dot of the whole interval must be taken
 together: what the rotor won in the gap is what it gives to the link.
-
-Ordinary Python, which runs as it is; `residual.pxd` names the types for the compiler.
 """
 
 from collections.abc import Mapping, Sequence

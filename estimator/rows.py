@@ -1,9 +1,6 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Many ticks of the estimator in one call: for recordings, logs and benches.
-
-Ordinary Python, which runs as it is; `rows.pxd` names the types for the compiler.
-"""
+"""Many ticks of the estimator in one call: for recordings, logs and benches."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -15,8 +15,6 @@ how much is held, is not known either, several of them are followed: the truth l
 lowest and the highest, or, as it is none of them, not far beyond (after turns within some
 milliradians up to 0.36 of the friction, mostly below 0.12: `stiction_share` is for that). The
 middle is believed, and half of what is between may be an error.
-
-Ordinary Python, which runs as it is; `stiction.pxd` names the types for the compiler.
 """
 
 import numpy as np

@@ -3,8 +3,6 @@
 """Torques and momenta of a joint at the common instant: the terms of (5), (6) and (7).
 
 Which of them act while rotor and link touch, and which in the gap, `residual` says.
-
-Ordinary Python, which runs as it is; `torques.pxd` names the types for the compiler.
 """
 
 import numpy as np

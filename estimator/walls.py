@@ -18,8 +18,6 @@ that.
 Shapes may be inside each other at the start: a file is wrong, or a keep-out where the arm stands.
 For these two d counts from a floor, `SINKS_M` below the deepest place, that rises with it: a link
 that turns its way out lowers a corner, and the deepest one by some millimetres.
-
-Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
 """
 
 from math import sqrt
