@@ -47,10 +47,7 @@ _ROUNDS = 3
 _WORSE = 1.02  # times the held-out |r| by the URDF, from which on a fit is worse: less is noise
 _NOTHING = 0.001  # of Coulomb friction, by which |r| may grow in any case
 _NO_FIT = 1.1  # the same, if nothing is better and the URDF's masses stay
-_WORTH, _AS_SURE = (
-    0.9,
-    0.5,
-)  # the same of some joint to be worth it: if masses changed clearly, or not
+_WORTH, _AS_SURE = 0.9, 0.5  # the same of some joint: if masses changed clearly, or not
 _UNKNOWN = 0.5  # of gravity's error by the URDF, that may remain over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
 _UNLIKELY = 3.0  # factor on the URDF's gravity, up or down, that masses cannot explain
@@ -84,8 +81,7 @@ class MassesFit:
     by_urdf: float
     by_this: float
     errors: Vector | None = None
-    """Standard errors (10,) of the body's parameters, those of the URDF where motion shows no
-    more"""
+    """Standard errors (10,) of the body's parameters, by the URDF where motion shows no more"""
 
     @property
     def good(self) -> bool:
@@ -152,8 +148,7 @@ def identify_masses(
             t = with_friction(t, fit.friction)
         return joints, fit, touched, t
 
-    # A constant offset of the current looks like gravity, and vice versa: only held-out motion
-    # separates them.
+    # A constant current offset looks like gravity, and vice versa: held-out motion separates them.
     none, every = np.zeros(log.n, dtype=np.bool_), np.ones(log.n, dtype=np.bool_)
     joints, fit, touched, known = rounds(none)
     left = _rms(_held_out(joints, nominal, period_s)[1])
@@ -238,8 +233,7 @@ def _judged(
     least: float,
 ) -> list[MassesFit]:
     """Fits with their verdicts, from the errors on the end of the motion by a fit to the rest, and
-    on its beginning likewise; coulomb (n,) [Nm]; least: times |r| by the URDF that is worth a
-    change."""
+    on its beginning likewise; coulomb (n,) [Nm]; least: times |r| by the URDF, to be worth it."""
     by_urdf, by_this = _held_out(joints, nominal, period_s)
     worth = bool((_rms(by_this) < least * _rms(by_urdf)).any())
     most, fits = _WORSE if worth else _NO_FIT, []
@@ -287,7 +281,7 @@ def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tupl
 def _errors(nominal: Matrix, fit: BodiesFit) -> Matrix:
     """Standard errors (k, 10) by what no column explains, the prior, and what motion leaves of
     displaced centres: with motion H, prior P, C = 1 / (H + P) and the centres' displacements S,
-    those of C (t H + P) C and (1 - C H) S. The first is correlated t times as long as the filter's
+    those of C (t H + P) C and (1 - C H) S. The first lasts t times as long as the filter's
     noise."""
     inverse = np.linalg.inv(fit.information)
     lasting = (LASTING_S / CORRELATED_S - 1.0) * fit.of_motion
