@@ -1,4 +1,4 @@
-"""Rotor inertias for drives that step: mean current of total periods, by the velocity loop in the
+"""Rotor inertias for drives that step: mean current of whole periods, by the velocity loop in the
 log.
 
 A drive that takes a setpoint u as a step applies the current of an acceleration at once, and much
@@ -32,7 +32,7 @@ _ROUNDS = 3
 _SLOWEST, _FASTEST = 5.0, 1000.0  # w [rad/s]
 
 
-def rotors_of_total_periods(
+def rotors_of_whole_periods(
     log: MotionLog,
     rows: Intervals,
     fitted: Vector,

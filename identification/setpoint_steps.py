@@ -1,7 +1,7 @@
 """Setpoints that a drive does not ramp evenly: whether its sampled current misses acceleration.
 
 A drive that ramps from setpoint to setpoint accelerates evenly, and current sampled once a period
-represents the rotor period. One that steps, or ramps too fast, applies the current for the
+represents the whole period. One that steps, or ramps too fast, applies the current for the
 acceleration at once, and half of it is over when it is sampled, at any speed of the arm: links and
 rotor seem lighter by the same share everywhere, B absorbs all of it, and the fit is as good as
 ever. What was missed follows the change of the setpoint, which precedes the acceleration: B is
