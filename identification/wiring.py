@@ -28,7 +28,7 @@ _ALIKE_CURRENT = 0.7  # correlation of a current with the motion that is asked f
 
 
 OTHER_WAY = (
-    "the link moves opposite to the motor: link_sign or motor_sign must be -1 in its `wiring` "
+    "the link moves opposite to the motor: link_sign or motor_sign is wrong in its `wiring` "
     "(motor_sign, if `identify zero` found the link's)"
 )
 # Samples per piece of motion; share of its motor's motion from which on a link moves; share of the
