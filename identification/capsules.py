@@ -97,16 +97,16 @@ def split(points: Matrix) -> list[Matrix]:
     if np.linalg.matrix_rank(points - points[0], tol=1e-4) < 3:
         return [points]
     hull = ConvexHull(points)
-    whole = points[hull.vertices]
+    corners = points[hull.vertices]
     pairs = np.vstack([hull.simplices[:, k] for k in ([0, 1], [1, 2], [2, 0])])
-    best, least = [whole], THINNER * fit_capsule(whole).radius
-    for axis in np.linalg.svd(whole - whole.mean(axis=0))[2]:
+    best, least = [corners], THINNER * fit_capsule(corners).radius
+    for axis in np.linalg.svd(corners - corners.mean(axis=0))[2]:
         height = points @ axis
         height = height - 0.5 * (height.min() + height.max())
         a, b = pairs[height[pairs[:, 0]] * height[pairs[:, 1]] < 0.0].T
         share = (height[a] / (height[a] - height[b]))[:, np.newaxis]
         cut, above = points[a] + share * (points[b] - points[a]), height[hull.vertices] >= 0.0
-        halves = [np.vstack((whole[side], cut)) for side in (above, ~above)]
+        halves = [np.vstack((corners[side], cut)) for side in (above, ~above)]
         if (wider := max(fit_capsule(half).radius for half in halves)) < least:
             best, least = halves, wider
     return best

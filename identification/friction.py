@@ -137,8 +137,8 @@ def identify_friction(
         quick = regression(rows, transmission, where, sticking, STEP_GAIN)
         more, error = missed(quick, solved, rows)
 
-        def refit(whole: Intervals) -> Vector:
-            again = regression(whole, transmission, where, sticking)
+        def refit(corrected: Intervals) -> Vector:
+            again = regression(corrected, transmission, where, sticking)
             return np.array([
                 solve(again.columns[:, i], again.nuisance[:, i], again.r_nl[:, i], one.weight,
                       np.isfinite(one.errors), rows.time_s)[0][_B]

@@ -148,12 +148,12 @@ def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
             continue
         v = fit.values
         for kind, letter in (("coulomb", "s"), ("viscous", "v")):
-            whole = v[f"K_theta_{letter}"]
+            total = v[f"K_theta_{letter}"]
             link, rotor = new[f"link_{kind}"][i], new[f"motor_{kind}"][i]
             share = link / (link + rotor) if link + rotor > 0.0 else 0.0
             alone = fit.link_friction(f"K_q_{letter}")
-            link = min(share * whole if alone is None else alone, whole)
-            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
+            link = min(share * total if alone is None else alone, total)
+            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, total - link
             new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
         if fit.stiction_known:
             least, most = stiction_range(fit.stiction)

@@ -134,7 +134,7 @@ def identify_masses(
     nominal = np.array([possible(row) for row in by_urdf[massive]])  # (k, 10)
     bodies = motion.regressor[:, :, massive].reshape(len(motion.rows.dt), log.n, -1)
     shift = bodies @ (nominal - by_urdf[massive]).ravel()
-    whole, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
+    all_rows, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
 
     def rounds(offset: Mask) -> tuple[list[JointRows], BodiesFit, Mask, Transmission]:
         """Rows and fit; each round locates the gap with the friction of the previous one, and
@@ -143,8 +143,8 @@ def identify_masses(
         for _ in range(_ROUNDS):
             joints = rows_of_joints(motion, bodies, t, settings, touched, offset)
             joints = [replace(one, torque=one.torque - shift[:, i]) for i, one in enumerate(joints)]
-            fit = fitted(joints, whole, nominal, period_s)
-            touched = motion.touched(joints, *unbent(joints, whole, nominal, period_s))
+            fit = fitted(joints, all_rows, nominal, period_s)
+            touched = motion.touched(joints, *unbent(joints, all_rows, nominal, period_s))
             t = with_friction(t, fit.friction)
         return joints, fit, touched, t
 

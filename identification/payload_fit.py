@@ -81,7 +81,7 @@ def identify_payload(
     width = transmission.sign_width
     motion = body_motion(log, model, settings, max_current, width, SHORTEST_S)
     of_hand = motion.regressor[:, :, model.hand_joint]
-    whole, touched = np.ones(len(of_hand), dtype=np.bool_), np.zeros_like(motion.cut)
+    all_rows, touched = np.ones(len(of_hand), dtype=np.bool_), np.zeros_like(motion.cut)
     period_s, load = motion.rows.period_s, np.zeros(PARAMETERS)
     arm, before = _bodies(motion.regressor, model, bodies_unsure)
     asked = np.concatenate([of_hand[:, :, :_LINEAR], arm], axis=2)
@@ -90,11 +90,11 @@ def identify_payload(
         joints = rows_of_joints(motion, asked, transmission, settings, touched, no_offset)
         bent = of_hand[:, :, _LINEAR:] @ load[_LINEAR:]
         joints = [replace(one, torque=one.torque - bent[:, i]) for i, one in enumerate(joints)]
-        found, information = _solved(joints, whole, period_s, before)
+        found, information = _solved(joints, all_rows, period_s, before)
         if found is None:
             break
         load = point_mass(float(found[0]), found[1:_LINEAR] / found[0])
-        friction = [Normal(one, whole).friction(found) for one in joints]
+        friction = [Normal(one, all_rows).friction(found) for one in joints]
         touched = motion.touched(joints, found, friction)
         transmission = with_friction(transmission, friction)
     discarded_s = float(motion.rows.dt @ near(motion.rows, touched))

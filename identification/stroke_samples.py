@@ -163,9 +163,9 @@ def free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[Vector, float
     if inside.sum() >= _FEWEST_FREE:
         return float(np.median((seen.torque * seen.direction)[inside])) * even, 0.0, 0.0
     held = held_by(seen)
-    whole = held.friction if held is not None else 0.0
-    surely = float(np.clip(_turning(seen, phi, alpha), _LEAST * whole, _MOST * whole))
-    return 0.5 * (whole + surely) * even, 0.0, 0.5 * (whole - surely)
+    total = held.friction if held is not None else 0.0
+    surely = float(np.clip(_turning(seen, phi, alpha), _LEAST * total, _MOST * total))
+    return 0.5 * (total + surely) * even, 0.0, 0.5 * (total - surely)
 
 
 def _turning(seen: Samples, phi: Vector, alpha: float) -> float:

@@ -133,10 +133,10 @@ def identify_levels(
         raise LogError("a residual in the log is not a number")
     per_block = max(1, round(BLOCK_S / period_s))
     count = len(motion.residual) // per_block
-    whole = slice(0, count * per_block)
+    complete = slice(0, count * per_block)
     frozen = _around(np.logical_or.reduce(motion.touched, axis=1) | motion.unsure, period_s)
-    blocks = _beyond(motion)[whole].reshape(count, per_block, -1)
-    used = np.logical_and.reduce(~frozen[whole].reshape(count, per_block), axis=1)
+    blocks = _beyond(motion)[complete].reshape(count, per_block, -1)
+    used = np.logical_and.reduce(~frozen[complete].reshape(count, per_block), axis=1)
     maxima = blocks.max(axis=1)
     gross = np.zeros_like(maxima, dtype=np.bool_)
     if used.any():
@@ -145,9 +145,9 @@ def identify_levels(
         used &= ~np.logical_or.reduce(gross, axis=1)
     share = 1.0 - float(used.mean()) if count else 1.0
     looks_touched = motion.touched.copy()
-    looks_touched[whole] |= np.repeat(gross, per_block, axis=0)
+    looks_touched[complete] |= np.repeat(gross, per_block, axis=0)
     lists = [_stretches(motion, looks_touched[:, i], i, period_s) for i in range(len(joints))]
-    speeds = np.abs(motion.velocity)[whole].reshape(count, per_block, -1)
+    speeds = np.abs(motion.velocity)[complete].reshape(count, per_block, -1)
     found = []
     for i, name in enumerate(joints):
         one = _of_joint(name, i, blocks[used, :, i], speeds[used, :, i], share, settings)

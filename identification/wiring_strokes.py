@@ -57,12 +57,12 @@ def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
     strokes = []
     for a, turned, way in ways:
-        whole = float(turned[-1])
-        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
+        total = float(turned[-1])
+        if total < max(LEAST_MOTION, _FRAGMENT * longest):
             continue
-        piece = min(0.5 * whole, PIECE)
+        piece = min(0.5 * total, PIECE)
         found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
-                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
+                 for end in np.arange(total, piece, -0.5 * piece)]  # fmt: skip
         strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
 
