@@ -80,8 +80,8 @@ class Estimator:
         """of all `variants` (variants, n) [Nm]; a live view, not a copy"""
         self.given_up, self.met = np.asarray(k.adaptation.given_up), np.asarray(k.doubt.met)
         self.interrupted = np.asarray(k.doubt.interrupted)
-        """how often learned friction was discarded, motion at one place disagreed anew, and that
-        place interrupted the arm (n,); live views, not copies"""
+        """times that learned friction was discarded, that motion at one place disagreed again, and
+        that the place interrupted the arm (n,); live views, not copies"""
         self._sensing = np.asarray(k.sensing).view(np.bool_)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         self._shape = (model.n,)

@@ -33,7 +33,7 @@ from identification.strokes import from_strokes
 
 _WIDEST = 0.5  # [rad], the most that a configuration accepts
 _PARTLY = 0.6
-_ALIKE = 1.1  # range of phi over all sittings against one, if zeros stay
+_ALIKE = 1.1  # range of phi over all sittings relative to one, if the zeros are unchanged
 _SHAKEN = 0.05  # [rad]; a motor that is to stand still moves less
 _WALKS = 2.0  # Kuiper: range of integrated noise without its mean, in 99 of 100 logs
 
@@ -146,8 +146,8 @@ def _spanning(log: MotionLog, joint: int) -> MotionLog:
 
 
 def _one_zero(log: MotionLog, q: Vector, theta: Vector) -> bool:
-    """True if the zeros are the same in all sittings: phi spans in all what it does in one, and the
-    motor moves; one that stands, as for a hand, may have been moved in between."""
+    """True if the zeros are the same in all sittings: phi spans no more over all than in one, and
+    the motor moves; one that stands, as for a hand, may have been moved in between."""
     sittings, phi = log.stretches(PAUSE_S), q - theta
     if len(sittings) == 1 or log.motor_position is None:
         return len(sittings) == 1
@@ -174,7 +174,7 @@ def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
 
 def _theta(log: MotionLog, rows: slice, joint: int) -> Vector:
     """Motor position, measured or integrated. If the motor stood, the mean velocity is subtracted,
-    as an uncalibrated bias adds 15 mrad in 40 s; a rest within integrated noise is 0."""
+    as an uncalibrated bias adds 15 mrad in 40 s; motion within integrated noise becomes 0."""
     if log.motor_position is not None:
         return log.motor_position[rows, joint]
     velocity, time_s = log.motor_velocity[rows, joint], log.time_s[rows]

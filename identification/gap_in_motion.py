@@ -22,7 +22,7 @@ from identification.gap_result import (
 
 _RARE = 0.03  # share of the time in motion; a border met more rarely is not trusted
 _RESTS = 50  # fewest samples
-_ROTORS = 0.75  # share of friction, if unknown: between half and all
+_ROTORS = 0.75  # rotor's share of all friction, if unknown: half to all
 _WIDE = 0.5  # largest half-interval over alpha
 _MUTE = 0.01  # [Nm], the least that a gear carries; less is in another unit
 _APART, _PLACES = 0.08, 24  # spacing of the places of a map [rad], and their largest number
@@ -44,8 +44,8 @@ def from_motion(
     """Half-gap from phi = c + c' t +- alpha - skew * velocity - kappa tau + harmonics of both
     encoders, at the samples where phi rests; given only with `enough` crossings.
 
-    If a torque is known, the harmonics become a map over the link's position, and kappa is fitted,
-    as far as phi shows it more surely than is usual.
+    If a torque is known, the harmonics become a map over the link's position, and kappa is the
+    gear's own as far as phi determines it better than the usual value.
 
     gear: turns of the motor per turn of the link, 0 if unknown; torque (N,) [Nm] of the motor, by
     which a usual gear bends (kappa tau): without it the bending is taken for gap.
@@ -71,7 +71,7 @@ def from_motion(
         return found
     if found.limit is None and seen.size < _MUTE:
         mute = Limit("least torque of a gear over the measured one", _MUTE / max(seen.size, 1e-4),
-                     1.0, "", "it is not of this motor, or has another unit")  # fmt: skip
+                     1.0, "", "it is not this motor's, or has another unit")  # fmt: skip
         return refused(found, GapVerdict.UNCLEAR, [mute])
     closer = _mapped(name, seen, q[rests], repeats.columns[rests], enough)
     if found.limit is not None or not closer.usable:
@@ -83,8 +83,8 @@ def from_motion(
 def _load(
     torque: Vector, q: Vector, speed: Vector, rests: NDArray[np.bool_]
 ) -> tuple[Vector, float]:
-    """Torque (N,) [Nm] that the gear carries, which is the motor's without an offset and without
-    its own friction, and the error of it."""
+    """Torque (N,) [Nm] that the gear carries: the motor's without offset and without its own
+    friction; and the error of that."""
     torque, direction = smoothed(torque, 3), np.sign(speed)
     columns = np.stack([np.ones_like(q), direction, speed, q - q.mean()], axis=1)
     found, *_ = np.linalg.lstsq(columns[rests], torque[rests], rcond=None)
@@ -164,7 +164,7 @@ def _fitted(seen: _Seen, further: Matrix) -> _Fit:
 
 
 def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEAR) -> GapResult:
-    """Result of a fit; unseen: error by unknown bending of the gear [rad]; most: scatter over
+    """Result of a fit; unseen: unknown bending of the gear [rad]; most: largest scatter over
     alpha."""
     alpha = abs(float(fit.solution[2]))
     crossings = int(np.count_nonzero(np.diff(fit.side)))

@@ -38,14 +38,14 @@ _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), sli
 LOAD = slice(9, 10)
 LOAD_SURE = 0.03
 """Standard error of load friction above which it counts as unknown."""
-_LOADED = 0.1  # of Coulomb friction: less gravity does not show load friction
+_LOADED = 0.1  # of Coulomb friction: a smaller variation of gravity does not show load friction
 _SLOW = 0.1  # [rad/s] up to which friction may be more than Coulomb's, as Stribeck's is
 _OFFSET = 1  # column of the nuisance
 _WORTH = 0.005  # gain of held-out R2 for which a doubtful pair of columns is used
 _LEAVES = 0.95  # factor on what is not explained there, for which load friction is used
 _APART = 10.0  # condition number up to which the gap separates the two link frictions
 _REWEIGHTED = 20
-_GAP_SHARE = 0.02  # of the time in the gap, the least that shows anything
+_GAP_SHARE = 0.02  # least share of the time in the gap that shows anything
 
 
 @dataclass(frozen=True, slots=True)
