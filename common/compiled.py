@@ -1,7 +1,7 @@
-"""Compiled modules (decision 0037): which there are, and extensions that are out of date.
+"""Compiled modules (decision 0037): the list of them, and the check for stale extensions.
 
-A module is compiled if a .pxd with its types lies beside it. The build leaves a record of the
-digests of its sources. `python -m common.compiled` prints what is wrong, else nothing.
+A module is compiled if a .pxd file with its types lies beside it. The build records the digests of
+its sources. `python -m common.compiled` prints what is wrong, and nothing if all is well.
 """
 
 import hashlib
@@ -21,14 +21,14 @@ _CIMPORT = re.compile(r"^from ([\w.]+) cimport ", re.MULTILINE)
 
 
 def modules(root: Path = ROOT) -> list[str]:
-    """Paths of the modules to compile, below `root` and without suffix."""
+    """Paths of the modules to compile, relative to `root` and without suffix."""
     folders = [root / name for name in PACKAGES]
     types = [p for folder in folders for p in folder.rglob("*.pxd")]
     return sorted(str(path.relative_to(root).with_suffix("")) for path in types)
 
 
 def sources(root: Path = ROOT) -> dict[str, str]:
-    """Digest by module of the sources of its extension: its own, and the types that it knows."""
+    """Digest by module of its source and of all type declarations that its extension uses."""
     types = {name: (root / f"{name}.pxd").read_text() for name in modules(root)}
     known = {name: _cimported(name, types) for name in types}
     return {
@@ -41,7 +41,7 @@ def sources(root: Path = ROOT) -> dict[str, str]:
 
 
 def _cimported(name: str, types: Mapping[str, str]) -> set[str]:
-    """Module and all that its types are made of, from the texts of all `types`."""
+    """The module and all that it cimports, directly or not; `types` is the text of each .pxd."""
     found, new = {name}, [name]
     while new:
         used = {one.replace(".", "/") for one in _CIMPORT.findall(types[new.pop()])}
@@ -52,13 +52,13 @@ def _cimported(name: str, types: Mapping[str, str]) -> set[str]:
 
 
 def extensions(root: Path = ROOT) -> list[Path]:
-    """Existing extensions, whether their modules are still compiled or not."""
+    """Existing extensions, including those whose modules are no longer compiled."""
     folders = [root / name for name in PACKAGES]
     return sorted(p for folder in folders for p in folder.rglob("*.so"))
 
 
 def recorded(root: Path = ROOT) -> dict[str, str]:
-    """Digests of the sources that were compiled, by module; empty without a record."""
+    """Digests of the sources at the last build, by module; empty without a record."""
     try:
         built = json.loads((root / RECORD).read_text())["sources"]
     except (OSError, ValueError, LookupError):
@@ -67,8 +67,8 @@ def recorded(root: Path = ROOT) -> dict[str, str]:
 
 
 def stale(root: Path = ROOT) -> list[str]:
-    """Extensions that were not built from the sources beside them, and where there are others,
-    modules without one; without suffix."""
+    """Stale extensions, and modules that lack one although others have theirs; paths without
+    suffix. Empty if nothing is compiled."""
     found = {str(path.relative_to(root)).split(".")[0] for path in extensions(root)}
     if not found:
         return []
@@ -81,25 +81,25 @@ def stale(root: Path = ROOT) -> list[str]:
 
 
 def refuse_stale(root: Path = ROOT) -> None:
-    """Raise ProgramError if a compiled extension does not match its source."""
+    """Raise ProgramError if an extension does not match its source."""
     if wrong := stale(root):
         others = f" and {len(wrong) - 1} others" if len(wrong) > 1 else ""
         raise ProgramError(
-            f"{wrong[0]}{others}: the extension was not built from the source beside it; build it "
-            "anew by `make compiled` (a service: `make install`), or run plain after "
+            f"{wrong[0]}{others}: the extension was not built from the source beside it; rebuild "
+            "it by `make compiled` (a service: `make install`), or run uncompiled after "
             "`hatch_build.py --clean`"
         )
 
 
 def uncompiled() -> list[str]:
-    """Modules in use that have types for the compiler, a .pxd, and are run from their source."""
+    """Loaded modules that have a .pxd but run from their Python source."""
     ours = [(n, m.__file__) for n, m in sys.modules.items() if n.partition(".")[0] in PACKAGES]
     files = [(name, Path(file)) for name, file in ours if file and file.endswith(".py")]
     return sorted(name for name, file in files if file.with_suffix(".pxd").exists())
 
 
 def warning() -> str:
-    """Warning to the user about uncompiled modules in use; empty where all are compiled."""
+    """Warning to the user about loaded modules that are not compiled; empty if there are none."""
     plain = uncompiled()
     if not plain:
         return ""

@@ -1,5 +1,4 @@
-"""Electronic data sheet of a CANopen device (CiA 306), as makers write it: its objects as plain
-data."""
+"""Electronic data sheets (EDS) of CANopen devices (CiA 306), as makers actually write them."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -12,14 +11,14 @@ from common.regular_file import open_text
 
 Value = int | str | None
 Sections = dict[str, dict[str, str]]
-"""Values by key and section, both in small letters."""
+"""Values by section and key, both in lower case."""
 
 INTEGER_BITS: Final = {
     0x02: -8, 0x03: -16, 0x04: -32, 0x05: 8, 0x06: 16, 0x07: 32,
     0x10: -24, 0x12: -40, 0x13: -48, 0x14: -56, 0x15: -64,
     0x16: 24, 0x18: 40, 0x19: 48, 0x1A: 56, 0x1B: 64,
 }  # fmt: skip
-"""Bits of the integer types of CiA 301 by their code, below 0 where they are signed."""
+"""Width in bits of the CiA 301 integer types by type code; negative if the type is signed."""
 DOMAIN: Final = 0x0F
 ACCESS: Final = ("const", "ro", "wo", "rw", "rwr", "rww")
 
@@ -33,7 +32,7 @@ _TYPES: Final = {
            0x608F, 0x60A8, 0x60A9, 0x6502),
 }  # fmt: skip
 TYPE_OF: Final = {index: code for code, of in _TYPES.items() for index in of}
-"""Types that CiA 301 and CiA 402 fix, for an EDS that leaves them out."""
+"""Types fixed by CiA 301 and CiA 402, for an EDS that omits them."""
 
 _SECTION: Final = re.compile(r"(?:0x)?([0-9a-f]{4})(?:sub(?:0x)?([0-9a-f]{1,2}))?")
 _INTEGER: Final = re.compile(r"([+-]?)(?:0x([0-9a-f]+)|([0-9]+))[ul]*", re.IGNORECASE)
@@ -45,10 +44,10 @@ _MOST_SUBINDICES: Final = 254
 
 @dataclass(frozen=True, slots=True)
 class EdsObject:
-    """One variable: its code of CiA 301 as type, DOMAIN where the EDS gives none.
+    """One variable. `type` is the CiA 301 type code, DOMAIN if the EDS gives none.
 
-    default, low, high: None where the EDS gives none that can be read. relative: the node id is to
-    be added to the default.
+    default, low, high: None if the EDS gives no readable value. relative: the node ID is to be
+    added to the default.
     """
 
     index: int
@@ -64,11 +63,11 @@ class EdsObject:
 
     @property
     def writable(self) -> bool:
-        """True if it can be written by SDO."""
+        """True if the object can be written by SDO."""
         return "w" in self.access
 
     def of_node(self, node: int) -> Value:
-        """Default in the drive of a node."""
+        """Default value in the drive with this node ID."""
         return self.default + node if self.relative and isinstance(self.default, int) else (
             self.default
         )  # fmt: skip
@@ -76,28 +75,28 @@ class EdsObject:
 
 @dataclass(frozen=True, slots=True)
 class Eds:
-    """Objects by index and subindex, names of arrays and records by index, and [DeviceInfo] by its
-    keys in small letters."""
+    """Objects by index and subindex, names of arrays and records by index, and the [DeviceInfo]
+    section with its keys in lower case."""
 
     objects: Mapping[tuple[int, int], EdsObject]
     groups: Mapping[int, str]
     device: Mapping[str, str]
 
     def number(self, key: str) -> int:
-        """Number in [DeviceInfo]; 0 where it has none that can be read."""
+        """Number in [DeviceInfo]; 0 if it is missing or unreadable."""
         found, _ = as_integer(self.device.get(key.lower(), ""))
         return found or 0
 
 
 def read_eds(path: Path) -> Eds:
-    """Read a file. Raises ConfigurationError with file, section, value and what is allowed."""
+    """Read an EDS file. Raises ConfigurationError with file, section, value and what is allowed."""
     try:
         with open_text(path, "latin-1") as file:
             raw = file.read().encode("latin-1")
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from error
     try:
-        # CiA 306 asks for ASCII. Makers write degrees of some code page, in names and comments.
+        # CiA 306 asks for ASCII; makers put a degree sign of some code page in names and comments.
         text = raw.decode("utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
@@ -108,7 +107,7 @@ def read_eds(path: Path) -> Eds:
 
 
 def eds_of(text: str) -> Eds:
-    """Contents of a file. Raises ConfigurationError with section, value and what is allowed."""
+    """Parsed EDS text. Raises ConfigurationError with section, value and what is allowed."""
     sections = _sections(text)
     objects: dict[tuple[int, int], EdsObject] = {}
     groups: dict[int, str] = {}
@@ -134,8 +133,8 @@ def eds_of(text: str) -> Eds:
 
 
 def _sections(text: str) -> Sections:
-    """Sections of a text; a key or a section that comes again replaces or goes on. Lines of other
-    forms are allowed where no object is described."""
+    """Sections of the text; a repeated key replaces the earlier value, a repeated section continues
+    it. Malformed lines are accepted outside of sections that describe objects."""
     sections: Sections = {}
     values: dict[str, str] | None = None
     strict = True
@@ -152,7 +151,7 @@ def _sections(text: str) -> Sections:
             strict = _SECTION.fullmatch(name.replace(" ", "").lower()) is not None
         elif values is None or (strict and not equals):
             raise ConfigurationError(
-                f"line {number}: {_cut(content)}: must be [section], Key=Value or ; and a comment"
+                f"line {number}: {_cut(content)}: must be [section], Key=Value or ; comment"
             )
         else:
             values[key.lower()] = value
@@ -162,7 +161,7 @@ def _sections(text: str) -> Sections:
 def _variable(sections: Sections, section: str, index: int, subindex: int) -> EdsObject:
     values = sections[section]
     code = _number(section, values, "datatype", TYPE_OF.get(index, DOMAIN))
-    if code > max(INTEGER_BITS):  # CANFestival's: the type stands in a section of its own
+    if code > max(INTEGER_BITS):  # CANFestival puts the type in a section of its own
         own = sections.get(f"{code:x}sub1", {}).get("defaultvalue", "")
         code = as_integer(own)[0] or DOMAIN
     access = values.get("accesstype", "").lower() or "ro"
@@ -188,7 +187,8 @@ def _variable(sections: Sections, section: str, index: int, subindex: int) -> Ed
 
 
 def _compact(sections: Sections, section: str, index: int) -> Iterator[EdsObject]:
-    """Members of an array or record that are given by their number, all alike."""
+    """Members of an array or record that are given by their number only (CompactSubObj), all
+    alike."""
     members = _number(section, sections[section], "compactsubobj", 0)
     if members > _MOST_SUBINDICES:
         raise ConfigurationError(
@@ -210,22 +210,22 @@ def _kind(section: str, values: Mapping[str, str]) -> int:
     return _number(section, values, "objecttype", _VARIABLE)
 
 
-def _number(section: str, values: Mapping[str, str], key: str, without: int) -> int:
+def _number(section: str, values: Mapping[str, str], key: str, default: int) -> int:
     text = values.get(key, "")
     if not text:
-        return without
+        return default
     number, _ = as_integer(text)
     if number is None or number < 0:
         spelt = {"datatype": "DataType", "objecttype": "ObjectType", "pdomapping": "PDOMapping"}
         raise ConfigurationError(
-            f"[{section}] {spelt.get(key, 'CompactSubObj')}={_cut(text)}: must be a number, as 7 "
-            "or 0x0007"
+            f"[{section}] {spelt.get(key, 'CompactSubObj')}={_cut(text)}: must be a number such "
+            "as 7 or 0x0007"
         )
     return number
 
 
 def as_integer(text: str) -> tuple[int | None, bool]:
-    """Integer of a value, None where it is none, and whether the node id is to be added."""
+    """Integer that a text denotes, or None, and whether the node ID is to be added."""
     plain = text.replace(" ", "").replace("\t", "")
     formula = _NODE_ID.sub("", plain, count=1)
     relative = formula != plain
@@ -237,8 +237,8 @@ def as_integer(text: str) -> tuple[int | None, bool]:
 
 
 def _wrapped(value: int | None, bits: int) -> int | None:
-    """The value as its type holds it: makers write -1 as 0xFFFF, and 0xFFFF as -1. None where the
-    type cannot hold it."""
+    """The value in the range of its type, as makers write -1 as 0xFFFF and 0xFFFF as -1; None if
+    the type cannot hold it."""
     size = abs(bits)
     if value is None or not -(1 << size) // 2 <= value < 1 << size:
         return None

@@ -1,4 +1,4 @@
-# Types of elementary.py, for the compiler alone.
+# Cython types of elementary.py, which also runs uncompiled (decision 0037).
 
 cpdef double sine(double x) noexcept
 cpdef double cosine(double x) noexcept

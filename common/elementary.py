@@ -1,9 +1,9 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False, cdivision=True
-"""Elementary functions of sums and products alone: the same bits on every processor.
+"""Elementary functions made of sums and products only: bit-identical on every processor.
 
-Those of a C library differ in their last bit between its versions, and between processors with and
-without fused multiplication. Errors here stay below 5e-16, of the result or of 1. What is not
-finite, and an angle beyond a million, gives what is not finite, and raises nothing.
+The last bit of a C library's results differs between its versions, and between processors with and
+without fused multiply-add. Errors here stay below 5e-16, relative or absolute. Non-finite
+arguments, and angles beyond a million radians, yield a non-finite result; nothing is raised.
 """
 
 
@@ -18,12 +18,12 @@ def cosine(x: float) -> float:
 
 
 def _turned(x: float, quadrants: float) -> float:
-    """Sine of x and so many right angles, by Taylor's series within 45 degrees of an axis."""
+    """Sine of x plus `quadrants` right angles, by a Taylor series within 45 degrees of an axis."""
     if not -1e6 < x < 1e6:
         return x * 1e300 * 1e300 * 0.0  # NaN
     # Adding and subtracting 1.5 * 2^52 rounds to a whole number.
     k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0
-    # pi / 2 in parts, of which the first two have room for the digits of k.
+    # pi / 2 in three parts, the first two short enough that their products with k are exact.
     r = ((x - k * 1.570796325802803) - k * 9.920935791635221e-10) - k * 5.170182981794105e-19
     k += quadrants
     k -= 4.0 * ((k * 0.25 - 0.375 + 6755399441055744.0) - 6755399441055744.0)  # 0, 1, 2 or 3
@@ -40,7 +40,7 @@ def _turned(x: float, quadrants: float) -> float:
 
 
 def decay(x: float) -> float:
-    """exp(-x), x >= 0; 0 from 700 on."""
+    """exp(-x) for x >= 0; 0 from x = 700 on."""
     if x >= 700.0:
         return 0.0
     k = (x * 1.4426950408889634 + 6755399441055744.0) - 6755399441055744.0
@@ -62,7 +62,7 @@ def decay(x: float) -> float:
 
 
 def smooth_sign(x: float) -> float:
-    """tanh(x): sign() without its chatter at rest."""
+    """tanh(x): a sign function without chatter at rest."""
     e = decay(2.0 * abs(x))
     y = (1.0 - e) / (1.0 + e)
     return y if x >= 0.0 else -y

@@ -1,8 +1,8 @@
-"""Exception tree. Every error that a user may meet derives from `ContactdError`, which the client
-for other programs knows, too.
+"""Exception hierarchy. Every error that a user may see derives from `ContactdError`, which the
+client library defines.
 
 Exit codes follow sysexits.h, so that systemd and scripts can distinguish a bad configuration (78,
-never restarted), a bus that is not there (69, worth another try) and a fault of ours (70).
+never restarted), a missing bus (69, worth a retry) and an internal fault (70).
 """
 
 from contactd_client.errors import ContactdError, ControlError, HungUpError, UnreachableError
@@ -25,41 +25,42 @@ __all__ = [
 
 
 class ConfigurationError(ContactdError):
-    """A file that the user wrote is wrong; names the file, the field and what is allowed."""
+    """Error in a file that the user wrote; names the file, the field and what is allowed."""
 
     exit_code = 78
 
 
 class ModelError(ContactdError):
-    """The URDF, or numbers handed to the mathematics, do not fit (shape, range, joint names)."""
+    """Inconsistent URDF, or numbers of a wrong shape or range, or wrong joint names."""
 
     exit_code = 78
 
 
 class BusError(ContactdError):
-    """The CAN bus or its adapter is missing, closed or unusable."""
+    """Missing, closed or unusable CAN bus or adapter."""
 
     exit_code = 69
 
 
 class DriveError(ContactdError):
-    """A drive does not answer or does not hold what was written; names node and object."""
+    """A drive that does not answer, or does not hold the value written; names node and object."""
 
     exit_code = 69
 
 
 class SilentDriveError(DriveError):
-    """A drive gives no answer, or none that can be read; worth another try."""
+    """A drive that gives no answer, or no readable one; worth a retry."""
 
 
 class ProgramError(ContactdError):
-    """Something broke in the running loop that never should; the log has the traceback."""
+    """Internal error in the running loop that should never occur; the log has the traceback."""
 
     exit_code = 70
 
 
 class TrajectoryError(ContactdError):
-    """A trajectory is damaged or breaks a limit; `row` is that of the first sample that does."""
+    """A trajectory that is damaged or violates a limit; `row` is the index of the first such
+    sample."""
 
     exit_code = 65
 
@@ -69,10 +70,10 @@ class TrajectoryError(ContactdError):
 
 
 class LogError(ContactdError):
-    """A recording is damaged, incomplete or not ours."""
+    """A recording that is damaged, incomplete or not made by contactd."""
 
     exit_code = 65
 
 
 class ShortLogError(LogError):
-    """There is too little in a recording; more may be added to it."""
+    """A recording with too little data; more may be appended to it."""

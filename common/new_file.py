@@ -1,5 +1,5 @@
-"""New files: checks of the name, made before anything is recorded, and files that get their name
-when they are whole."""
+"""New files: checks of the name before anything is recorded, and files that appear under their name
+only when complete."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -11,13 +11,14 @@ from common.errors import LogError
 
 
 def refuse_suffix(path: Path, allowed: Sequence[str]) -> None:
-    """Raise LogError unless the name of `path` ends in one of `allowed`, in any case."""
+    """Raise LogError unless the name of `path` ends in one of the suffixes `allowed`, in any
+    case."""
     if path.suffix.lower() not in allowed:
         raise LogError(f"{path}: must end in {', '.join(allowed[:-1])} or {allowed[-1]}")
 
 
 def refuse_unless_new(path: Path) -> None:
-    """Raise LogError if `path` exists, or if its folder may not be searched."""
+    """Raise LogError if `path` exists, or if its existence cannot be checked."""
     try:
         path.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -28,7 +29,7 @@ def refuse_unless_new(path: Path) -> None:
 
 
 def open_new(path: Path, mode: Literal["x", "xb"], **how: Any) -> IO[Any]:
-    """The new file `path`, open to be written. Raises LogError."""
+    """Create the file `path` and open it for writing. Raises LogError."""
     try:
         return path.open(mode, **how)
     except OSError as error:
@@ -37,11 +38,11 @@ def open_new(path: Path, mode: Literal["x", "xb"], **how: Any) -> IO[Any]:
 
 @contextmanager
 def whole_file(target: Path) -> Iterator[Path]:
-    """Path beside `target`, with its suffix, to be written in the block: it gets the name of
-    `target` when the block ends, and nothing is left of it where the block fails. Raises LogError
-    if it cannot be written. A target that exists and is no file (a device, a pipe) is written in
+    """Path beside `target`, with the same suffix, to be written within the block. It is renamed to
+    `target` when the block ends, and removed if the block fails. Raises LogError if it cannot be
+    written. An existing target that is not a regular file (a device, a pipe) is written in
     place."""
-    real = Path(os.path.realpath(target))  # a link to a file stays one
+    real = Path(os.path.realpath(target))  # a symbolic link is kept: its target is replaced
     in_place = os.path.exists(real) and not os.path.isfile(real)
     partial = real if in_place else real.with_name(f".{real.name}.partial{real.suffix}")
     try:

@@ -1,4 +1,4 @@
-"""Threads of the numeric libraries: none, in any process of contactd."""
+"""Single-threaded numeric libraries in every process of contactd."""
 
 import os
 
@@ -6,7 +6,7 @@ _COUNTS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def single_threaded() -> None:
-    """Keep the numeric libraries, which read this when they are loaded, from starting threads: on
-    matrices of some columns these cost more time than they save, and spin beside the loop."""
+    """Keep the numeric libraries from starting threads; they read these variables when loaded. On
+    small matrices threads cost more time than they save, and they spin beside the control loop."""
     for name in _COUNTS:
         os.environ[name] = "1"

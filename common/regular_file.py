@@ -1,8 +1,8 @@
-"""Regular file at a path: opened without ever waiting for it.
+"""Regular files, opened without ever blocking.
 
-Opening a FIFO waits for a process at its other end, and /dev/zero never ends: a daemon that is to
-start, or end, within seconds must not meet one under the name of a file. Every file that is named
-by a configuration, or derived from another name, is opened here.
+Opening a FIFO waits for a process at its other end, and reading /dev/zero never ends. A daemon that
+must start or stop within seconds may find either under a configured name, so every file that is
+named by a configuration, or derived from such a name, is opened here.
 """
 
 import errno
@@ -11,14 +11,14 @@ import stat
 from pathlib import Path
 from typing import IO, Final
 
-#: More than any configuration, URDF, EDS or trajectory has.
+#: Larger than any configuration, URDF, EDS or trajectory.
 LARGEST_TEXT_BYTES: Final = 64 << 20
 
 
 def open_regular(path: Path, *, follow: bool = True) -> IO[bytes]:
-    """Open for reading; without `follow`, no link either.
+    """Open for reading; with follow=False symbolic links are refused, too.
 
-    Raises OSError, whose `strerror` is one clear word, for anything but a regular file.
+    Raises OSError with a plain `strerror` for anything but a regular file.
     """
     return open(str(path), "rb", opener=_opened if follow else _opened_unless_link)
 
@@ -26,8 +26,8 @@ def open_regular(path: Path, *, follow: bool = True) -> IO[bytes]:
 def open_text(
     path: Path, encoding: str = "utf-8", errors: str | None = None, newline: str | None = None
 ) -> IO[str]:
-    """The same as text, with the arguments of `open`. Raises OSError for one beyond
-    `LARGEST_TEXT_BYTES` as well."""
+    """Open as text, with the arguments of `open`. Raises OSError as `open_regular` does, and for a
+    file larger than `LARGEST_TEXT_BYTES`."""
     return open(
         str(path), encoding=encoding, errors=errors, newline=newline, opener=_opened_unless_large
     )

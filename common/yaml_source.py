@@ -1,5 +1,5 @@
-"""Strict reader of YAML: no duplicate keys, no NaN, numbers as YAML 1.2 writes them, and the line
-of every value."""
+"""Strict YAML reader: no duplicate keys, no NaN, numbers as in YAML 1.2, and the line of every
+value."""
 
 import math
 import re
@@ -14,9 +14,9 @@ from common.regular_file import read_text
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Loader without the surprises of YAML 1.1. PyYAML by itself reads `1e-3` as text, `off` as a
-    boolean, `010` as 8 and `2:00` as 120, and silently takes the last of two equal keys: none
-    of this may happen to a limit."""
+    """Loader without the pitfalls of YAML 1.1. By default PyYAML reads `1e-3` as text, `off` as a
+    boolean, `010` as 8 and `2:00` as 120, and silently takes the last of two equal keys; none of
+    this may happen to a limit."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012
         first: [
@@ -85,11 +85,11 @@ class Source:
     root: yaml.Node
 
     def line(self, keys: list[str | int]) -> int:
-        """Line of the value behind `keys`, or of the deepest part of that path that exists."""
+        """Line of the value at the path `keys`, or of the deepest part of that path that exists."""
         return int(self.node(keys).start_mark.line) + 1
 
     def node(self, keys: list[str | int]) -> yaml.Node:
-        """Value behind `keys` as it is written, or the deepest part of that path that exists."""
+        """Node of the value at the path `keys`, or of the deepest part of that path that exists."""
         node: yaml.Node = self.root
         for key in keys:
             found: yaml.Node | None = None
@@ -104,7 +104,7 @@ class Source:
 
 
 def quoted(text: str) -> str:
-    """Text in quotes, from which YAML reads back any content unchanged."""
+    """Text in double quotes that YAML reads back unchanged, whatever it contains."""
     return '"' + "".join(map(_in_quotes, text)) + '"'
 
 
@@ -115,7 +115,7 @@ def _in_quotes(character: str) -> str:
 
 
 def read_yaml(path: Path) -> Source:
-    """Read one file; raises ConfigurationError with file, line and reason."""
+    """Read one file. Raises ConfigurationError with file, line and reason."""
     try:
         text = read_text(path)
     except OSError as error:
@@ -126,13 +126,13 @@ def read_yaml(path: Path) -> Source:
 
 
 def parse_yaml(text: str, path: Path) -> Source:
-    """Read a text; `path` is only for messages. Raises ConfigurationError."""
+    """Parse a text; `path` is only used in messages. Raises ConfigurationError."""
     try:
         loader = _StrictLoader(text)
         root = loader.get_single_node()
         data = None if root is None else loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
-        raise ConfigurationError(f"{path}:{_in_words(error)}") from error
+        raise ConfigurationError(f"{path}:{_explained(error)}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         what = f"the character U+{ord(text[error.position]):04X} is not allowed"
@@ -144,7 +144,8 @@ def parse_yaml(text: str, path: Path) -> Source:
     return Source(path, text, data, root)
 
 
-# The library's words, whether the line is that where it began to read what it describes, ours.
+# PyYAML's message (a pattern), whether the line to report is the one where the faulty construct
+# began, and the message to the user.
 _WORDS: Final = (
     (r"mapping values are not", False, "`: ` where no name is expected: put text that holds it in "
      "quotes, and indent the lines of a group alike"),
@@ -165,8 +166,8 @@ _WORDS: Final = (
 )  # fmt: skip
 
 
-def _in_words(error: yaml.MarkedYAMLError) -> str:
-    """Line of an error, and the error in a writer's words instead of a parser's."""
+def _explained(error: yaml.MarkedYAMLError) -> str:
+    """Line of an error, and its cause in the terms of the file's author instead of the parser's."""
     problem, mark = error.problem or str(error), error.problem_mark
     for pattern, at_beginning, words in _WORDS:
         if found := re.match(pattern, problem):

@@ -121,12 +121,12 @@ class Learned(TypedDict):
 
 
 class Payload(TypedDict):
-    """Mass at the hand, taken for a point. Bounds are checked where it is decoded, and by `of`."""
+    """Mass at the hand, modelled as a point. Bounds are checked by its decoder, and by `of`."""
 
     mass: float  # [kg]
     com: list[float]  # its centre in the frame of the hand, the URDF's last link [m]
     name: NotRequired[str]  # in the configuration
-    # edges of a box about that centre, along the axes of the hand, in which it is [m]
+    # edges of its bounding box about that centre, along the axes of the hand [m]
     box: NotRequired[list[float] | None]
 
 

@@ -1,4 +1,4 @@
-# Types of adaptation.py, for the compiler alone.
+# Cython types of adaptation.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,11 +1,9 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Adaptation to what a joint shows: learned friction and level put to use, with the doubt in them.
+"""Adaptation: learned friction and contact levels put into effect, weighted by the doubt in them.
 
-Learned friction is taken off the residual and reaches the gap test; the level that a joint needs
-lowers the one in force. Where a contact raised doubt, both return to what was stated.
-
-Ordinary Python, which runs as it is; `adaptation.pxd` names the types for the compiler.
+Learned friction is subtracted from the residual and passed to the gap test; the level that a joint
+needs lowers its level in force. After a contact that raised doubt, both return to the stated ones.
 """
 
 import numpy as np
@@ -23,17 +21,17 @@ from estimator.torques import Torques
 from estimator.transmission import REST_VELOCITY
 
 _REST_VELOCITY = REST_VELOCITY
-_SETS_OUT = 0.01  # [rad/s]: a joint that is faster does not stand
+_SETS_OUT = 0.01  # [rad/s]; above it a joint has left standstill
 # Rows of `interval.TERMS`.
 _THETA_DOT, _BETA, _MOTOR_FRICTION, _ENGAGED_LINK_FRICTION, _STICTION = 3, 4, 6, 7, 10
 _GRAZED, _FRICTION = GRAZED, FRICTION
-# Share of the configured level from which on a level counts as stated; of it, `contested` at most.
+# `contested` counts from the share _STATED of the configured level on, up to _MOST of that level.
 _STATED, _MOST = 0.8, 0.5
 
 
 class Adaptation:
-    """`learning` and `doubt` of an arm's joints, and their effect on its other parts; without
-    `learns`, none."""
+    """Learning and doubt of all joints, and their effect on the other parts of the estimator; none
+    if `learns` is False."""
 
     def __init__(
         self,
@@ -52,13 +50,13 @@ class Adaptation:
         self._alignment, self._interval, self._torques = alignment, interval, torques
         self._motor_position, self._residual = motor_position, residual
         self._levels, self._detector = levels, detector
-        self.frozen = 0  # 1: nothing is learned, whatever the residuals say
+        self.frozen = 0  # 1: learning is suspended
         n = self._n = len(np.asarray(torques.coulomb))
-        self.given_up = np.zeros(n, dtype=np.int64)  # how often learned friction was, of each joint
+        self.given_up = np.zeros(n, dtype=np.int64)  # times that learned friction was discarded
 
     def unknown(self, i: int) -> float:
-        """Uncertainty of the friction of joint i [Nm]; doubt adds the part that the raise near rest
-        does not contain already."""
+        """Uncertainty of the friction of joint i [Nm]; in doubt, at least what the friction term of
+        its level does not cover already."""
         if not self._learns:
             return 0.0
         learning, doubt = self.learning, self._doubted(i)
@@ -68,8 +66,9 @@ class Adaptation:
         return float(max(learning.unknown[i], doubted))
 
     def contested(self, i: int) -> float:
-        """Part of the residual of joint i [Nm] that only learned friction makes, as far as the
-        level is the stated one: a cable is learned as friction, and pulls along after a turn."""
+        """Part of the residual of joint i [Nm] that the friction correction alone creates, counted
+        as far as the level is the stated one: a cable learned as friction still pulls after a
+        reversal."""
         learned = self.learning.correction[i]
         if self._residual.corrected[0, i] > 0.0:
             learned = -learned
@@ -78,12 +77,12 @@ class Adaptation:
         return float(min(max(learned, 0.0), most) * stated) if self._learns else 0.0
 
     def unlearned(self, i: int) -> float:
-        """Torque [Nm] by which friction adds to the level of joint i."""
+        """Torque [Nm] that uncertain friction adds to the level of joint i."""
         return self.unknown(i) + self.contested(i)
 
     def unknown_at(self, i: int, speed: float, transmitted: float) -> float:
-        """Uncertainty of the friction of joint i [Nm] at a motor speed [rad/s], while its gear
-        transmits so much [Nm]."""
+        """Uncertainty of the friction of joint i [Nm] at a motor speed [rad/s] and transmitted
+        load."""
         if not self._learns:
             return 0.0
         torques, slides = self._torques, smooth_sign(speed * self._torques.per_width)
@@ -91,8 +90,8 @@ class Adaptation:
         return float(self.learning.unknown_at(i, coulomb, torques.viscous[i] * speed, load))
 
     def load_friction(self, i: int, tau_M: float) -> float:
-        """Friction that is known to come with what the gear of joint i transmits [Nm], at most:
-        near rest its own friction may hold a part of the motor's torque."""
+        """Known load friction of joint i [Nm], as an upper bound: near rest its gear may transmit
+        as much as the motor torque plus the gear's own friction."""
         own = self._torques.coulomb[i] * self._motor_position.friction[i]
         share = self._torques.load[i] + self.learning.load(i)
         return float(share * (abs(tau_M) + own))
@@ -100,9 +99,9 @@ class Adaptation:
     def learn(
         self, i: int, dt: float, theta_dot: float, load: float, level: float, acts: bool
     ) -> None:
-        """Correct the residual of joint i by what was learned of friction, and learn, over its
-        interval of dt [s]. load: impulse of what its gear transmits, by the sign of its motion;
-        level: in force [Nm]; acts: friction and load did on the link."""
+        """Correct the residual of joint i by the learned friction, then learn, over its interval of
+        dt [s]. load: impulse of the transmitted torque, signed by the motion [Nm s]; level: contact
+        level in force [Nm]; acts: friction and load acted on the link."""
         if not self._learns:
             return
         x, learning, residual = self._interval.impulse, self.learning, self._residual
@@ -130,7 +129,8 @@ class Adaptation:
         self.apply(i)
 
     def compare(self, i: int, dt: float) -> None:
-        """Hold the residual of joint i against what was learned; doubt that where they differ."""
+        """Check the residual of joint i against what was learned; raise doubt where they
+        disagree."""
         if not self._learns:
             return
         learning, levels, doubt = self.learning, self._levels, self.doubt
@@ -153,17 +153,17 @@ class Adaptation:
                 learning.give_up(i)
                 self.given_up[i] += 1
         if verdict == _GRAZED:
-            # What a load or a cable changes of one joint, it may change of all.
+            # A load or a cable that affects one joint may affect all.
             for k in range(self._n):
                 doubt.widen(k, k == i)
 
     def apply(self, i: int) -> None:
-        """Let the other parts know what was learned of joint i."""
+        """Pass what was learned of joint i to the other parts."""
         if not self._learns:
             return
         self._motor_position.friction[i] = self.learning.friction(i)
         self._motor_position.friction_error[i] = self.learning.error(i)
-        # While learning is suspended, levels are the stated ones: the lowered ones are of an arm
+        # While learning is suspended the stated levels are in force: the lowered ones were learned
         # without the load that was recognised.
         doubt = 1.0 if self.frozen else self._doubted(i)
         crossing = self.learning.needed.crossing_level(i)
@@ -171,10 +171,10 @@ class Adaptation:
         self._levels.crossing[i] = crossing + doubt * (1.0 - crossing)
 
     def _doubted(self, i: int) -> float:
-        """Doubt of joint i where it is, 0 to 1."""
+        """Doubt of joint i at its present position, 0 to 1."""
         return float(self.doubt.at(i, self._alignment.aligned[0, i]))
 
     def _share(self, i: int) -> float:
-        """Share of the configured level of joint i that learning leaves, with the doubt in it."""
+        """Share of the configured level of joint i in force after learning, margin and doubt."""
         share = min(self.learning.needed.level(i) * (1.0 + self.doubt.margin[i]), 1.0)
         return float(share + self._doubted(i) * (1.0 - share))

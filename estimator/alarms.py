@@ -1,14 +1,15 @@
-"""Alarms of residuals beyond their levels, and levels that would have been quiet. Pure.
+"""Alarms: the ticks in which a residual exceeds its level, and the levels without one. Pure
+functions.
 
-A residual alarms where |r| is beyond its threshold in force. Its excess over the configured level,
-near rest or while something is unknown, is its raise. Where learning has sunk the level, the
-share k of the configured one that was in force is known, too, and the level at which an alarm
-begins follows for every tick:
+A residual alarms if |r| exceeds its threshold in force. The excess of the threshold over the
+configured level, near rest or while something is unknown, is its raise. Where learning has lowered
+the level, the share k of the configured one in force is recorded, too, and the level at which an
+alarm begins follows for every tick:
 
     k(L) L = min(max(k C, k_least L), L)      L: another configured level instead of C
     alarm at L    if    |r| - (threshold - k C) > k(L) L
 
-as the level that was needed, k C, does not depend on the configured one.
+because the needed level, k C, does not depend on the configured one.
 """
 
 import numpy as np
@@ -28,8 +29,8 @@ def critical_level(
 ) -> Matrix:
     """Configured level (ticks, n) [Nm] below which each tick alarms; 0 where none would.
 
-    residual and threshold in force (ticks, n), configured levels (n,) [Nm]; share: k (ticks, n), 1
-    where it is left out, which is right where nothing is learned.
+    residual, threshold in force (ticks, n), configured levels (n,) [Nm]; share: k (ticks, n), by
+    default 1, as without learning.
     """
     if share is None:
         return excess(residual, threshold - configured)
@@ -43,14 +44,14 @@ def critical_collision(
     residual: Matrix, threshold: Matrix, configured: Vector, share: Matrix
 ) -> Matrix:
     """Collision level (ticks, n) [Nm] below which each tick alarms; 0 where none would. Arguments
-    as above: all that the contact level in force has beyond k C the collision level has, too.
+    as above: all that the contact level in force has beyond k C is in the collision level, too.
 
-    A level that grows with the speed is the exception: k counts for that part of the contact level
-    alone, so that (1 - k) of it is left out here.
+    A level that grows with speed is the exception: k scales the growth of the contact level only,
+    and (1 - k) of it is neglected here.
     """
     return excess(residual, threshold - share * configured)
 
 
 def per_hour(count: float, seconds: float) -> float:
-    """Rate of so many events in so many seconds; NaN in no time."""
+    """Rate per hour of `count` events in `seconds`; NaN if these are 0."""
     return 3600.0 * count / seconds if seconds > 0.0 else float("nan")

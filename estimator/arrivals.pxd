@@ -1,4 +1,4 @@
-# Types of arrivals.py, for the compiler alone.
+# Cython types of arrivals.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

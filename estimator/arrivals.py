@@ -1,9 +1,6 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Arrivals of samples: which joints have one in this tick, and how old those of the others are.
-
-Ordinary Python, which runs as it is; `arrivals.pxd` names the types for the compiler.
-"""
+"""Arrivals of samples: which joints have one in this tick, and the age of the last ones."""
 
 import numpy as np
 
@@ -13,25 +10,25 @@ from estimator.link_velocity import SAMPLES, Alignment
 _SAMPLES, _SENSED_PERIODS = SAMPLES, SENSED_PERIODS  # for the compiler
 _LATE, _RESTARTED = int(Flag.LATE), int(Flag.RESTARTED)
 _BRIDGED, _RAISED, _STARTING = int(Flag.BRIDGED), int(Flag.RAISED), int(Flag.STARTING)
-# An interval of so many periods is late; one of so many raises the levels of its joint: two samples
-# were missing.
+# Lengths of an interval from which on it is late, and from which on it raises the levels of its
+# joint (two samples missing) [periods].
 _LATE_PERIODS, _RAISED_PERIODS = 1.5, 2.5
-# Over a longer gap nothing is bridged [periods]: Tustin's rule does not know what happened in it.
+# Longest gap that is bridged [periods]: Tustin's rule neglects what happens within an interval.
 _BRIDGED_PERIODS = 5.5
 
 
 class Arrivals:
-    """Those of an arm's joints. The caller writes `came` (n,), 1 where a joint has a sample."""
+    """Sample arrivals of all joints. The caller writes `came` (n,): 1 for a joint with a sample."""
 
     def __init__(self, alignment: Alignment, n: int, period_s: float) -> None:
         self._alignment, self._n, self._period = alignment, n, period_s
         self.came = np.ones(n, dtype=np.int64)
-        # Time since the sample of each joint that was used last, and between that and the one
-        # before where it came in this tick, 0 where none did [s].
+        # Age of the last sample used of each joint, and length of the interval that a new sample
+        # ends, 0 without one [s].
         self.since, self.gaps = np.zeros((2, n))
 
     def tick(self, dt: float) -> bool:
-        """Pass dt [s]. Returns True if that and all samples that came are finite."""
+        """Advance by dt [s]. Returns True if dt and all new samples are finite, and dt positive."""
         everything = dt
         for i in range(self._n):
             if self.came[i]:
@@ -42,12 +39,12 @@ class Arrivals:
         return bool(everything - everything == 0.0 and dt > 0.0)
 
     def step(self, dt: float) -> float:
-        """dt [s] where it is one, else the period."""
+        """dt [s] if it is valid, else the period."""
         return float(dt if dt > 0.0 and dt - dt == 0.0 else self._period)
 
     def gap(self, i: int) -> int:
-        """Close the interval of joint i, if its sample came. Returns `Flag`s: with RESTARTED, too
-        much is missing, and the joint has to start anew before the sample is pushed."""
+        """Close the interval of joint i if its sample came. Returns `Flag`s; RESTARTED: too many
+        samples are missing, and the joint must restart before the sample is pushed."""
         self.gaps[i] = 0.0
         if not self.came[i]:
             return _BRIDGED
@@ -58,7 +55,7 @@ class Arrivals:
         return flags
 
     def starting(self) -> int:
-        """STARTING while no joint has samples enough, or one has none; else 0."""
+        """STARTING until every joint has a sample, and one of them enough; else 0."""
         ready, counted = False, True
         for i in range(self._n):
             ready = ready or self._alignment.count[i] >= _SAMPLES
@@ -66,17 +63,18 @@ class Arrivals:
         return 0 if ready and counted else _STARTING
 
     def late(self, i: int) -> bool:
-        """True where the interval of joint i that ends now is a late one."""
+        """True if the interval of joint i that ends now is late."""
         return bool(self.gaps[i] > _LATE_PERIODS * self._period)
 
     def raised(self, i: int) -> int:
-        """RAISED where samples were missing in the interval of joint i that ends now; else 0."""
+        """RAISED if more than one sample was missing in the interval of joint i that ends now, or
+        0."""
         return _RAISED if self.gaps[i] > _RAISED_PERIODS * self._period else 0
 
     def bridged(self, i: int) -> bool:
-        """True while joint i, without a sample, is still taken to go on as it did."""
+        """True while the motion of joint i may be extrapolated without a sample."""
         return bool(self.since[i] <= _BRIDGED_PERIODS * self._period)
 
     def senses(self, i: int) -> bool:
-        """True while the last sample of joint i is young enough for its residual to count."""
+        """True while the last sample of joint i is recent enough for its residual to count."""
         return bool(self.since[i] <= _SENSED_PERIODS * self._period)

@@ -1,5 +1,5 @@
-"""Inertia of a body: mass, centre of mass and tensor of all that one joint moves, and the ten
-parameters in which torques are linear."""
+"""Body inertia: mass, centre of mass and inertia tensor of everything that one joint moves, and the
+ten parameters in which torques are linear."""
 
 from typing import Annotated
 
@@ -11,7 +11,7 @@ from common.arrays import Matrix, Vector
 from common.errors import ModelError
 
 PARAMETERS = 10
-"""m, m c (3), and I about the joint's origin as xx, xy, yy, xz, yz, zz: pinocchio's order"""
+"""m, m c (3), and I about the joint's origin as xx, xy, yy, xz, yz, zz: the order of pinocchio"""
 _LOWER = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # of I in the parameters
 _URDF = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of an <inertia>
 
@@ -21,8 +21,8 @@ Moment = Annotated[float, Meta(ge=-1000, le=1000)]
 
 
 class BodyInertia(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All that a joint moves up to the next joints, as one body, in the frame of the joint's child
-    link; in place of the <inertial> of that link and of those that are fixed to it."""
+    """Everything that a joint moves up to the next joints, as one body, in the frame of the joint's
+    child link; it replaces the <inertial> of that link and of the links fixed to it."""
 
     mass: BodyMass  # [kg]
     com: tuple[Center, Center, Center]  # centre of mass [m]
@@ -30,12 +30,12 @@ class BodyInertia(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     inertia: tuple[Moment, Moment, Moment, Moment, Moment, Moment]
 
     def tensor(self) -> Matrix:
-        """(3, 3) about the centre of mass [kg m2]."""
+        """Inertia tensor (3, 3) about the centre of mass [kg m2]."""
         return _symmetric(_URDF, self.inertia)
 
     @classmethod
     def of(cls, parameters: Vector) -> "BodyInertia":
-        """Body of ten parameters, its figures to six digits."""
+        """Body with these ten parameters, rounded to six digits."""
         m, h = float(parameters[0]), parameters[1:4]
         com = h / m
         about_origin = _symmetric(_LOWER, parameters[4:])
@@ -52,20 +52,20 @@ class BodyInertia(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 def refuse_impossible(name: str, body: BodyInertia) -> None:
-    """Raises ModelError for a body whose tensor no distribution of mass has: a principal moment
-    that is not positive, or greater than the two others together."""
+    """Raise ModelError for a tensor that no mass distribution has: a principal moment that is not
+    positive, or exceeds the sum of the two others."""
     principal = np.linalg.eigvalsh(body.tensor())
     if principal[0] <= 0.0 or principal[2] > principal[0] + principal[1]:
         figures = ", ".join(f"{x:.3g}" for x in principal)
         raise ModelError(
-            f"body of {name}: principal moments of {figures} kg m2 are those of no body: each must "
-            "be above 0, and at most the sum of the two others"
+            f"body of {name}: principal moments of {figures} kg m2 are impossible: each must be "
+            "above 0, and at most the sum of the two others"
         )
 
 
 def pseudo_inertia(parameters: Vector) -> Matrix:
-    """(4, 4) [[sum of m x x^T, m c], [m c^T, m]] of ten parameters: positive definite for the
-    bodies that can exist, and for no others (Wensing, Kim, Slotine 2018)."""
+    """Pseudo-inertia (4, 4) [[sum of m x x^T, m c], [m c^T, m]] of ten parameters: positive
+    definite exactly for physically possible bodies (Wensing, Kim, Slotine 2018)."""
     about_origin = _symmetric(_LOWER, parameters[4:])
     P = np.empty((4, 4))
     P[:3, :3] = 0.5 * np.trace(about_origin) * np.eye(3) - about_origin

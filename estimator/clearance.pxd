@@ -1,4 +1,4 @@
-# Types of clearance.py, for the compiler alone.
+# Cython types of clearance.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,17 +1,17 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Gaps between the arm's links, and between those and their surroundings, with their gradients.
+"""Clearance: gaps between the arm's links, and between links and surroundings, with their
+gradients.
 
-A link is a capsule, all that is within a radius of a segment; the surroundings are planes and
-boxes. The gap of a point x of a segment to something with the normal n at its nearest point y is
+A link is a capsule: everything within a radius of a segment. The surroundings are planes and boxes.
+The gap between a point x of a segment and its nearest point y on another shape, with the normal n
+there, is
 
     d = n . (x - y) - radii,    d d / d q_j = n . (w_j x (x - p_j))  for each joint j that moves x,
 
-less the same at y for each that moves y. It is negative inside. One gap of a pair, the smallest, is
-not enough: where two segments are parallel its points jump from one end to the other. So each pair
-has a row for the nearest points, and one for each end: a fixed number, and nothing is allocated.
-
-Ordinary Python, which runs as it is; `clearance.pxd` names types for the compiler, decision 0037.
+minus the same term at y for each joint that moves y. It is negative inside. The smallest gap of a
+pair is not enough: between parallel segments its points jump from one end to the other. So each
+pair has a row for the nearest points, and one for each end: a fixed number, without allocations.
 """
 
 from collections.abc import Sequence
@@ -26,18 +26,18 @@ from estimator.shapes import Box, Capsule, Plane
 
 _CAPSULE, _PLANE, _BOX = 0, 1, 2
 _ROWS = (5, 2, 3)
-_HALVINGS = 30  # of a segment beside a box: to a thousandth of a micrometre
-_BESIDE = 1e-8  # share of a segment, of which that is known
+_HALVINGS = 30  # bisections of a segment beside a box: to a thousandth of a micrometre
+_BESIDE = 1e-8  # step along a segment for one-sided slopes, as a share of it
 _TINY = 1e-12
 
 
 class Clearance:
-    """Gaps of pairs of shapes: the first of each is a capsule.
+    """Gaps of pairs of shapes; the first shape of each pair is a capsule.
 
-    `at` writes `gap` (rows,) [m] and `gradient` (rows, n) [m/rad]. The rows of a pair lie together,
-    and `pair` (rows,) is its number; the smallest of them is the gap of the pair. Pairs of the same
-    names are parts of one: `whole` (rows,) is the number of its first, where `least` (pairs,) [m]
-    has its gap.
+    `at` writes `gap` (rows,) [m] and `gradient` (rows, n) [m/rad]. The rows of a pair are
+    contiguous, and `pair` (rows,) is its index; the smallest of them is the gap of the pair. Pairs
+    with the same names count as one: `whole` (rows,) is the index of the first of them, where
+    `least` (pairs,) [m] holds their common gap.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Clearance:
         self._offset = np.array([body.translation for body in bodies])
         self._turning = np.array([body.turning for body in bodies])
         self._sliding = np.array([body.sliding for body in bodies])
-        # In the root's frame: rotation and origin of each joint, row n the root's own, and axes.
+        # In the root frame: rotation and origin of each joint, row n for the root itself, and axes.
         self._R, self._p = np.zeros((n + 1, 3, 3)), np.zeros((n + 1, 3))
         for a in range(3):
             self._R[n, a, a] = 1.0
@@ -67,7 +67,7 @@ class Clearance:
         ends = [np.array([one.start, one.end - one.start]) for one in capsules]
         self._local = np.array(ends).reshape(m, 2, 3)
         self._radius = np.array([one.radius for one in capsules])
-        self._segment = np.zeros((m, 2, 3))  # where it starts, and the way to its end
+        self._segment = np.zeros((m, 2, 3))  # start, and vector to the end
         planes = [other for _, other in pairs if isinstance(other, Plane)]
         boxes = [other for _, other in pairs if isinstance(other, Box)]
         self._plane = np.array([[*one.normal, one.offset] for one in planes]).reshape(-1, 4)
@@ -87,7 +87,7 @@ class Clearance:
         self._x, self._y, self._normal, self._lower = np.zeros((4, 3))
 
     def at(self, q: Vector) -> None:
-        """Gaps and gradients at q (n,) [rad, or m of a joint that slides]."""
+        """Compute gaps and gradients at q (n,) [rad, or m for a prismatic joint]."""
         for i in range(self.n):
             self._outward(i, q[self._row[i]])
         for k in range(self._body.shape[0]):
@@ -107,7 +107,7 @@ class Clearance:
             self.least[k] = min(self.least[k], self.gap[row])
 
     def _outward(self, i: int, q: float) -> None:
-        """Joint i in the root's frame, from its parent."""
+        """Pose of joint i in the root frame, from that of its parent."""
         parent = self._parent[i] if self._parent[i] >= 0 else self.n
         s, versine = sine(q), 1.0 - cosine(q)
         R, own = self._R, self._x
@@ -130,7 +130,7 @@ class Clearance:
                 self._s[i, a] += R[i, a, b] * self._sliding[i, b]
 
     def _place(self, k: int) -> None:
-        """Segment of capsule k in the root's frame."""
+        """Segment of capsule k in the root frame."""
         i = self._body[k] if self._body[k] >= 0 else self.n
         for a in range(3):
             self._segment[k, 0, a] = self._p[i, a]
@@ -164,8 +164,8 @@ class Clearance:
         return row
 
     def _nearest_to_box(self, k: int, m: int) -> float:
-        """Share of the segment at which it is nearest: the distance is convex along it, so that its
-        slope changes sign once."""
+        """Position along segment k, 0 to 1, that is nearest to box m, by bisection: the distance is
+        convex along the segment, so its slope changes sign once."""
         if self._slope(k, m, 0.0) >= 0.0:
             return 0.0
         if self._slope(k, m, 1.0) <= 0.0:
@@ -180,8 +180,9 @@ class Clearance:
         return 0.5 * (low + high)
 
     def _lean(self, k: int, m: int, t: float) -> None:
-        """Normal at the deepest place in a box, which may be as far from two faces: that between
-        both along which the distance changes, across the segment; none between opposite ones."""
+        """Set the normal at the deepest point in a box, which may be equally far from two faces:
+        the mean of both normals that is perpendicular to the segment; zero between opposite
+        faces."""
         low, lean = self._slope(k, m, t - _BESIDE), self._lower
         for a in range(3):
             lean[a] = self._normal[a]
@@ -192,7 +193,7 @@ class Clearance:
             self._x[a] = self._segment[k, 0, a] + t * self._segment[k, 1, a]
 
     def _slope(self, k: int, m: int, t: float) -> float:
-        """Slope of the distance along the segment at a share t of it."""
+        """Slope of the distance along the segment at the position t, 0 to 1."""
         self._from_box(k, m, t)
         slope = 0.0
         for a in range(3):
@@ -200,8 +201,8 @@ class Clearance:
         return slope
 
     def _from_box(self, k: int, m: int, t: float) -> float:
-        """Distance of a point of the segment from a box, with its normal: that to the nearest face
-        where it is inside."""
+        """Distance of a point of the segment from a box, and its normal; inside, to the next
+        face."""
         y, normal, outside, deepest, face = self._y, self._normal, 0.0, -1e300, 0
         for a in range(3):
             self._x[a] = self._segment[k, 0, a] + t * self._segment[k, 1, a]
@@ -236,8 +237,8 @@ class Clearance:
         return row + 5
 
     def _nearest_to_line(self, k: int, m: int) -> float:
-        """Share of segment k at which it is nearest to the line of m: if its foot is beyond an end
-        of m, that end's row has the gap."""
+        """Position along segment k, 0 to 1, nearest to the line through segment m. If the foot lies
+        beyond an end of m, the row of that end has the gap."""
         A, B, aa, ab, bb, ar, br = self._segment[k], self._segment[m], 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(3):
             apart = A[0, i] - B[0, i]
@@ -250,7 +251,7 @@ class Clearance:
         return min(max((ab * br - bb * ar) / square, 0.0), 1.0) if square > _TINY * aa * bb else 0.5
 
     def _foot(self, k: int, m: int, u: float) -> float:
-        """Share of segment k at which it is nearest to the point at a share u of segment m."""
+        """Position along segment k, 0 to 1, nearest to the point at the position u of segment m."""
         A, B, along, square = self._segment[k], self._segment[m], 0.0, 0.0
         for i in range(3):
             along += A[1, i] * (B[0, i] + u * B[1, i] - A[0, i])
@@ -258,8 +259,8 @@ class Clearance:
         return min(max(along / square, 0.0), 1.0) if square > _TINY else 0.0
 
     def _between(self, row: int, k: int, m: int, t: float, u: float) -> None:
-        """Row of a point of capsule k and one of capsule m. Where their axes meet the way out is
-        along the axis between both origins, or up."""
+        """Compute the row of one point of capsule k and one of capsule m. Where the points
+        coincide, the normal is the z axis."""
         x, y, normal, square = self._x, self._y, self._normal, 0.0
         for a in range(3):
             x[a] = self._segment[k, 0, a] + t * self._segment[k, 1, a]
@@ -273,8 +274,8 @@ class Clearance:
         self._differentiate(row, k, m)
 
     def _differentiate(self, row: int, k: int, m: int) -> None:
-        """Gradient of a row with the points x of capsule k, and y of capsule m if that is not -1,
-        along the normal."""
+        """Gradient of a row along the normal, from the point x of capsule k and, unless m is -1,
+        the point y of capsule m."""
         for j in range(self.n):
             self.gradient[row, j] = 0.0
         self._add(row, self._body[k], self._x, 1.0)

@@ -1,4 +1,4 @@
-"""Contact: the subtractive dead-band, and the event. `contact_detector` finds it."""
+"""Contact event, and dead band of the thresholded residual. `contact_detector` detects contacts."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ from estimator.thresholds import Level
 
 
 def dead_band(residual: Vector, threshold: Vector) -> Vector:
-    """The thresholded residual sign(r) max(|r| - threshold, 0): no jump at the threshold."""
+    """Thresholded residual sign(r) max(|r| - threshold, 0): continuous at the threshold."""
     return residual - np.minimum(np.maximum(residual, -threshold), threshold)
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Start of a contact: the residual of one joint stayed past a level for the debounce time."""
+    """Start of a contact: the residual of one joint exceeded a level for the debounce time."""
 
     joint: str
     torque: float
     """residual, signed [Nm]"""
     threshold: float
-    """the level it passed, as in force in this tick [Nm]"""
+    """level that it exceeded, as in force in this tick [Nm]"""
     level: Level
     side: int
     """gap state of the joint, `motor_position.Side`"""

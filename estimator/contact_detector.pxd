@@ -1,4 +1,4 @@
-# Types of contact_detector.py, for the compiler alone.
+# Cython types of contact_detector.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,13 +1,10 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Contacts: debounce of what is past the levels in force, and the touched link.
+"""Contact detection: debounce of residuals beyond the levels in force, and the touched link.
 
-A force on a link acts on its own joint and on those before it; the residuals of joints beyond the
-contact stay small. So the touched link is that of the last joint whose residual is clear: at least
-this one, and one further out only if the force has no lever about the joints in between.
-
-Ordinary Python, which runs as it is; `contact_detector.pxd` names the types for the compiler,
-decision 0037.
+A force on a link loads its own joint and those before it; the residuals of joints further out stay
+small. So the touched link is that of the last joint with a clear residual: the contact is at least
+that far out, and further out only if the force has no lever arm about the joints in between.
 """
 
 from collections.abc import Sequence
@@ -21,18 +18,19 @@ from estimator.contact import Contact
 from estimator.levels import Levels
 from estimator.thresholds import LEVELS
 
-# Of its configured contact level, or of the share of that which is in force: what a residual does
-# not reach by the model's errors alone; and of that, below which it is clearly absent.
+# A residual is clear beyond the share _CLEAR of the configured contact level (or k, if less), which
+# model errors alone do not reach; it is clearly absent below _ABSENT of that.
 _CLEAR, _ABSENT = 0.35, 0.5
-# Ticks for which a contact may wait where samples are missing.
+# Longest delay of a contact by missing samples [ticks].
 _WAITS = 2
 
 
 class ContactDetector:
-    """Debounce and events.
+    """Debounce and contact events.
 
-    A contact begins when |r| has been past a level on one side for `debounce` ticks in a row; it
-    ends when r comes back or changes its sign, and only then may the level fire again.
+    A contact begins when |r| has exceeded a level on one side for `debounce` consecutive ticks; it
+    ends when r falls below the level or changes its sign, and only then may the level trigger
+    again.
 
     Raises ModelError for a debounce below 1.
     """
@@ -42,19 +40,19 @@ class ContactDetector:
             raise ModelError(f"debounce is {debounce} ticks; at least 1")
         n = self._n = len(joints)
         self._joints, self.levels, self._debounce = tuple(joints), levels, debounce
-        # Ticks in a row past each level, signed as the residual.
+        # Consecutive ticks beyond each level, signed like the residual.
         self.streak = np.zeros((2, n), dtype=np.int64)
-        # Ticks for which a contact has waited where samples were missing.
+        # Ticks by which a contact was delayed by missing samples.
         self.waited = np.zeros((2, n), dtype=np.int64)
         self.begins = np.zeros((2, n), dtype=np.int64)
 
     def step(self, i: int, residual: float, came: bool, waits: bool) -> int:
-        """Count what is past the levels in force; returns how many contacts of joint i begin.
+        """Update the debounce of joint i; returns how many of its contacts begin.
 
-        Without a sample, unless it `came`, what counts is what counted before. A contact waits for
-        the next tick, _WAITS times at most, beside a joint without a sample, which may not have
-        gone on as it was taken to: what it did else is a torque on the others until it is known;
-        and over an interval in which a sample was missing, whose mean may miss a knock in the gap.
+        Without a new sample (`came`) the counts stay. With `waits` a contact is delayed to the next
+        tick, at most _WAITS times: while a joint has no sample, its motion may differ from the
+        extrapolated one, which looks like a torque on the others; and the mean over an interval
+        with a missing sample may miss an impact in the gap.
         """
         begun = 0
         for k in range(2):
@@ -94,11 +92,11 @@ class ContactDetector:
         return tuple(contacts)
 
     def touched_link(self, residual: Vector) -> int:
-        """Index of the joint whose link is touched, for a residual (n,) [Nm] that is past the level
-        of at least one joint; what raises the levels is no sign of a touch.
+        """Index of the joint whose link is touched, given a residual (n,) [Nm] beyond the level of
+        at least one joint. Only what exceeds the additions to a level counts.
 
-        -1 where it cannot be decided: no residual is clear, or that of a joint further out is
-        neither clear nor clearly absent.
+        -1 if undecidable: no residual is clear, or that of a joint further out is neither clear nor
+        clearly absent.
         """
         for i in range(self._n - 1, -1, -1):
             clear = min(_CLEAR, self.levels.share[i]) * self.levels.usual(i, 0.0)
@@ -110,12 +108,12 @@ class ContactDetector:
         return -1
 
     def touched(self) -> NDArray[np.bool_]:
-        """Joints that are past their contact level now, debounced; shape (n,)."""
+        """Joints beyond their contact level now, debounced; shape (n,)."""
         touched: NDArray[np.bool_] = np.abs(self.streak[0]) >= self._debounce
         return touched
 
     def hit(self) -> NDArray[np.bool_]:
-        """Joints that are past their collision level now, debounced; shape (n,)."""
+        """Joints beyond their collision level now, debounced; shape (n,)."""
         hit: NDArray[np.bool_] = np.abs(self.streak[1]) >= self._debounce
         return hit
 

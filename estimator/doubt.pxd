@@ -1,4 +1,4 @@
-# Types of doubt.py, for the compiler alone.
+# Cython types of doubt.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

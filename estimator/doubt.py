@@ -2,54 +2,51 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Doubt in what was learned, raised by contacts that the stated level would not have shown.
 
-A level that learning has lowered is a conclusion, and so is learned friction. A contact that exists
-by these alone may be the arm's own: friction that has changed, a cable, a load. After it the joint
-is back at its stated level, and its friction counts as unknown,
+Both a level lowered by learning and learned friction are inferences. A contact that depends on them
+may come from the arm itself: changed friction, a cable, a load. After it the joint returns to its
+stated level, and its friction counts as unknown,
 
     k' = k + (1 - k) d,    unknown' >= d * unknown before anything was learned
 
-until its motion agrees again: everywhere (d) after half a second of it in each direction in which
-it was interrupted, but where the joint was, `place`, only after it has passed there without that.
-A direction that was not interrupted shows nothing: what rubs one way agrees in the other. A joint
-that sets out after a minute of rest is in doubt, too, until both directions agree: its gear may
-have cooled. Where the residual goes on to exceed the lowered level, and follows the sign
-of the motion in both directions, it is friction: what was learned of it is uncertain again, and
-given up if the residual is smaller without it.
+until its motion agrees again. Doubt everywhere (d) ends after half a second of agreeing motion in
+each direction that was interrupted; doubt at the `place` of the contact, only after the joint has
+passed there without another. A direction that was not interrupted proves nothing: what rubs in one
+direction agrees in the other. A joint that moves after a minute of rest is in doubt, too, until
+both directions agree: its gear may have cooled. If the residual keeps exceeding the lowered level,
+with a sign that follows the direction of motion, it is friction: what was learned of it becomes
+uncertain again, and is discarded if the residual is smaller without it.
 
-A hand comes at once, and presses on. A residual that crept over the lowered level, and hardly
-beyond it, is more likely the arm's own, and comes again in each such pose: then all levels get a
-margin m, k (1 + m). That of a joint that is grazed again and again doubles. It fades in motion that
-would have stayed below the level without.
+A hand presses suddenly, and firmly. A residual that crept over the lowered level, and hardly beyond
+it, is more likely the arm's own, and will recur in similar poses: then all levels get a margin m, k
+(1 + m), which doubles when the same joint grazes its level again. It fades during motion that would
+have stayed below the level without it.
 
-A contact beyond the stated level, and beyond all friction that was identified, raises no doubt:
-that is a person, or an obstacle. Doubt only raises levels; it moves nothing.
-
-Ordinary Python, which runs as it is; `doubt.pxd` names the types for the compiler.
+A contact beyond the stated level and all identified friction raises no doubt: it is a person, or an
+obstacle. Doubt only raises levels; it moves nothing.
 """
 
 import numpy as np
 
-# Each direction that was interrupted owes _HOLDS_S of motion that agrees; then d fades in _FADES_S.
+# Each interrupted direction owes _HOLDS_S of agreeing motion; then d fades in _FADES_S.
 _HOLDS_S, _FADES_S = 0.5, 0.5
-# A contact in doubt that lasts, as a cable on an arm that stands, is none any more after so long.
+# A doubtful contact that lasts longer, such as a cable on an arm at rest, is ended as d rises.
 _LASTS_S, _RISES_S = 10.0, 1.0
-# A contact that comes again within so long is the same one: a hand that pulls with about a level.
-# No longer than the shortest quiet time, after which an arm goes on and is interrupted anew.
+# A contact that recurs within this time is the same one: a hand that pulls with about a level. At
+# most the shortest quiet time, after which an arm resumes and is interrupted anew.
 _APART_S = 0.1
-# A residual crept over the lowered level if it was beyond a share of it for so long, in the last so
-# many seconds, and grazed it if it was never so many levels.
+# A residual crept over the lowered level if it was beyond the share _NEAR of it for _CREEPS_S
+# within the last _NEAR_S; it grazed the level if it never reached _GRAZES times it.
 _CREEPS_S, _NEAR_S, _NEAR, _GRAZES = 0.2, 0.5, 0.7, 1.3
-# Margin after a graze; on the joint that is grazed it doubles, too, up to _MOST_MARGIN. It fades
-# in _MARGIN_S of motion, after _NEEDED_S of it in which no residual exceeded that share of the
-# level without it.
+# Margin after a graze; that of the grazing joint also doubles, up to _MOST_MARGIN. It decays in
+# _MARGIN_S of motion, after _NEEDED_S of motion in which no residual exceeded _NEEDED of the level.
 _MARGIN, _MOST_MARGIN = 0.4, 4.0
 _MARGIN_S, _NEEDED_S, _NEEDED = 10.0, 18.0, 0.9
-# With more than that of it, motion is held against what was learned, too.
+# Margin from which on motion is compared with what was learned, too.
 _SOME = 0.05
-# A place is so wide to both sides [rad], and forgotten after so much motion there that agrees; one
-# that was met again after so much.
+# Width of a place to either side [rad]; agreeing motion there until it is forgotten, and until one
+# that was met again is.
 _WIDTH, _CLEARS_S, _CLEARS_AGAIN_S = 0.08, 1.0, 2.0
-# Residual beyond the lowered level in both directions of motion, each for so long, is friction.
+# Time beyond the lowered level in each direction of motion that proves friction.
 _FLIPS_S = 0.05
 # Verdicts of `step`.
 AGREES, ENDED, GRAZED, FRICTION = range(4)
@@ -60,24 +57,23 @@ class Doubt:
     """Doubt d of each joint, `value` (n,), 0 to 1."""
 
     def __init__(self, n: int) -> None:
-        # How long a contact in doubt has lasted; negative: until one that is over counts [s].
+        # Duration of a doubtful contact; negative: time until one that ended counts as over [s].
         self.value, self.lasted_s = np.zeros((2, n))
-        # Motion that agrees and is owed, by direction [s]; and the direction in which a contact
-        # began, 0 at rest.
+        # Agreeing motion owed, by direction [s]; direction in which the contact began, 0 at rest.
         self.upwards_owed_s, self.downwards_owed_s = np.zeros((2, n))
         self.way = np.zeros(n, dtype=np.int64)
-        # 1 where the contact that lasts is beyond doubt, and where a place is known.
+        # 1 where the present contact is beyond doubt, and where a place is known.
         self.beyond, self.placed = np.zeros((2, n), dtype=np.int64)
-        # How long the residual was near the lowered level, of late [s]; how far beyond it in this
-        # contact; the margin of its level, and for how long that is needed still [s].
+        # How long the residual was near the lowered level recently [s]; its largest ratio to that
+        # in this contact; margin of the level, and how long it is still needed [s].
         self.near_s, self.depth, self.margin, self.needed_s = np.zeros((4, n))
-        self.rubs = np.zeros(n, dtype=np.int64)  # 1: friction was seen to be another
-        self.moving = np.zeros(n, dtype=np.int64)  # 1 where rotor and link move together
-        self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place
+        self.rubs = np.zeros(n, dtype=np.int64)  # 1: friction was found to have changed
+        self.moving = np.zeros(n, dtype=np.int64)  # 1 while rotor and link move together
+        self.low, self.high, self.cleared_s = np.zeros((3, n))  # of the place [rad, s]
         # Signed time for which the residual exceeded the lowered level, by direction of motion [s].
         self.upwards_s, self.downwards_s = np.zeros((2, n))
-        # How often the same place was met, entering it anew, and how often it interrupted the arm;
-        # and since when it was left [s].
+        # How often motion at the same place disagreed anew, and how often it interrupted the arm;
+        # motion since it was left [s].
         self.met, self.interrupted = np.zeros((2, n), dtype=np.int64)
         self.away_s = np.zeros(n)
 
@@ -91,11 +87,11 @@ class Doubt:
         self, i: int, touched: bool, q: float, velocity: float, residual: float, believed: float,
         lowered: float, stated: float, dt: float,
     ) -> int:  # fmt: skip
-        """Take one tick of joint i, dt [s]; returns a verdict.
+        """Process one tick of joint i, dt [s]; returns a verdict.
 
-        touched: its contact lasts; residual: as it decides [Nm]; believed: what of its size does
-        not depend on what was learned [Nm]; lowered: level in force but for doubt and the margin
-        [Nm]; stated: level that only a person or an obstacle exceeds [Nm].
+        touched: its contact is on; residual: the one that decides [Nm]; believed: the part of its
+        magnitude that does not depend on learning [Nm]; lowered: level in force without doubt and
+        margin [Nm]; stated: level that only a person or an obstacle exceeds [Nm].
         """
         depth = abs(residual) / (lowered * (1.0 + self.margin[i]))
         if touched:
@@ -128,7 +124,7 @@ class Doubt:
         return _AGREES
 
     def raise_at(self, i: int, q: float) -> None:
-        """Doubt joint i everywhere, and at q [rad] until it has passed there."""
+        """Doubt joint i everywhere, and around q [rad] until the joint has passed there."""
         self.value[i] = 1.0
         self._owe(i, self.way[i])
         near = self.placed[i] and self.low[i] - 2.0 * _WIDTH <= q <= self.high[i] + 2.0 * _WIDTH
@@ -144,18 +140,18 @@ class Doubt:
         self._owe(i, 0)
 
     def widen(self, i: int, own: bool) -> None:
-        """Widen the margin of joint i after a graze of this joint (`own`), or of another."""
+        """Widen the margin of joint i after a graze by this joint (`own`), or by another."""
         if own:
             self.margin[i] = min(2.0 * self.margin[i] + _MARGIN, _MOST_MARGIN)
         else:
             self.margin[i] = max(self.margin[i], _MARGIN)
 
     def reset(self, i: int) -> None:
-        """Forget the contact of joint i that lasts."""
+        """Forget the present contact of joint i."""
         self.lasted_s[i], self.depth[i], self.beyond[i] = 0.0, 0.0, 0
 
     def _owe(self, i: int, way: int) -> None:
-        """Let joint i owe motion that agrees in the direction of `way`, in both where that is 0."""
+        """Require agreeing motion of joint i in the direction `way`, in both if that is 0."""
         self.upwards_s[i] = self.downwards_s[i] = 0.0
         if way >= 0:
             self.upwards_owed_s[i] = _HOLDS_S
@@ -178,7 +174,7 @@ class Doubt:
     def _compare(
         self, i: int, q: float, velocity: float, residual: float, lowered: float, dt: float
     ) -> int:
-        """Hold motion against what was learned."""
+        """Compare motion with what was learned."""
         here = self.placed[i] and self.low[i] - _WIDTH <= q <= self.high[i] + _WIDTH
         agrees = abs(residual) <= lowered
         if here:
@@ -206,7 +202,7 @@ class Doubt:
         return _AGREES
 
     def _agree(self, i: int, velocity: float, dt: float) -> None:
-        """Take motion that agrees."""
+        """Count motion that agrees."""
         if velocity > 0.0:
             self.upwards_owed_s[i] = max(self.upwards_owed_s[i] - dt, 0.0)
         else:
@@ -217,13 +213,13 @@ class Doubt:
                 self.rubs[i] = 0
 
     def _rub(self, i: int) -> int:
-        """Friction is another."""
+        """Conclude that friction has changed."""
         self.raise_all(i)
         self.rubs[i] = 1
         return _FRICTION
 
     def _pass(self, i: int, q: float, agrees: bool, dt: float) -> None:
-        """Pass through the place of joint i."""
+        """Update the place of joint i while it passes through."""
         if agrees:
             self.cleared_s[i] += dt
             if self.cleared_s[i] > (_CLEARS_S if self.met[i] < 2 else _CLEARS_AGAIN_S):

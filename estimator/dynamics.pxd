@@ -1,4 +1,4 @@
-# Types of dynamics.py, for the compiler alone.
+# Cython types of dynamics.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,16 +1,16 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Recursive dynamics of a tree of joints: momentum and beta in one pass out and one back, O(n).
+"""Recursive dynamics of a tree of joints: momentum and beta in one outward and one inward pass,
+O(n).
 
-Rotating joint i turns all that lies beyond it as one rigid body, in which only the velocity that
-comes from before the joint is seen differently: by v_i x S_i for each radian. With H_i, the spatial
-momentum of all that lies beyond joint i, and G_i, the gravity on it, both in the frame of i,
+A revolute joint i turns everything beyond it as one rigid body, in which only the velocity that
+comes from before the joint changes: by v_i x S_i per radian. With H_i, the spatial momentum of
+everything beyond joint i, and G_i, the gravity on it, both in the frame of i,
 
     p_i    = S_i . H_i                                                      (M q_dot)_i
     beta_i = (v_i x S_i) . H_i + S_i . G_i         dT/dq_i - g_i = (C^T q_dot - g)_i of (12)
 
-so that neither M nor C is ever made. Ordinary Python, which runs as it is; `dynamics.pxd` names the
-types for the compiler, decision 0037.
+so that neither M nor C is ever formed.
 """
 
 from collections.abc import Sequence
@@ -24,20 +24,20 @@ from common.elementary import cosine, sine
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A joint, and all that is fixed to what it moves; numbers in SI, in the joint's own frame."""
+    """A joint, and everything fixed to what it moves; SI units, in the joint's own frame."""
 
     parent: int
-    """joint before this one, -1 where there is none; never one that comes later"""
+    """index of the joint before this one, -1 for none; always below its own"""
     row: int
-    """the joint's place in the caller's vectors"""
+    """index of the joint in the caller's vectors"""
     rotation: Matrix
-    """(3, 3), of the joint at zero in the frame of its parent"""
+    """(3, 3), of the joint frame at zero in the frame of its parent"""
     translation: Vector
-    """(3,), likewise [m]"""
+    """(3,), origin likewise [m]"""
     turning: Vector
-    """axis (3,) of a revolute joint, zero of a prismatic one"""
+    """axis (3,) of a revolute joint, zero for a prismatic one"""
     sliding: Vector
-    """axis (3,) of a prismatic joint, zero of a revolute one"""
+    """axis (3,) of a prismatic joint, zero for a revolute one"""
     mass: float
     moment: Vector
     """mass times centre of mass (3,) [kg m]"""
@@ -47,7 +47,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """Point of the arm and a frame there, in the frame of the body that carries both."""
+    """Point of the arm, and axes there, in the frame of the body that carries both."""
 
     body: int
     """index among the bodies of `Dynamics`"""
@@ -58,9 +58,9 @@ class Place:
 
 
 class Dynamics:
-    """Dynamics of `bodies`, each behind its parent; gravity (3,) [m/s2] in the frame of the root.
+    """Dynamics of `bodies`, each listed after its parent; gravity (3,) [m/s2] in the root frame.
 
-    `at` writes to `momentum` [kg m2/s, or kg m/s where a joint slides] and `beta` [Nm or N], both
+    `at` writes `momentum` [kg m2/s, or kg m/s for a prismatic joint] and `beta` [Nm or N], both
     (n,), in the caller's order.
     """
 
@@ -70,7 +70,7 @@ class Dynamics:
         self.momentum, self.beta = np.zeros((2, n))
         self._parent = np.array([body.parent for body in bodies], dtype=np.int64)
         self._row = np.array([body.row for body in bodies], dtype=np.int64)
-        # R(q) = fixed + sin(q) sine + (1 - cos(q)) versine, Rodrigues' formula behind `rotation`.
+        # R(q) = fixed + sin(q) sine + (1 - cos(q)) versine: `rotation` times Rodrigues' formula.
         rotation = np.array([body.rotation for body in bodies])
         cross = np.array([np.cross(body.turning, np.eye(3)).T for body in bodies])
         turned = product(rotation, cross)
@@ -85,23 +85,23 @@ class Dynamics:
         self._moment = np.array([body.moment for body in bodies])
         inertia = np.array([body.inertia for body in bodies])
         self._inertia = inertia
-        # Of all that lies beyond each joint: it does not depend on the pose.
+        # Mass of each body, and of everything beyond each joint, which does not depend on the pose.
         self._mass, self._beyond = mass, mass.copy()
         self._own = np.column_stack((mass, self._moment, inertia.reshape(n, 9)))
-        # Of each joint in its own frame; row n is the root's, which stands.
+        # Per joint, in its own frame; row n is the root, which is at rest.
         self._R = np.zeros((n, 3, 3))
         self._t = np.zeros((n, 3))
         standing = np.zeros((3, n + 1, 3))
         standing[2, n] = gravity
         self._v, self._w, self._g = standing
-        # Momentum, angular momentum and first moment of mass of all that lies beyond the joint.
+        # Linear and angular momentum, and first moment of mass, of everything beyond the joint.
         self._L, self._K, self._c = np.zeros((3, n, 3))
-        self._load = np.zeros(3)  # where the mass is that `carry` puts on
+        self._load = np.zeros(3)  # position of the mass that `carry` adds
         self.carry(n - 1, 0.0, 0.0, 0.0, 0.0)
 
     def carry(self, i: int, mass: float, x: float, y: float, z: float) -> None:
-        """Let joint i carry a point mass [kg] at x, y, z [m] of its frame, in place of what it
-        carried before; 0 is nothing."""
+        """Let joint i carry only this point mass [kg] at x, y, z [m] in its frame; 0 carries
+        nothing."""
         own, J, c = self._own[i], self._inertia[i], self._load
         c[0], c[1], c[2] = x, y, z
         square = x * x + y * y + z * z
@@ -111,7 +111,7 @@ class Dynamics:
                 J[a, b] = own[4 + 3 * a + b] - mass * c[a] * c[b]
             J[a, a] += mass * square
         self._mass[i] = own[0] + mass
-        # Anew, so that what is carried leaves no rounding behind.
+        # Recomputed, so that adding and removing a mass leaves no rounding error.
         for k in range(self.n):
             self._beyond[k] = self._mass[k]
         for k in range(self.n - 1, -1, -1):
@@ -119,14 +119,14 @@ class Dynamics:
                 self._beyond[self._parent[k]] += self._beyond[k]
 
     def at(self, q: Vector, q_dot: Vector) -> None:
-        """Dynamics at q and q_dot, both (n,) [rad or m, /s]."""
+        """Compute momentum and beta at q and q_dot, both (n,) [rad or m, /s]."""
         for i in range(self.n):
             self._outward(i, q[self._row[i]], q_dot[self._row[i]])
         for i in range(self.n - 1, -1, -1):
             self._inward(i)
 
     def _outward(self, i: int, q: float, q_dot: float) -> None:
-        """Pose and velocity of joint i from those of its parent, and its own body's momentum."""
+        """Pose and velocity of joint i from those of its parent, and momentum of its own body."""
         parent = self._parent[i] if self._parent[i] >= 0 else self.n
         s, versine = sine(q), 1.0 - cosine(q)
         for a in range(3):
@@ -137,7 +137,7 @@ class Dynamics:
                     + s * self._sine[i, a, b]
                     + versine * self._versine[i, a, b]
                 )
-        # Velocity of the parent's body where this joint is.
+        # Velocity of the parent's body at the origin of this joint.
         t0, t1, t2 = self._t[i, 0], self._t[i, 1], self._t[i, 2]
         w0, w1, w2 = self._w[parent, 0], self._w[parent, 1], self._w[parent, 2]
         g0, g1, g2 = self._g[parent, 0], self._g[parent, 1], self._g[parent, 2]
@@ -165,7 +165,8 @@ class Dynamics:
         self._K[i, 2] = self._K[i, 2] + c0 * v1 - c1 * v0
 
     def _inward(self, i: int) -> None:
-        """p_i and beta_i, once all beyond joint i was added to it; then add it to its parent."""
+        """Compute p_i and beta_i once everything beyond joint i is added to it; add it to its
+        parent."""
         m, row, parent = self._beyond[i], self._row[i], self._parent[i]
         p, beta = 0.0, 0.0
         for a in range(3):
@@ -176,7 +177,7 @@ class Dynamics:
             S_b, S_d = self._sliding[i, b], self._sliding[i, d]
             T_b, T_d = self._turning[i, b], self._turning[i, d]
             p += S * L + T * K
-            # v_i x S_i, linear and angular, and gravity on all beyond.
+            # v_i x S_i, linear and angular, and gravity on everything beyond.
             beta += (w_b * S_d - w_d * S_b + self._v[i, b] * T_d - self._v[i, d] * T_b) * L
             beta += (w_b * T_d - w_d * T_b) * K
             beta += S * m * self._g[i, a] + T * (

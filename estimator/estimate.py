@@ -11,39 +11,38 @@ from common.arrays import Matrix, Vector
 from estimator.contact import Contact
 
 SENSED_PERIODS = 2.5
-"""A joint that was without a sample for longer senses nothing [periods]: its residual is old."""
+"""Age of its last sample beyond which a joint senses nothing [periods], as its residual is old."""
 
 
 class Flag(IntFlag):
-    """Conditions that limit what a tick's estimate is worth."""
+    """Conditions that limit the validity of a tick's estimate."""
 
     INVALID = 1
-    """A sample or dt was not a finite number: everything holds, the samples are not used."""
+    """A sample or dt was not finite: all values are held, and the samples are not used."""
     LATE = 2
-    """More than one and a half periods since the last samples of a joint; the true interval was
-    used."""
+    """More than 1.5 periods since the previous samples of a joint; the true interval was used."""
     RESTARTED = 4
-    """Too long without samples: residual and motor position of some joint start anew."""
+    """Too long without samples: residual and motor position of some joint restart."""
     STARTING = 8
     """Not enough samples yet for a link velocity: the residual is zero."""
     RAISED = 32
-    """More than one sample of a joint was missing: its levels are raised, and fade."""
+    """More than one sample of a joint was missing: its levels are raised for a moment."""
     BRIDGED = 16
-    """Samples of some joint are missing: its residual is the last, and the others take its link to
-    go on as it did."""
+    """Samples of some joint are missing: it keeps its last residual, and its link motion is
+    extrapolated for the others."""
 
 
 @dataclass(frozen=True, slots=True)
 class LearnedFriction:
-    """Friction of each joint as it was learned; (n,)."""
+    """Learned friction of each joint; (n,)."""
 
     coulomb: Vector
     viscous: Vector
-    """over the identified values"""
+    """both relative to the identified values"""
     load: Vector
-    """Nm per Nm that the gear transmits"""
+    """friction per torque that the gear transmits [Nm/Nm]"""
     coulomb_left: Vector
-    """standard deviation of the first, over that before anything was learned"""
+    """standard deviation of `coulomb`, relative to that before anything was learned"""
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -74,21 +73,21 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     level_share: Vector
     """k: share of the configured contact level that learning leaves in force"""
     uncorrected: Vector
-    """the residual that decides, without what was learned of friction [Nm]"""
+    """the residual that decides, without the correction by learned friction [Nm]"""
     contacts: tuple[Contact, ...]
     """contacts that begin in this tick"""
     touched_link: str
-    """joint whose link is touched; empty without a contact, and where it cannot be decided"""
+    """joint whose link is touched; empty without a contact, or if undecidable"""
     flags: Flag
     wrench: Vector
-    """force at the tool (WIDTH,), as `wrench` has it: (3,) [N], its covariance, and so on"""
+    """force at the tool (WIDTH,), laid out as in `wrench`: (3,) [N], its covariance, and so on"""
     sensing: NDArray[np.bool_]
-    """joints whose residual is made of samples that are at most `SENSED_PERIODS` old"""
+    """joints whose residual is based on samples at most `SENSED_PERIODS` old"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleRows:
-    """Samples of many ticks, (ticks, n) or (ticks,), as `Estimator.step` takes those of one."""
+    """Samples of many ticks, (ticks, n) or (ticks,): each row as `Estimator.step` takes it."""
 
     current: Matrix
     link_position: Matrix
@@ -101,7 +100,7 @@ class SampleRows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EstimateRows:
-    """Contents of `Estimate` for many ticks: arrays of shape (ticks, n), or (ticks,)."""
+    """Fields of `Estimate` for many ticks: arrays of shape (ticks, n), or (ticks,)."""
 
     q: Matrix
     q_dot: Matrix
@@ -117,7 +116,7 @@ class EstimateRows:
     residual: Matrix
     beside: dict[str, Matrix]
     touched_link: NDArray[np.int64]
-    """index of its joint, -1 where no name is given"""
+    """index of its joint, -1 without one"""
     flags: NDArray[np.int64]
     wrench: Matrix
     """(ticks, WIDTH)"""

@@ -1,11 +1,11 @@
-"""The estimator's chain for one tick: samples in, `Estimate` out. The arithmetic is in `kernel`.
+"""The estimation chain for one tick: samples in, `Estimate` out. The arithmetic is in `kernel`.
 
-Samples are first brought to one common instant (`link_velocity`); everything after that, from the
-motor position to the residual, belongs to that instant, `Estimator.delay_s` before the samples.
+Samples are first aligned to one common instant (`link_velocity`); everything after that, from the
+motor position to the residual, refers to that instant, `Estimator.delay_s` before the samples.
 
-A joint whose sample is missing does not blind the others. They take its link to go on as it did,
-and its own interval lasts until its next sample comes, so that no impulse is lost: the error of the
-bridge is in the next increment.
+A missing sample of one joint does not disable the others: its link motion is extrapolated for them.
+Its own interval lasts until its next sample, so that no impulse is lost: the error of the
+extrapolation is corrected by the next increment.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -31,7 +31,7 @@ from estimator.thresholds import Thresholds
 from estimator.transmission import Transmission
 from estimator.wrench import WIDTH
 
-_FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # making one costs a microsecond
+_FLAGS = tuple(Flag(i) for i in range(2 * max(Flag)))  # creating one takes a microsecond
 _INVALID = int(Flag.INVALID)
 # Rows of the kernel's output.
 _SHOWN = (
@@ -41,9 +41,9 @@ _SHOWN = (
 
 
 class Estimator:
-    """The whole chain from samples to contact for one arm.
+    """The complete chain from samples to contacts for one arm.
 
-    Raises ModelError if the parts do not fit each other.
+    Raises ModelError if the parts do not match.
     """
 
     def __init__(
@@ -55,10 +55,11 @@ class Estimator:
         period_s: float,
     ) -> None:
         if transmission.joints != model.names:
-            raise ModelError(f"transmission of {transmission.joints}, model of {model.names}")
+            raise ModelError(f"transmission of {transmission.joints}, but model of {model.names}")
         if settings.sign_width != transmission.sign_width:
             raise ModelError(
-                f"sign_width {settings.sign_width} and {transmission.sign_width} differ"
+                f"sign_width {settings.sign_width} (settings) and "
+                f"{transmission.sign_width} (transmission) differ"
             )
         self.model, self.transmission, self.settings = model, transmission, settings
         self.period_s, self.contact = period_s, thresholds.contact
@@ -76,11 +77,11 @@ class Estimator:
         self._shown, self._side = np.asarray(k.shown), np.asarray(k.motor_position.side)
         self._wrench = np.asarray(k.wrench.shown)
         self.residuals: Matrix = np.asarray(k.residual.corrected)
-        """of all `variants`, (variants, n) [Nm]; those of now, not a copy"""
+        """of all `variants` (variants, n) [Nm]; a live view, not a copy"""
         self.given_up, self.met = np.asarray(k.adaptation.given_up), np.asarray(k.doubt.met)
         self.interrupted = np.asarray(k.doubt.interrupted)
-        """how often the friction that was learned was given up, and one place interrupted (n,);
-        those of now, not a copy"""
+        """times that learned friction was discarded, that motion at one place disagreed again, and
+        that the place interrupted the arm (n,); live views, not copies"""
         self._sensing = np.asarray(k.sensing).view(np.bool_)
         self._beside = tuple(enumerate((v.name for v in settings.beside), start=1))
         self._shape = (model.n,)
@@ -98,15 +99,15 @@ class Estimator:
         time_s: float | None = None,
         fresh: NDArray[np.bool_] | None = None,
     ) -> Estimate:
-        """Take the samples of one tick, each of shape (n,) [A, rad, rad/s, rad at the link].
+        """Process the samples of one tick, each of shape (n,) [A, rad, rad/s, rad at the link].
 
-        dt: true interval since the tick before [s], by default the period. time_s: only for the
-        contacts' time; by default the sum of all dt. fresh: joints (n,) of which there is a sample
-        in this tick, by default all; values of the others are not used.
+        dt: true interval since the previous tick [s], by default the period. time_s: only for the
+        time of contacts; by default the sum of all dt. fresh: joints (n,) with a sample in this
+        tick, by default all; values of the others are ignored.
 
-        Samples that are not finite are not used; finite ones that overflow in the arithmetic start
-        everything anew. Either way the last good values come back, flagged INVALID. Raises
-        ModelError for arrays of another shape.
+        Samples that are not finite are not used; finite ones that overflow in the arithmetic
+        restart everything. In both cases the last valid values are returned, flagged INVALID.
+        Raises ModelError for arrays of another shape.
         """
         dt = self.period_s if dt is None else dt
         self._check_shape("current", current)
@@ -133,8 +134,8 @@ class Estimator:
         return self._last
 
     def run(self, samples: SampleRows, resets: Collection[int] = ()) -> EstimateRows:
-        """Many ticks at once, as `step` takes them one by one; after those in `resets` as `reset`
-        does. Raises ModelError for arrays of another shape."""
+        """Process many ticks, as `step` does one by one, with a `reset` after each tick in
+        `resets`. Raises ModelError for arrays of another shape."""
         N, n = samples.current.shape[0], self.model.n
         rows = np.zeros((N, 4, n))
         came, after = np.zeros((N, n), dtype=np.int64), np.zeros(N, dtype=np.int64)
@@ -190,14 +191,14 @@ class Estimator:
             self._kernel.reset(i)
 
     def restart(self) -> None:
-        """Forget all samples, and with them where the rotors are in their gaps."""
+        """Forget all samples, and with them the rotors' positions in their gaps."""
         for i in range(self.model.n):
             self._kernel.restart(i)
 
     def carry(self, payload: Payload | None) -> None:
-        """Count the payload in the hand from the next tick on; None is none. The residuals go on
-        from their values, and follow the external torque by the new model as they follow any:
-        r_dot = K (tau_ext - r)."""
+        """Include the payload at the hand in the model from the next tick on; None removes it. The
+        residuals continue from their values, and follow the external torque under the new model as
+        ever: r_dot = K (tau_ext - r)."""
         row = np.zeros(4)
         if payload is not None:
             row[0], row[1:] = (
@@ -208,11 +209,11 @@ class Estimator:
         kernel.torques.carry(row, kernel.alignment.aligned, kernel.going)
 
     def freeze_learning(self, frozen: bool) -> None:
-        """Learn nothing from the next tick on, at the stated levels, or learn again."""
+        """Suspend learning from the next tick on, at the stated levels, or resume it."""
         self._kernel.adaptation.frozen = int(frozen)
 
     def place(self, i: int) -> float:
-        """Middle of the place at which joint i was interrupted last [rad]."""
+        """Centre of the place at which joint i was last interrupted [rad]."""
         doubt = self._kernel.doubt
         return 0.5 * float(doubt.low[i] + doubt.high[i])
 
@@ -224,19 +225,19 @@ class Estimator:
         return LearnedFriction(1.0 - coulomb, 1.0 - viscous, 0.0 - load, left)
 
     def memory(self) -> dict[str, Any]:
-        """The complete internal state, fit for JSON; `restore` continues bit-identically."""
+        """Complete internal state, fit for JSON; `restore` continues bit-identically."""
         return memory.dump(self._kernel)
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from `memory()`. Raises ModelError if it belongs to another arm."""
+        """Continue from `memory()`. Raises ModelError if it does not fit this arm."""
         memory.load(self._kernel, state)
         self._last = self._estimate((), Flag(0))
 
     def _check_shape(
         self, name: str, values: NDArray[Any], shape: tuple[int, ...] | None = None
     ) -> None:
-        """Raise ModelError for another shape: numpy would stretch one number over all joints, and
-        compiled code would read beyond the end of a short one. By default (n,)."""
+        """Raise ModelError for another shape than this, by default (n,): numpy would broadcast one
+        number over all joints, and compiled code would read past the end of a short array."""
         wanted = self._shape if shape is None else shape
         if getattr(values, "shape", None) != wanted:
             given = getattr(values, "shape", type(values).__name__)
@@ -261,7 +262,8 @@ class Estimator:
         words: Sequence[int],
         contacts: tuple[Contact, ...] = (),
     ) -> Estimate:
-        """Estimate of one tick: shown (10, n), residuals (variants, n), flags and touched link."""
+        """Estimate of one tick; shown (10, n), residuals (variants, n), words: flags, touched
+        link."""
         flags, link = words
         q, q_dot, theta, phi, phi_sigma, tau_M, threshold, thresholded, level_share, raw = shown
         return Estimate(

@@ -1,4 +1,4 @@
-# Types of frame.py, for the compiler alone.
+# Cython types of frame.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

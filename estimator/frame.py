@@ -1,10 +1,7 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Frame at a point of the arm: its Jacobian, and where it is, from a pose that `Dynamics` has
-computed. One walk from its body to the root.
-
-Ordinary Python, which runs as it is; `frame.pxd` names types for the compiler.
-"""
+"""Frame at a point of the arm: its Jacobian and its pose, from a pose that `Dynamics` has computed,
+in one walk from its body to the root."""
 
 import numpy as np
 
@@ -12,8 +9,8 @@ from estimator.dynamics import Dynamics, Place
 
 
 class Frame:
-    """`J` (6, n): velocity and angular velocity along the frame's axes per joint velocity; `x` (3,)
-    [m] and `R` (3, 3): its point, and its axes in columns, along those of the URDF's root."""
+    """Jacobian and pose of a frame: `J` (6, n), its linear and angular velocity along its own axes
+    per joint velocity; `x` (3,) [m] and `R` (3, 3), origin and axes (columns) in the root frame."""
 
     def __init__(self, dynamics: Dynamics, place: Place) -> None:
         self._dynamics, self._body = dynamics, place.body
@@ -23,7 +20,7 @@ class Frame:
         self.R, self._swaps = np.zeros((2, 3, 3))
 
     def at(self) -> None:
-        """Jacobian and place at the pose of the dynamics' last `at`."""
+        """Compute `J`, `x` and `R` at the pose of the last `Dynamics.at`."""
         d, i, x, R, J = self._dynamics, self._body, self.x, self.R, self.J
         for a in range(3):
             x[a] = self._place[a]

@@ -1,4 +1,4 @@
-# Types of interval.py, for the compiler alone.
+# Cython types of interval.py, which also runs uncompiled (decision 0037).
 
 cdef Py_ssize_t _TERMS, _INCREMENTS
 

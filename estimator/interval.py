@@ -2,23 +2,20 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Impulses over one interval of each joint, from the values at both of its ends.
 
-Momenta change by an increment; torques and velocities are integrated by Tustin's rule, the mean of
+Momenta enter as increments; torques and velocities are integrated by Tustin's rule, the mean of
 both ends.
 
-A joint whose sample is missing keeps its beginning, and its interval lasts until the next one
-comes: nothing of what happened meanwhile is lost, or counted twice.
-
-Ordinary Python, which runs as it is; `interval.pxd` names the types for the compiler.
+The interval of a joint without a sample keeps its beginning and lasts until the next sample:
+nothing that happens meanwhile is lost, or counted twice.
 """
 
 import numpy as np
 
-# Values at an instant, one row each, in this order; increments first. Kinds of friction: see
-# `residual`.
+# Quantities at an instant, one row each; increments first. For kinds of friction see `residual`.
 TERMS = (
     "momentum",  # M q_dot [kg m2/s]
     "rotor",  # B theta_dot [kg m2/s]
-    "theta",  # , where it is measured [rad]
+    "theta",  # [rad], if it is measured
     "theta_dot",  # [rad/s]
     "beta",  # C^T q_dot - g [Nm]
     "tau_M",  # [Nm]
@@ -26,23 +23,24 @@ TERMS = (
     "engaged_link_friction",  # friction of the link's side at theta_dot: rotor and link move as one
     "link_friction",  # friction of the link's side at q_dot
     "gap_friction",  # friction between rotor and link at phi_dot
-    "stiction",  # what is held near rest beyond motor_friction and engaged_link_friction
+    "stiction",  # held near rest, in addition to motor_friction and engaged_link_friction
 )
 ROW = {name: row for row, name in enumerate(TERMS)}
 _TERMS, _INCREMENTS = len(TERMS), ROW["theta_dot"]
 
 
 class Interval:
-    """The caller writes the values of an instant to `now` (TERMS,), and reads `impulse` (TERMS,),
-    of one joint at a time; `begin` (TERMS, n) are those at the beginning of each interval."""
+    """Impulses of one joint at a time: the caller writes the values of an instant to `now`
+    (TERMS,), and reads `impulse` (TERMS,). `begin` (TERMS, n): values at the beginning of each
+    interval."""
 
     def __init__(self, n: int) -> None:
         self.begin = np.zeros((_TERMS, n))
         self.now, self.impulse = np.zeros((2, _TERMS))
 
     def integrate(self, i: int, dt: float) -> None:
-        """Make the impulses of joint i over its interval of dt [s] that ends now: the integrals of
-        (12), by Tustin's rule as in (13)."""
+        """Compute the impulses of joint i over its interval of dt [s] that ends now: the integrals
+        of (12), by Tustin's rule as in (13)."""
         for row in range(_TERMS):
             if row < _INCREMENTS:
                 self.impulse[row] = self.now[row] - self.begin[row, i]
@@ -50,11 +48,11 @@ class Interval:
                 self.impulse[row] = 0.5 * dt * (self.now[row] + self.begin[row, i])
 
     def end(self, i: int) -> None:
-        """Begin the next interval of joint i, with the values of now."""
+        """Begin the next interval of joint i, with the present values."""
         for row in range(_TERMS):
             self.begin[row, i] = self.now[row]
 
     def restart(self, i: int) -> None:
-        """Forget the beginning of joint i."""
+        """Clear the beginning of the interval of joint i."""
         for row in range(_TERMS):
             self.begin[row, i] = 0.0

@@ -1,4 +1,4 @@
-# Types of kernel.py, for the compiler alone.
+# Cython types of kernel.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

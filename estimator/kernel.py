@@ -2,8 +2,7 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """One tick of the estimator as a loop over joints; numbers in brackets are the paper's equations.
 
-Ordinary Python, which runs as it is; `kernel.pxd` names the types for the compiler, decision 0037.
-What is not finite raises nothing here: the tick is taken back, and everything starts anew.
+Values that are not finite raise nothing here: the tick is discarded, and everything restarts.
 """
 
 import numpy as np
@@ -30,15 +29,15 @@ from estimator.wrench import Wrench
 
 # For the compiler.
 _SAMPLES, _REST_VELOCITY = SAMPLES, REST_VELOCITY
-_STOP = 0.01  # [rad]: nearer to the end of its range, a link may lean on its stop
+_STOP = 0.01  # [rad]; nearer to the end of its range a link may rest on its stop
 _SIDE_GAP, _SIDE_UNKNOWN = int(Side.GAP), int(Side.UNKNOWN)
 _INVALID, _STARTING, _RESTARTED = int(Flag.INVALID), int(Flag.STARTING), int(Flag.RESTARTED)
 _ROTOR, _THETA, _THETA_DOT, _TAU_M, _MOTOR_FRICTION = 1, 2, 3, 5, 6  # rows of `interval.TERMS`
 
 
 class Kernel:
-    """The parts of an estimator, and their step. The caller writes `alignment.samples`, and `came`
-    (n,), 1 where a joint has a sample; and reads `shown` (10, n) and the parts."""
+    """Parts of an estimator, and their step. The caller writes `alignment.samples`, and `came`
+    (n,), 1 for a joint with a sample; and reads `shown` (10, n) and the parts."""
 
     def __init__(
         self,
@@ -71,20 +70,20 @@ class Kernel:
             self.motor_position, self.residual, self.levels, self.detector,
         )  # fmt: skip
         self.wrench = Wrench(dynamics, tool, s.gain, s.learning)
-        # Ends of the links' ranges: what a stop carries, a residual does not show.
+        # Position limits: a residual does not show what a mechanical stop carries.
         self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
         self._always_acts = not s.residual.engages
         for i in range(n):
             self.adaptation.apply(i)
         self._period = period_s
-        # Joints whose interval has a beginning, and those that sense.
+        # Joints whose interval has a beginning, and joints that sense.
         self.going, self.sensing = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.uint8)
         self.begun = 0  # contacts that begin in this tick
-        self.touched_link = -1  # index of its joint, -1 where none is, or not known
+        self.touched_link = -1  # index of its joint, -1 if none or unknown
         self._pressed = 0  # joints whose thresholded residual is not zero
-        # Joints that cross their gap in this tick, and how many left theirs.
+        # Joints that cross their gap in this tick, and the number of those that left it.
         self._crossing, self._landed = np.zeros(n, dtype=np.int64), 0
-        self.transmitted = np.zeros(n)  # by the gears, mean over the last interval [Nm]
+        self.transmitted = np.zeros(n)  # torque, mean over the last interval [Nm]
         self.elapsed_s = 0.0
         self.shown = np.zeros((10, n))
         self.q, self.q_dot, self._theta, self._phi = self.shown[:4]
@@ -94,8 +93,8 @@ class Kernel:
             self._still(i, 0.0)
 
     def step(self, dt: float) -> int:
-        """Take the samples of one tick, dt [s] after the one before. Returns its `Flag`s; with
-        INVALID, what is shown is of no use."""
+        """Process the samples of one tick, dt [s] after the previous one. Returns its `Flag`s; with
+        INVALID, the outputs are not valid."""
         valid = self.arrivals.tick(dt)
         self.elapsed_s += self.arrivals.step(dt)
         self.begun = self._pressed = 0
@@ -111,7 +110,7 @@ class Kernel:
             return flags
         flags |= self._advance(dt)
         if flags & _INVALID:
-            # The state would never become finite again.
+            # The state would stay non-finite.
             for i in range(self.n):
                 self.restart(i)
                 self._still(i, self.q[i])
@@ -119,7 +118,7 @@ class Kernel:
         return flags
 
     def restart(self, i: int) -> None:
-        """Forget all samples of joint i, and with them where its rotor is in its gap."""
+        """Forget all samples of joint i, and with them its rotor's position in the gap."""
         self.reset(i)
         self.alignment.restart(i)
         self.interval.restart(i)
@@ -135,7 +134,7 @@ class Kernel:
         self.doubt.reset(i)
 
     def resume(self) -> None:
-        """Go on from a state that was written from outside."""
+        """Recompute the outputs from a state that was written from outside."""
         self._pressed, self.touched_link = 0, -1
         for i in range(self.n):
             self.sensing[i] = 0
@@ -148,7 +147,7 @@ class Kernel:
             self.touched_link = self.detector.touched_link(self.residual.corrected[0])
 
     def _take(self) -> int:
-        """Put this tick's samples to those before; STARTING where they do for no joint yet."""
+        """Append this tick's samples to the history; returns flags, STARTING while too few."""
         flags = 0
         for i in range(self.n):
             arrived = self.arrivals.gap(i)
@@ -160,7 +159,7 @@ class Kernel:
         return flags | self.arrivals.starting()
 
     def _still(self, i: int, q: float) -> None:
-        """Joint i without a velocity yet: no residual, the highest threshold."""
+        """Set joint i, which has no velocity yet, to zero residual and the highest threshold."""
         self.motor_position.start(i, q)
         most = self.levels.friction_at(i, 1.0, 1.0, 1.0, 0.0)
         most += self.levels.unsure(i, True, True, True, 0.0)
@@ -170,14 +169,14 @@ class Kernel:
         self._show(i)
 
     def _advance(self, dt: float) -> int:
-        """Estimate dt [s] after the one before; returns flags."""
+        """Estimate dt [s] after the previous tick; returns flags."""
         flags, bridged, everything = 0, False, 0.0
         self._landed = 0
         for i in range(self.n):
             self.wrench.before[i] = self.residual.corrected[0, i]
             if self.came[i]:
                 self.alignment.align(i)
-            elif self.arrivals.bridged(i):  # no link goes on for ever
+            elif self.arrivals.bridged(i):  # extrapolation is limited
                 self.alignment.carry(i, dt)
             if not self.going[i]:
                 flags |= _STARTING
@@ -206,7 +205,7 @@ class Kernel:
         return flags
 
     def _weigh(self, dt: float) -> None:
-        """Force at the tool, from all joints."""
+        """Estimate the force at the tool from all joints."""
         levels, moves = self.levels, False
         for i in range(self.n):
             share = levels.share[i]
@@ -221,8 +220,8 @@ class Kernel:
         self.wrench.step(dt, self._pressed > 0, moves and not self.adaptation.frozen)
 
     def _joint(self, i: int, gap: float) -> float:
-        """From the aligned samples of joint i to its residuals. gap: since its last sample [s],
-        0 without one. Returns a sum that is finite if everything is."""
+        """Residuals of joint i from its aligned samples. gap: since its last sample [s], 0 without
+        one. Returns a sum that is finite if everything is."""
         a, position, levels = self.alignment.aligned, self.motor_position, self.levels
         q, q_dot, current, theta_dot, theta = a[0, i], a[1, i], a[2, i], a[3, i], a[4, i]
         tau_M = self.torques.K_c[i] * current
@@ -251,7 +250,7 @@ class Kernel:
 
     def _judge(self, i: int, gap: float, dt: float, bridged: bool) -> float:
         """Levels and contacts of joint i, once all joints have their residuals. bridged: samples of
-        some joint are missing. Returns the level of contact [Nm]."""
+        some joint are missing. Returns the contact level [Nm]."""
         self.adaptation.apply(i)
         unknown = self.motor_position.side[i] == _SIDE_UNKNOWN
         crossing, shaken = self._crossing[i] != 0, self._landed > 0
@@ -266,14 +265,15 @@ class Kernel:
         return float(self.threshold[i])
 
     def _put_in_force(self, i: int, unsure: float, speed: float, dt: float) -> None:
-        """Levels of joint i, over dt [s]."""
+        """Update the levels of joint i, over dt [s]."""
         unknown = self.adaptation.unlearned(i)
         self.threshold[i] = self.levels.put_in_force(i, unknown, unsure, speed, dt)
 
     def _balance(
         self, i: int, dt: float, q: float, q_dot: float, theta_dot: float, rest: float, tau_M: float
     ) -> None:
-        """Motor position and residuals of joint i over its interval of dt [s] that ends now."""
+        """Advance motor position and residuals of joint i over the interval of dt [s] that ends
+        now."""
         self.interval.integrate(i, dt)
         x, position = self.interval.impulse, self.motor_position
         advance = x[_THETA] if self._measured else x[_THETA_DOT]
@@ -291,7 +291,7 @@ class Kernel:
         self.adaptation.learn(i, dt, theta_dot, load, self.threshold[i], acts)
 
     def _show(self, i: int) -> None:
-        """Outputs of joint i from its state; the thresholded residual has no jump."""
+        """Write the outputs of joint i from its state; the thresholded residual is continuous."""
         r, threshold = self.residual.corrected[0, i], self.threshold[i]
         self._theta[i], self._sigma[i] = self.motor_position.theta[i], self.motor_position.sigma[i]
         self._phi[i] = self.q[i] - self._theta[i]

@@ -1,4 +1,4 @@
-# Types of learning.py, for the compiler alone.
+# Cython types of learning.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,26 +1,24 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Learning of friction while the arm works: small corrections of what was identified.
+"""Learning of friction during operation: small corrections of the identified parameters.
 
-What a residual shows while nothing touches is in good part friction that is off:
+Most of a residual without a contact is friction error:
 
     r = w1 c + w2 v + w3 l + b + noise
 
-c, v: Coulomb and viscous friction of the model; l: torque that the gear transmits, by the sign of
-its motion; each filtered as r is by (13). w3 here is minus that of docs/estimator.md.
+c, v: Coulomb and viscous friction of the model; l: transmitted torque, signed by the motion; each
+filtered like r by (13). w3 here is the negative of that in docs/estimator.md.
 
-A Kalman filter follows the shares w, which drift in minutes, and b, which drifts in seconds. w1 c +
-w2 v + w3 l is taken off the residual; b, the torque of a hand that leans on the arm as well as of
-masses that are off, never is: friction turns with the motion, and a hand does not. While a contact
-is on, and for a moment after the residual was far from what these make of it, only b is followed;
-at rest and inside a gap, nothing, and in hours of rest what is known fades. Near rest, where
-friction may be anything, what shows is believed less. No share goes beyond its bound.
+A Kalman filter tracks the shares w, which drift over minutes, and the bias b, which drifts over
+seconds. w1 c + w2 v + w3 l is subtracted from the residual. b, the torque of mass errors as well as
+of a hand that leans on the arm, never is: friction changes sign with the motion, a hand does not.
+During a contact, and for a moment after the residual was far from its prediction, only b is
+updated; at rest and inside a gap nothing is, and over hours of rest knowledge fades. Near rest,
+where friction may have any value, measurements weigh less. No share leaves its bounds.
 
-What is not known yet raises the levels: `unknown` is the torque that friction, wrong by _OFF,
-would make there, reduced as the joint shows its friction. What is known sinks them: the corrected
-residual shows what level its joint needs (`needed_level`).
-
-Ordinary Python, which runs as it is; `learning.pxd` names the types for the compiler.
+Friction that is not known yet raises the levels: `unknown` is the torque that a friction error of
+_OFF would cause, reduced as the joint shows its friction. Known friction lowers them: the corrected
+residual shows the level that its joint needs (`needed_level`).
 """
 
 from math import sqrt
@@ -31,41 +29,40 @@ from common.arrays import Vector
 from estimator.needed_level import NeededLevel
 from estimator.thresholds import Thresholds
 
-# What is followed; and how long each is remembered [s], of motion but for b.
+# States of the filter, and their time constants of forgetting [s], in motion except for b.
 _CONSTANT, _VISCOUS, _COULOMB, _LOAD, _COLUMNS = 0, 1, 2, 3, 4
 _FORGETS_S = (10.0, 600.0, 600.0, 600.0)
-# Standard deviation of each, that of b of the contact level; and of what is neither, which lasts
-# _NOISE_S.
+# Prior standard deviation of each state, for b as a share of the contact level; and that of the
+# noise, likewise, which is correlated over _NOISE_S.
 _SPREAD, _NOISE, _NOISE_S = (0.4, 0.4, 0.4, 0.1), 0.2, 0.1
-# Largest share of each, and least: friction may be 0.3 to 2.2 times what was identified.
+# Bounds of each state: friction may be 0.3 to 2.2 times the identified value.
 _MOST, _LEAST = (1e9, 0.7, 0.7, 0.0), (-1e9, -1.2, -1.2, -0.5)
-# Share by which friction that was identified may be off before anything is learned, and that which
-# remains however much was: it depends on load and pose.
+# Relative error of identified friction before anything was learned, and the one that always
+# remains: friction depends on load and pose.
 _OFF, _REMAINS = 0.5, 0.15
-# Standard deviations of friction per transmitted torque that may be there where learning is in
-# doubt; and share of the learned one that may be off.
+# Load friction assumed where learning is in doubt, in standard deviations; and relative error of
+# the learned load friction.
 _LOAD_SPREADS, _LOAD_OFF = 2.0, 0.3
-# For _FROZEN_S after the residual was further than this share of the level in force from what is
-# expected, no share is learned. Where friction was seen to be another, up to _THAWS of it teach.
+# No share is learned for _FROZEN_S after the residual differed from its prediction by more than the
+# share _FREEZES of the level in force; by _THAWS, once friction was found to have changed.
 _FREEZES, _THAWS, _FROZEN_S = 0.5, 0.9, 0.3
-# A gear that has stood for _STANDS_S cools down: its friction is forgotten _RESTING times as slowly
-# as in motion.
+# A gear at rest for _STANDS_S cools: its friction is then forgotten at 1 / _RESTING of the rate.
 _STANDS_S, _RESTING = 60.0, 12.0
-# Nothing shows what level is needed while so much of what was learned is in doubt.
+# Doubt in what was learned from which on residuals do not show the needed level.
 _DOUBTED = 0.1
-# Friction is learned anew while it is so much of its level from where it was in so much motion
-# before [s].
+# Friction is being relearned while it differs by the share _RELEARNS of the level from its mean
+# over _SETTLES_S of motion.
 _RELEARNS, _SETTLES_S = 0.05, 10.0
 
 
 class Learning:
-    """Shares of an arm's joints; `correction` and `unknown` (n,) [Nm]."""
+    """Friction shares of all joints; `correction` and `unknown` (n,) [Nm]."""
 
     def __init__(
         self, thresholds: Thresholds, load_friction: Vector, load_friction_error: Vector
     ) -> None:
-        """thresholds: the configured contact levels, and what of each must be left; load_friction,
-        load_friction_error (n,): see `Transmission`."""
+        """thresholds: configured contact levels, and the least share of each that remains;
+        load_friction, load_friction_error (n,): see `Transmission`."""
         contact = thresholds.contact
         n = len(contact)
         self.needed = NeededLevel(thresholds.least_share)
@@ -73,7 +70,7 @@ class Learning:
         spread[_CONSTANT] *= contact
         known = load_friction_error > 0.0
         spread[_LOAD, known] = load_friction_error[known]
-        # Friction per transmitted torque that may be there where learning is in doubt.
+        # Load friction assumed where learning is in doubt.
         self._load_may_be: Vector = _LOAD_SPREADS * spread[_LOAD]
         self._load_error: Vector = load_friction_error.copy()
         self._variance = spread**2  # (columns, n)
@@ -83,10 +80,10 @@ class Learning:
         highest[_LOAD] += load_friction
         self._lowest, self._highest = lowest, highest
         self._forgets_s = np.array(_FORGETS_S)
-        # Of what each joint's residual is made of now, filtered; and what is known of it.
+        # Filtered regressors of each joint's residual, and their estimated shares with covariance.
         self.columns, self.shares = np.zeros((2, n, _COLUMNS))
         self.covariance = np.zeros((n, _COLUMNS, _COLUMNS))
-        # Of the standard deviation of both kinds of friction before anything was learned.
+        # Remaining standard deviation of both kinds of friction, relative to the prior one.
         self.coulomb_left, self.viscous_left = np.ones((2, n))
         self.calm_s, self.still_s = np.zeros((2, n))
         self.correction, self.unknown = np.zeros((2, n))
@@ -96,7 +93,7 @@ class Learning:
             self._forget(i)
 
     def reset(self, i: int) -> None:
-        """Begin with r = 0 anew; what was learned of joint i stays."""
+        """Restart from r = 0; what was learned of joint i is kept."""
         for k in range(_COLUMNS):
             self.columns[i, k] = 0.0
         self.correction[i] = self.unknown[i] = 0.0
@@ -104,40 +101,39 @@ class Learning:
         self.needed.reset(i)
 
     def friction(self, i: int) -> float:
-        """Friction of joint i over what was identified."""
+        """Friction of joint i relative to the identified one."""
         return 1.0 - float(self.shares[i, _COULOMB])
 
     def load(self, i: int) -> float:
-        """Friction of joint i per torque that its gear transmits, beyond the identified one."""
+        """Friction of joint i per transmitted torque, beyond the identified one."""
         return -float(self.shares[i, _LOAD])
 
     def error(self, i: int) -> float:
-        """Share by which the friction of joint i may still be off."""
+        """Relative error that the friction of joint i may still have."""
         return _REMAINS + _OFF * float(self.coulomb_left[i])
 
     def unknown_at(self, i: int, coulomb: float, viscous: float, load: float) -> float:
-        """Uncertainty of such friction of joint i [Nm]; load: torque that its gear transmits."""
+        """Uncertainty [Nm] of these Coulomb and viscous parts; load: transmitted torque [Nm]."""
         learned = _LOAD_OFF * abs(self.shares[i, _LOAD])
         of_load = max(learned, self._load_error[i] * self._left(i, _LOAD))
         own = self.viscous_left[i] * abs(viscous) + self.coulomb_left[i] * abs(coulomb)
         return float(_OFF * own + of_load * abs(load))
 
     def doubted_at(self, i: int, doubt: float) -> float:
-        """Uncertainty of the present friction of joint i at a doubt of 0 to 1 in learning [Nm]."""
+        """Uncertainty [Nm] of the present friction of joint i, at a doubt in learning of 0 to 1."""
         load = self._load_may_be[i] * abs(self.columns[i, _LOAD])
         return float(doubt * (_OFF * self.identified(i) + load))
 
     def stood(self, i: int) -> bool:
-        """True for a joint that has stood so long that its gear cooled."""
+        """True if joint i has been at rest so long that its gear cools."""
         return bool(self.still_s[i] > _STANDS_S)
 
     def identified(self, i: int) -> float:
-        """Size of the friction of joint i as it was identified, filtered as r is [Nm]."""
+        """Magnitude of the identified friction of joint i, filtered like r [Nm]."""
         return float(abs(self.columns[i, _VISCOUS]) + abs(self.columns[i, _COULOMB]))
 
     def unsettle(self, i: int) -> None:
-        """Know friction no better than before anything was learned of it, and keep what is believed
-        of it until it is learned anew."""
+        """Reset the uncertainty of friction to the prior one, but keep its estimate for now."""
         for k in range(_VISCOUS, _COLUMNS):
             for m in range(_COLUMNS):
                 self.covariance[i, k, m] = self.covariance[i, m, k] = 0.0
@@ -145,7 +141,7 @@ class Learning:
         self._say_what_is_left(i)
 
     def give_up(self, i: int) -> None:
-        """Believe the friction that was identified."""
+        """Return to the identified friction."""
         self.shares[i, _VISCOUS] = self.shares[i, _COULOMB] = self.shares[i, _LOAD] = 0.0
         self.correction[i] = 0.0
 
@@ -154,7 +150,7 @@ class Learning:
         share: float,
     ) -> None:  # fmt: skip
         """Take the impulses [Nm s] of joint i over its interval of dt [s], filtered by `pole` and
-        `share` of (13); impulses are 0 where they do not act on the link."""
+        `share` of (13); impulses that do not act on the link are 0."""
         constant = pole * self.columns[i, _CONSTANT] + share * dt
         viscous = pole * self.columns[i, _VISCOUS] + share * viscous
         coulomb = pole * self.columns[i, _COULOMB] + share * coulomb
@@ -173,11 +169,11 @@ class Learning:
         self, i: int, residual: float, level: float, usual: float, friction: float, raised: float,
         doubt: float, rubs: bool, moving: bool, suspended: bool, dt: float,
     ) -> None:  # fmt: skip
-        """Learn of joint i, if nothing may be touching it: from the residual before its
-        correction, the contact levels in force and configured, and what the one in force has of
-        friction near rest, and of what fades [Nm]; doubt: in what was learned, 0 to 1; rubs:
-        friction was seen to be another; moving: and rotor and link touch; suspended: nothing is
-        learned, but a joint that stands cools."""
+        """Learn from joint i, unless something may be touching it. residual: before its correction;
+        level, usual: contact levels in force and configured; friction, raised: parts of the level
+        in force for friction near rest and for transients [Nm]; doubt: in what was learned, 0 to 1;
+        rubs: friction was found to have changed; moving: the joint moves, engaged; suspended:
+        nothing is learned, but a joint at rest cools."""
         self.still_s[i] = 0.0 if moving else self.still_s[i] + dt
         if self.stood(i):
             self._rest(i, dt)
@@ -194,7 +190,7 @@ class Learning:
         freezes = _THAWS if rubs else _FREEZES
         b = self.shares[i, _CONSTANT] * self.columns[i, _CONSTANT]
         surprise = abs(residual - self.correction[i] - b)
-        calm = surprise <= freezes * level and size <= level  # NaN is not
+        calm = surprise <= freezes * level and size <= level  # false for NaN
         self.calm_s[i] = self.calm_s[i] + dt if calm else 0.0
         self._drift(i, _CONSTANT, dt)
         if moving:
@@ -207,12 +203,12 @@ class Learning:
             self.settled[i] += dt / _SETTLES_S * (self.shares[i, _COULOMB] - self.settled[i])
 
     def _relearns(self, i: int, usual: float) -> bool:
-        """True while friction of joint i is learned anew."""
+        """True while friction of joint i is being relearned."""
         moved = abs(self.shares[i, _COULOMB] - self.settled[i]) * abs(self.columns[i, _COULOMB])
         return bool(moved > _RELEARNS * usual)
 
     def _rest(self, i: int, dt: float) -> None:
-        """Know less of joint i after dt [s] in which its motion showed nothing."""
+        """Let knowledge of joint i fade over dt [s] of rest."""
         self._drift(i, _VISCOUS, dt / _RESTING)
         self._drift(i, _COULOMB, dt / _RESTING)
         self._drift(i, _LOAD, dt / _RESTING)
@@ -220,7 +216,7 @@ class Learning:
         self.needed.rest(i, dt)
 
     def _drift(self, i: int, column: int, dt: float) -> None:
-        """Know less of one share of joint i, after dt [s]: a process of Ornstein and Uhlenbeck."""
+        """Let one state of joint i fade over dt [s]: an Ornstein-Uhlenbeck process."""
         fade = dt / self._forgets_s[column]
         self.shares[i, column] -= fade * self.shares[i, column]
         for k in range(_COLUMNS):
@@ -229,8 +225,8 @@ class Learning:
         self.covariance[i, column, column] += 2.0 * fade * self._variance[column, i]
 
     def _follow(self, i: int, residual: float, doubt: float, dt: float, known: bool) -> None:
-        """Update all shares of joint i by a residual before its correction [Nm]; where it is not
-        known that nothing touches, b alone (Schmidt's filter, which considers the others)."""
+        """Update all states of joint i by a residual before its correction [Nm]; where a touch
+        cannot be excluded, b alone (Schmidt-Kalman filter, which considers the others)."""
         variance, error = (self._noise[i] + doubt * doubt * _NOISE_S) / dt, residual
         for k in range(_COLUMNS):
             self._x[k] = 0.0
@@ -258,12 +254,12 @@ class Learning:
         self.viscous_left[i] = self._left(i, _VISCOUS)
 
     def _left(self, i: int, column: int) -> float:
-        """Standard deviation of a share, relative to the one before anything was learned."""
+        """Standard deviation of a state, relative to the prior one."""
         left = self.covariance[i, column, column] / self._variance[column, i]
         return sqrt(min(max(left, 0.0), 1.0))
 
     def _forget(self, i: int) -> None:
-        """Know no more of joint i than was identified."""
+        """Reset the states of joint i to the prior."""
         for k in range(_COLUMNS):
             for m in range(_COLUMNS):
                 self.covariance[i, k, m] = self._variance[k, i] if k == m else 0.0

@@ -1,8 +1,9 @@
-"""Sweep over levels: the contacts that a residual would have made at each of many levels. Pure.
+"""Level sweep: the contacts that a residual would have caused at each of many levels. Pure
+functions.
 
-Of every tick the highest level it passes is known (`alarms.critical_level`); with the debounce, the
-least of these over the last ticks. So one pass over a recording counts for all levels at once: a
-contact begins at each level between that of this tick and that of the one before.
+The highest level that each tick exceeds is known (`alarms.critical_level`); with the debounce, it
+is the least of those of the last ticks. So one pass over a recording counts for all levels at once:
+a contact begins at each level between that of the previous tick and that of this one.
 """
 
 from collections.abc import Sequence
@@ -15,25 +16,25 @@ from numpy.typing import NDArray
 from common.arrays import Matrix, Vector
 
 FADE_S: Final = 0.3
-"""After a touch the residual still fades, and the link swings back through its gap: a contact that
-begins so soon after is no false one."""
+"""Time after a touch in which a contact is not false [s]: the residual still decays, and the link
+swings back through its gap."""
 Counts = NDArray[np.int64]
 
 
 class Debounce:
-    """Highest level that each joint has passed for `ticks` ticks in a row, on one side."""
+    """Highest level that each joint has exceeded for `ticks` consecutive ticks, on one side."""
 
     def __init__(self, n: int, ticks: int) -> None:
         self._ticks = ticks
         self._tail = np.zeros((ticks - 1, n))
 
     def forget(self) -> None:
-        """Begin anew, after a gap."""
+        """Restart after an interruption of the ticks."""
         self._tail[:] = 0.0
 
     def add(self, critical: Matrix, residual: Matrix) -> Matrix:
-        """Levels (ticks, n) [Nm] with the sign of the side, of critical levels and residuals of
-        consecutive ticks; 0 where none is passed."""
+        """Levels exceeded (ticks, n) [Nm], signed by side, from critical levels and residuals of
+        consecutive ticks; 0 where none is."""
         signed = np.vstack([self._tail, np.copysign(critical, residual)])
         windows = np.lib.stride_tricks.sliding_window_view(signed, self._ticks, axis=0)
         low, high = windows.min(axis=-1), windows.max(axis=-1)
@@ -44,7 +45,7 @@ class Debounce:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Time in which a person touched the arm [s]."""
+    """Time window in which a person touched the arm [s]."""
 
     begin_s: float
     end_s: float
@@ -54,21 +55,21 @@ class Window:
 class Sweep:
     """Contacts at each of `count` levels, over the ticks added.
 
-    `windows` are the touches that were to be found; what begins in none of `touches` (by default
-    these), or within FADE_S after, is false.
+    `windows` are the touches to be detected. A contact that begins outside of all `touches` (by
+    default the same), and of FADE_S after each, is false.
     """
 
     count: int
     windows: Sequence[Window] = ()
     touches: Sequence[Window] | None = None
     contacts: Counts = field(init=False)
-    """(count,) all that began"""
+    """(count,) contacts that began"""
     false: Counts = field(init=False)
     """(count,) those that began outside of every touch"""
     beyond: Counts = field(init=False)
-    """(count,) ticks in which a contact lasted"""
+    """(count,) ticks in contact"""
     delays_s: Matrix = field(init=False)
-    """(windows, count) from a touch's begin to the first tick of a contact in it; inf: none"""
+    """(windows, count) from the start of a touch to its first tick in contact; inf if none [s]"""
     _before: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -76,12 +77,11 @@ class Sweep:
         self.delays_s = np.full((len(self.windows), self.count), np.inf)
 
     def forget(self) -> None:
-        """Begin anew, after a gap."""
+        """Restart after an interruption of the ticks."""
         self._before = 0
 
     def add(self, time_s: Vector, passed: Counts) -> None:
-        """Take consecutive ticks (ticks,): how many of the levels, from the lowest, are passed; the
-        sign is that of the side."""
+        """Add consecutive ticks (ticks,); passed: number of levels exceeded, signed by side."""
         signed = np.concatenate([[self._before], passed])
         self._before = int(passed[-1])
         now, before = np.abs(passed), np.abs(signed[:-1])
@@ -104,19 +104,19 @@ class Sweep:
 
 
 def levels_passed(passed: Matrix, levels: Vector) -> Counts:
-    """Number of the levels, which ascend, below `passed` (ticks,), with its sign."""
+    """Number of the ascending levels below `passed` (ticks,), with its sign."""
     count = np.searchsorted(levels, np.abs(passed), side="left")
     return np.where(passed < 0.0, -count, count)
 
 
 def _between(low: Counts, high: Counts, count: int) -> Counts:
-    """Number of the spans low <= k < high that hold each k."""
+    """Number of spans low <= k < high that contain each k."""
     edges = np.bincount(low, minlength=count + 1) - np.bincount(high, minlength=count + 1)
     return np.cumsum(edges)[:count]
 
 
 def _inside(time_s: Vector, windows: Sequence[Window]) -> NDArray[np.bool_]:
-    """Ticks that lie in a window, or within FADE_S after it."""
+    """Ticks within a window, or within FADE_S after one."""
     inside = np.zeros(len(time_s), dtype=np.bool_)
     for window in windows:
         inside |= (time_s >= window.begin_s) & (time_s <= window.end_s + FADE_S)

@@ -1,4 +1,4 @@
-# Types of levels.py, for the compiler alone.
+# Cython types of levels.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

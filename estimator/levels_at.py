@@ -1,4 +1,4 @@
-"""Contact levels that would be in force at another speed, with what is known now."""
+"""Contact levels that would be in force at another speed, with present knowledge."""
 
 import numpy as np
 

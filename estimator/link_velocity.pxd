@@ -1,4 +1,4 @@
-# Types of link_velocity.py, for the compiler alone.
+# Cython types of link_velocity.py, which also runs uncompiled (decision 0037).
 
 cdef Py_ssize_t _SAMPLES, _CURRENT, _MOTOR_VELOCITY, _MOTOR_POSITION, _LINK_POSITION, _INPUTS
 cdef Py_ssize_t _Q, _Q_DOT, _ALIGNED_CURRENT, _THETA_DOT, _THETA, _ALIGNED

@@ -1,7 +1,8 @@
-"""Internal state of an estimator as plain lists and back: recordings replay bit-identically.
+"""Internal state of an estimator as plain lists and back, so that recordings replay
+bit-identically.
 
-The state are numbers and arrays of the kernel and of its parts, by their names; what is within a
-part stands under its last name.
+The state is made of numbers and arrays of the kernel and its parts, by name; a value nested within
+a part is listed under its last name.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -25,7 +26,7 @@ _STATE: dict[str, tuple[str, ...]] = {
     "residual": ("values",),
     "levels": ("begin", "friction", "raised"),
     "detector": ("streak", "waited"),
-    # Where it learns:
+    # Only with learning:
     "learning": (
         *("covariance", "columns", "shares", "coulomb_left", "viscous_left"),
         *("calm_s", "needed.quiet_s", "needed.loud_s", "still_s", "correction", "unknown"),
@@ -40,12 +41,12 @@ _STATE: dict[str, tuple[str, ...]] = {
         *("near_s", "depth", "margin", "needed_s"),
     ),
 }
-# Only in recordings from since there is a force at the tool.
+# Missing in recordings older than the estimate of the force at the tool.
 _WRENCH = ("peak", "peak_seen", "quiet_s", "lag", "shown")
-# Only where something is carried, or learning stands still; else the memory is as it ever was.
+# Only with a payload or suspended learning, so that all other memories keep their format.
 _CARRIED = ("torques.payload", "adaptation.frozen")
 
-#: Of any number in it: samples of 1e9 of any unit are no samples.
+#: Bound of every number: samples of 1e9 are not plausible in any unit.
 _LARGEST = 1e12
 _RANGES = {
     "kernel.since": (0.0, _LARGEST),
@@ -82,7 +83,7 @@ _RANGES = {
 
 
 def dump(kernel: Kernel) -> dict[str, Any]:
-    """Copy of the complete state, by part and name: arrays as nested lists."""
+    """Copy of the complete state, by part and name; arrays as nested lists."""
     extra = {"wrench"}
     if bool(kernel.adaptation.frozen) or any(np.asarray(kernel.torques.payload).tolist()):
         extra.add("carried")
@@ -93,8 +94,8 @@ def dump(kernel: Kernel) -> dict[str, Any]:
 
 
 def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
-    """Put `dump`'s values back. Raises ModelError where names, shapes or numbers do not fit, and
-    changes nothing then."""
+    """Restore the values of `dump`. Raises ModelError, and changes nothing, if any of them does not
+    fit."""
     extra = {"wrench", "carried"} & (state.keys() if isinstance(state, Mapping) else set())
     parts = list(_parts(kernel, extra))
     _check_names("an estimator", state, [part for part, _ in parts])
@@ -109,7 +110,7 @@ def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
     kernel.torques.put_on(np.zeros(4))
     for owner, name, old, new in read:
         if old.ndim:
-            old[...] = new  # in place: others hold views of it
+            old[...] = new  # in place: other objects hold views
         else:
             setattr(owner, name, new.item())
     kernel.torques.put_on(np.array(kernel.torques.payload))
@@ -117,7 +118,7 @@ def load(kernel: Kernel, state: Mapping[str, Any]) -> None:
 
 
 def _parts(kernel: Kernel, extra: Collection[str]) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
-    """Parts of the memory: of each its name, and those of its values with their owners."""
+    """Parts of the memory: name of each, and its values by name with the objects that hold them."""
     for part, names in _STATE.items():
         if part in ("learning", "doubt") and not kernel.learns:
             continue
@@ -132,7 +133,7 @@ def _parts(kernel: Kernel, extra: Collection[str]) -> Iterator[tuple[str, list[t
 
 
 def _found(part: Any, path: str) -> tuple[str, Any]:
-    """Name of a value, and the object within a part that has it."""
+    """Name of a value, and the object within a part that holds it."""
     within, _, name = path.rpartition(".")
     return name, getattr(part, within) if within else part
 
@@ -145,7 +146,7 @@ def _check_names(what: str, given: Mapping[str, Any], names: Any) -> None:
 
 
 def _array_like(old: np.ndarray, values: Any, what: str) -> np.ndarray:
-    """Values as an array like `old`. Raises ModelError where they are not."""
+    """Values as an array like `old`. Raises ModelError if they do not fit."""
     try:
         given = np.array(values)
         with np.errstate(invalid="raise"):  # beyond the integers

@@ -1,4 +1,4 @@
-"""Reading of a URDF into Pinocchio: order of the joints, bodies, hand, tool, reach."""
+"""URDF reading by pinocchio: order of the joints, bodies, hand, tool, reach."""
 
 import math
 from pathlib import Path
@@ -11,12 +11,12 @@ from common.regular_file import read_text
 from estimator.dynamics import Body
 from estimator.urdf import MovedLink, moved_links
 
-_NO_INERTIA = 1e-12  # kg m2
-_OFF_AXIS = 0.01  # [m]; nearer to the joint, a force has no lever about it
+_NO_INERTIA = 1e-12  # [kg m2], of a milligram at a millimetre: less is rounding
+_OFF_AXIS = 0.01  # [m]; nearer to the joint a force has no lever arm
 
 
 def read_urdf(urdf: Path | str) -> tuple[pin.Model, tuple[MovedLink, ...]]:
-    """pinocchio's model of a file, or of the text of one, and its links that move."""
+    """pinocchio's model of a URDF (a file, or the text of one), and its moving links."""
     where = "the URDF" if isinstance(urdf, str) else str(urdf)
     try:
         text = urdf if isinstance(urdf, str) else read_text(urdf)
@@ -27,7 +27,7 @@ def read_urdf(urdf: Path | str) -> tuple[pin.Model, tuple[MovedLink, ...]]:
         raise ModelError(f"{where}: {error}") from error
     except (OSError, ValueError, RuntimeError) as error:
         raise ModelError(f"{where}: not a URDF that can be read: {error}") from error
-    # XML makes spaces of tabs in a value, pinocchio's parser does not, and leaves the link out.
+    # XML turns tabs within a value into spaces; pinocchio's parser does not, and drops the link.
     read = sum(body.mass for body in list(model.inertias)[1:])
     if not math.isclose(read, mass, rel_tol=1e-6):
         raise ModelError(
@@ -38,7 +38,7 @@ def read_urdf(urdf: Path | str) -> tuple[pin.Model, tuple[MovedLink, ...]]:
 
 
 def order_of(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray:
-    """Coordinate of each of the caller's joints in pinocchio's vectors."""
+    """Index of each of the caller's joints in pinocchio's vectors."""
     movable = list(model.names)[1:]
     for name in joints:
         if name not in movable:
@@ -49,14 +49,14 @@ def order_of(model: pin.Model, joints: tuple[str, ...], urdf: str) -> np.ndarray
         if name not in joints:
             raise ModelError(f"{urdf}: joint {name!r} moves but is not measured; make it fixed")
         joint = model.joints[model.getJointId(name)]
-        # One that slides has one coordinate as well, in m: a weight in N would count as Nm.
+        # A prismatic joint has one coordinate, too, but in m: its weight in N would count as Nm.
         if joint.nq != 1 or joint.nv != 1 or not joint.shortname().startswith("JointModelR"):
             raise ModelError(f"{urdf}: joint {name!r} must be revolute, with limits")
     return np.array([model.joints[model.getJointId(name)].idx_v for name in joints])
 
 
 def body_of(model: pin.Model, coordinate: int, row: int) -> Body:
-    """Body of joint `coordinate` + 1; the coordinates are in the order of the joints."""
+    """Body of joint `coordinate` + 1; coordinates are in the order of the joints."""
     index = coordinate + 1
     joint, inertia = model.joints[index], model.inertias[index]
     placement = model.jointPlacements[index]
@@ -77,7 +77,7 @@ def body_of(model: pin.Model, coordinate: int, row: int) -> Body:
 
 
 def hand_of(model: pin.Model) -> tuple[str, pin.SE3]:
-    """Name of the URDF's last link, and where its frame is in that of the last joint."""
+    """Name of the URDF's last link, and the pose of its frame in that of the last joint."""
     joint = model.njoints - 1
     links = [
         frame
@@ -88,9 +88,9 @@ def hand_of(model: pin.Model) -> tuple[str, pin.SE3]:
 
 
 def add_tool(model: pin.Model) -> tuple[str, int]:
-    """The tool point, in words, and its frame: the origin of the URDF's last link if that is off
-    the axis of the last joint, as a fixed `tool0` is; else the centre of mass of that joint's body,
-    as the origin of a link that turns about it has no lever."""
+    """Description of the tool point, and index of its frame: the origin of the URDF's last link if
+    that is off the axis of the last joint, as a fixed `tool0` is; else the centre of mass of that
+    joint's body, because the origin of a link on its own axis has no lever arm."""
     joint = model.njoints - 1
     links = [
         (i, frame)
@@ -102,12 +102,12 @@ def add_tool(model: pin.Model) -> tuple[str, int]:
         return f"the origin of {link.name}", index
     center = pin.SE3(np.eye(3), model.inertias[joint].lever)
     frame = pin.Frame("centre of mass of the tool", joint, center, pin.FrameType.OP_FRAME)
-    # Adding the frame's inertia, of nothing, would round that of the joint.
+    # Appending the frame's inertia, of zero, would round that of the joint.
     return f"the centre of mass of {link.name}", model.addFrame(frame, append_inertia=False)
 
 
 def reach_of(model: pin.Model) -> float:
-    """Longest way [m] from the first joint through the others to the far end of a body."""
+    """Longest distance [m] from the first joint along the chain to the far end of a body."""
     way = np.zeros(model.njoints)
     ends = np.zeros(model.njoints)
     for i in range(1, model.njoints):
@@ -119,7 +119,8 @@ def reach_of(model: pin.Model) -> float:
 
 
 def refuse_weightless(model: pin.Model, urdf: str) -> None:
-    """A joint that moves no mass, or whose M_ii vanishes in some pose: M would be singular."""
+    """Raise ModelError for a joint that moves no mass, or whose M_ii vanishes: M would be
+    singular."""
     data = model.createData()
     pin.computeSubtreeMasses(model, data)
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit

@@ -1,4 +1,4 @@
-# Types of motor_position.py, for the compiler alone.
+# Cython types of motor_position.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

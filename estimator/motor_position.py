@@ -1,21 +1,18 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Motor position in the gap: theta, its uncertainty, and the side that is engaged.
+"""Motor position in the gap: theta, its uncertainty, and the engaged side.
 
-Theta is the integral of the motor velocity, or follows the drive's motor position; in both cases
-its offset to the link is found, and drift taken out, by the geometry of the gap:
+Theta integrates the motor velocity, or follows the drive's motor position. Either way its offset
+from the link is found, and drift removed, by the geometry of the gap:
 
 - |phi| never exceeds alpha and the gear's deflection;
-- a torque transmitted for some ticks shows the side: phi < 0 pushes the link up, phi > 0 down;
-- at standstill theta is held; a link that creeps meanwhile makes phi uncertain, as its rotor may
-  or may not go along.
+- a torque transmitted for several ticks shows the side: phi < 0 pushes the link up, phi > 0 down;
+- at standstill theta is held; a link that creeps meanwhile makes phi uncertain, as its rotor may or
+  may not move along.
 
-The side comes from the motor's side of the gear alone (current, friction, rotor inertia), never
-from the residual: a hand that moves the link to the other border of its gap is seen to do so, and
-is not explained away.
-
-Ordinary Python, which runs as it is; `motor_position.pxd` names the types for the compiler,
-decision 0037.
+The side follows from the motor's side of the gear alone (current, friction, rotor inertia), never
+from the residual: a hand that moves the link to the other border of its gap is observed, and not
+explained away.
 """
 
 from enum import IntEnum
@@ -35,25 +32,26 @@ class Side(IntEnum):
     UNKNOWN = 2
 
 
-# Standard uncertainties between phi and a border that it is clear of. Where phi rests, it is near a
-# border whose position is wrong: inside the gap the link would fall. So more is needed there.
+# Distance from a border at which phi is clear of it, in standard uncertainties. A steady phi has to
+# be further away: inside the gap the link would fall, so it probably rests on a misplaced border.
 _CLEAR, _CLEAR_AT_REST = 1.3, 2.5
 _RESTS_S, _RESTS_WITHIN = 0.3, 0.0005  # [rad]
 _SKEW_S = 0.001  # unknown skew between the samples of link and motor
-_PULL = 0.2  # share of a border's error that is corrected in one tick
+_PULL = 0.2  # share of the error at a border that is corrected per tick
 _LEFT, _GAP, _RIGHT, _UNKNOWN = map(int, Side)
 
 
 class MotorPosition:
-    """Rotors of an arm; theta [rad], sigma [rad], `side` and the rest of the state, each (n,)."""
+    """Rotor positions of an arm: theta [rad], sigma [rad], `side` and the other state, each
+    (n,)."""
 
     def __init__(self, transmission: Transmission, settings: GapSettings, measured: bool) -> None:
         s, t = settings, transmission
         self._alpha, self._coulomb = t.half_gap.copy(), t.motor_coulomb.copy()
         self._viscous = t.motor_viscous.copy()
         self._compliance = s.compliance * (t.half_gap > 0.0)
-        # Friction of the motor's side over what was identified, and how wrong that may be: what is
-        # learned is written to both.
+        # Friction of the motor's side relative to the identified one, and its relative error;
+        # learning writes to both.
         self.friction, self.friction_error = np.ones(t.n), np.full(t.n, s.friction_error)
         self._rotor_error = s.rotor_error
         self._current_error, self._half_gap_error = s.current_error, s.half_gap_error
@@ -62,18 +60,18 @@ class MotorPosition:
         self._standstill, self._hold_ticks, self._measured = s.standstill, s.hold_ticks, measured
         n = t.n
         self.theta, self.sigma, self.q = np.zeros((3, n))
-        # How far the link has moved while theta was held, and how far at most [rad]; where phi has
-        # been for how long [rad, s].
+        # How far the link has moved while theta was held, and the maximum of that [rad]; where phi
+        # has been steady, and for how long [rad, s].
         self.slipped, self.slipped_most, self.rested_at, self.rested_s = np.zeros((4, n))
-        # Streak: ticks in a row in which the transmitted torque clearly had one sign, signed as
-        # that. Gap: sure to be in it; unlike `side`, never in doubt.
+        # Streak: consecutive ticks in which the transmitted torque clearly had one sign, signed
+        # likewise. Gap: certainly in the gap; unlike `side`, never unknown.
         self.side = np.zeros(n, dtype=np.int8)
         self.streak, self.gap = np.zeros((2, n), dtype=np.int64)
         for i in range(n):
             self.start(i, 0.0)
 
     def start(self, i: int, q: float) -> None:
-        """Forget everything of joint i but that phi is somewhere in the gap."""
+        """Forget everything about joint i, except that phi is somewhere in the gap."""
         self.theta[i] = self.q[i] = q
         self.sigma[i] = self._alpha[i]
         self.side[i], self.streak[i], self.gap[i] = _UNKNOWN, 0, 0
@@ -92,11 +90,11 @@ class MotorPosition:
         rotor: float,
         transmitted: float,
     ) -> bool:
-        """Advance joint i by dt [s]; False if it was in its gap at both ends of that.
+        """Advance joint i by dt [s]; False if it was in its gap at both ends of that interval.
 
-        q [rad], q_dot, theta_dot [rad/s], `transmission.resting` and tau_M [Nm]
-        are those at the end; advance: change of theta, integrated or measured [rad]; rotor: mean
-        B theta_ddot [Nm]; transmitted: mean torque that the rotor gives to the link [Nm].
+        q [rad], q_dot, theta_dot [rad/s], `transmission.resting` and tau_M [Nm] are those at its
+        end; advance: change of theta, integrated or measured [rad]; rotor: mean B theta_ddot [Nm];
+        transmitted: mean torque from the rotor to the link [Nm].
         """
         before = self.gap[i] != 0
         alpha, load, speed = self._alpha[i], abs(transmitted), abs(theta_dot)
@@ -109,7 +107,7 @@ class MotorPosition:
             self._hold(i, q - self.q[i])
         self.q[i] = q
 
-        # How wrong the transmitted torque may be; near rest friction may have any value. A torque
+        # Uncertainty of the transmitted torque; near rest friction may have any value. A torque
         # that may be friction shows nothing: neither the side, nor that there is a load.
         rubs = self.friction[i] * (self._coulomb[i] + self._viscous[i] * speed)
         doubt = self.friction_error[i] * rubs + self.friction[i] * self._coulomb[i] * resting
@@ -125,13 +123,13 @@ class MotorPosition:
         phi = self._correct(i, q, engaged, load * self._compliance[i])
         if abs(phi - self.rested_at[i]) > _RESTS_WITHIN:
             self.rested_at[i], self.rested_s[i] = phi, 0.0
-        # It follows, so that a theta which drifts, slower than 2 mrad/s, rests all the same.
+        # The reference follows, so that phi counts as steady despite a drift below 2 mrad/s.
         self.rested_at[i] += (phi - self.rested_at[i]) * dt / _RESTS_S
         self.rested_s[i] += dt
         clearance = _CLEAR_AT_REST if self.rested_s[i] > _RESTS_S else _CLEAR
         doubtful = clearance * self.sigma[i] + _SKEW_S * speed
         border = alpha - max(self._margin * alpha, doubtful)
-        # Inside the gap the border itself counts; to enter it phi must go further.
+        # Hysteresis: to enter the gap, phi must be further inside than to stay there.
         if not self.gap[i]:
             border -= self._hysteresis
         clear = abs(phi) < border
@@ -139,7 +137,7 @@ class MotorPosition:
         if self.gap[i]:
             self.side[i] = _GAP
         elif not engaged and (self.sigma[i] >= alpha > 0.0 or clear):
-            # Nothing is known, or a load that came just now contradicts what is.
+            # The position is unknown, or a new load contradicts it.
             self.side[i] = _UNKNOWN
         elif engaged or alpha == 0.0:
             self.side[i] = _LEFT if transmitted > 0.0 else _RIGHT
@@ -148,16 +146,15 @@ class MotorPosition:
         return not (before and self.gap[i])
 
     def contradicted(self, i: int, theta_dot: float) -> bool:
-        """True if joint i is believed in its gap, and its link has followed the rotor there for
-        more than the gap's width: what carries it is a border, which is elsewhere. theta_dot
-        [rad/s]."""
+        """True if joint i is believed in its gap, but its link has followed the rotor for more than
+        the gap's width: it is carried by a border, which must be elsewhere. theta_dot [rad/s]."""
         follows = self.rested_s[i] * abs(theta_dot) > 2.0 * self._alpha[i]
         return bool(self.gap[i] != 0 and follows)
 
     def _hold(self, i: int, moved: float) -> None:
         """Hold theta at standstill. A link that creeps may take its rotor along, or be moved by a
-        hand while the rotor stands: phi is as uncertain as the link has crept. Back and forth, as
-        an encoder's counts do, it comes to nothing."""
+        hand while the rotor stands: phi becomes as uncertain as the link's net creep. Motion back
+        and forth, like that of encoder counts, adds nothing."""
         self.slipped[i] += moved
         most = abs(self.slipped[i])
         if most > self.slipped_most[i]:
@@ -165,16 +162,16 @@ class MotorPosition:
             self.slipped_most[i] = most
 
     def _correct(self, i: int, q: float, engaged: bool, bent: float) -> float:
-        """Move theta to where phi = q - theta can be, and return that: at its border while
-        engaged, and never further than the load may bend the gear, `bent`."""
+        """Move theta so that phi = q - theta is possible, and return phi: at its border while
+        engaged, and never beyond the deflection `bent` of the gear under load."""
         alpha, phi = self._alpha[i], q - self.theta[i]
-        # The torque pushes the link up where phi is at its lower border, and the other way round.
+        # A positive torque acts at the lower border of phi, a negative one at the upper.
         border = -1.0 if self.streak[i] > 0 else 1.0
         outward = border * phi
         lowest = alpha if engaged else -(alpha + bent)
         error = border * (outward - min(max(outward, lowest), alpha + bent))
         if engaged:
-            # What is not known at all is taken at once, what is known a little at a time.
+            # An unknown position is corrected at once, a known one gradually.
             pull = _PULL if self.sigma[i] < alpha else 1.0
             error *= pull
             self.sigma[i] = min(self.sigma[i], alpha)

@@ -1,4 +1,4 @@
-# Types of needed_level.py, for the compiler alone.
+# Cython types of needed_level.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,15 +1,13 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Contact level that each joint needs: share of the configured one, from residuals in motion.
+"""Contact level that each joint needs: a share of the configured one, from residuals in motion.
 
     share = reach max(2.9 rms, 1.6 peak, least), at most 1
 
-of the corrected residual over the configured level, in the last minutes of motion. reach is 1, and
-more in a pose in which the joint carries more than that motion has shown. A gap that is crossed has
-peaks of its own. What may be a person raises nothing: what is loud for long, what leans
-on the arm, and of one peak all but a tenth.
-
-Ordinary Python, which runs as it is; `needed_level.pxd` names the types for the compiler.
+rms and peak are of the corrected residual over the configured level, in the last minutes of motion.
+reach is 1, and more in a pose in which the joint carries more than past motion has shown. Crossings
+of the gap have peaks of their own. What may be a person does not raise the level: a residual that
+is loud for long, one that leans on the arm, and of a single peak all but a tenth.
 """
 
 from math import sqrt
@@ -18,47 +16,47 @@ import numpy as np
 
 from common.arrays import Vector
 
-# Of the level is needed what was _OF_RMS root mean squares, over _RMS_S of motion that began with
-# _AT_FIRST_S at which all of it was; and _OF_PEAK peaks, which fade in _PEAK_S. What is loud
+# The level needed is _OF_RMS root mean squares, over _RMS_S of motion, starting from _AT_FIRST_S at
+# which all of it was needed; and _OF_PEAK peaks, which decay in _PEAK_S. A residual that is loud
 # for longer than _LASTS_S may be a person, and does not count.
 _OF_RMS, _RMS_S, _AT_FIRST_S = 2.9, 300.0, 10.0
 _OF_PEAK, _PEAK_S, _LASTS_S = 1.6, 300.0, 1.0
-# Loud is what exceeds this share of the level in force; a peak counts after so much quiet.
+# A residual is loud beyond this share of the level in force; a peak counts after _QUIET_S of quiet.
 _LOUD, _QUIET_S = 0.5, 0.3
-# While a gap is crossed, and the raise for it lasts, _OF_CROSSING peaks count apart: they fade in
-# so many seconds of that, from 1 on. It lasts as long as it is more than that share of the level.
+# While a gap is crossed, and its raise exceeds the share _CROSSING of the level, peaks count
+# separately, times _OF_CROSSING; they start at 1 and decay in _CROSSING_S of such motion.
 _OF_CROSSING, _CROSSING_S, _CROSSING, _LEAST_CROSSING = 1.8, 20.0, 0.05, 0.7
-# One peak raises the level by no more than this: it may have been a person all the same.
+# Largest factor by which one peak raises the level: it may have been a person after all.
 _GROWS = 1.1
-# Mean of the residual over so much motion [s]: what leans on the arm, and raises no level.
+# Averaging time of the residual in motion [s]; that mean leans on the arm, and raises no level.
 _LEANS_S = 5.0
-# While friction is learned anew only peaks raise the level, and fade in so much motion.
+# While friction is relearned only peaks raise the level, and decay in this time of motion.
 _PASSES_S = 15.0
-# In so much rest the root mean square is forgotten.
+# Time at rest in which the root mean square is forgotten.
 _RESTS_S = 7200.0
-# Wrong masses, or a load, put on a joint what grows with what it carries. Motion has shown it up to
-# _OF_CARRIED root mean squares of that, and _OF_USUAL configured levels; beyond, as much more is
-# needed.
+# Wrong masses, or a load, cause an error that grows with the torque that a joint carries. Motion
+# has covered up to _OF_CARRIED root mean squares of that, and _OF_USUAL configured levels; beyond,
+# the level grows in proportion.
 _OF_CARRIED, _OF_USUAL = 1.7, 0.5
-# Of the configured level: whatever is larger shows a sample that was none, and must not last.
+# Bound of a residual over the configured level: beyond, a sample was invalid, and must not last.
 _LARGEST = 10.0
 
 
 class NeededLevel:
-    """Shares of an arm's joints. least (n,): what of each configured level must be left."""
+    """Level shares of all joints. least (n,): least share of each configured level."""
 
     def __init__(self, least: Vector) -> None:
         n = len(least)
         self._least: Vector = least.copy()
-        # Of the corrected residual in motion, over the configured level: its square, and the time
-        # over which that was integrated; and what of it no raise explained, at most.
+        # Corrected residual in motion over the configured level: its integrated square with the
+        # time of integration, and its peaks not explained by a raise.
         self.squares_s, self.moved_s = np.full(n, _AT_FIRST_S / _OF_RMS**2), np.full(n, _AT_FIRST_S)
         self.peak, self.crossing_peak = np.zeros(n), np.ones(n)
-        # The square of what the model says it carries, likewise; that of now, and its reach.
+        # Integrated square of beta, the torque that the joint carries; its present value; reach.
         self.carried_s, self.carried, self.reach = np.zeros(n), np.zeros(n), np.ones(n)
-        # Those that count when it was quiet after them: a contact begins below the level, too.
+        # Peaks that count only if it is quiet after them: a contact, too, begins below the level.
         self.peak_seen, self.crossing_seen = np.zeros((2, n))
-        self.passing = np.zeros(n)  # peaks while friction is learned anew
+        self.passing = np.zeros(n)  # peaks while friction is relearned
         self.lean = np.zeros(n)  # mean of the corrected residual in motion [Nm]
         self.quiet_s, self.loud_s = np.zeros((2, n))
 
@@ -69,17 +67,17 @@ class NeededLevel:
         return float(min(self.reach[i] * max(share, _OF_PEAK * peak, self._least[i]), 1.0))
 
     def crossing_level(self, i: int) -> float:
-        """Share of the configured level that joint i needs while it crosses its gap."""
+        """Share of the configured level that joint i needs while crossing its gap."""
         least = max(_LEAST_CROSSING, self._least[i])
         return float(min(max(_OF_CROSSING * self.crossing_peak[i], least), 1.0))
 
     def carry(self, i: int, beta: float, usual: float) -> None:
-        """Let joint i be where it carries `beta`; usual: its configured level [Nm]."""
+        """Set the torque `beta` that joint i carries; usual: its configured level [Nm]."""
         shown = _OF_CARRIED * sqrt(self.carried_s[i] / self.moved_s[i]) + _OF_USUAL * usual
-        self.carried[i], self.reach[i] = beta, max(1.0, abs(beta) / shown)  # NaN is 1
+        self.carried[i], self.reach[i] = beta, max(1.0, abs(beta) / shown)  # 1 for NaN
 
     def reset(self, i: int) -> None:
-        """Begin with r = 0 anew; what joint i needs stays."""
+        """Restart from r = 0; what joint i needs is kept."""
         self.quiet_s[i] = self.loud_s[i] = 0.0
         self.peak_seen[i] = self.crossing_seen[i] = 0.0
 
@@ -87,16 +85,16 @@ class NeededLevel:
         self, i: int, corrected: float, level: float, usual: float, unknown: float,
         friction: float, raised: float, relearns: bool, moving: bool, dt: float,
     ) -> None:  # fmt: skip
-        """Take the corrected residual of joint i over dt [s]; level, usual: contact levels in force
-        and configured; unknown: what friction may make that is not learned; friction, raised: what
-        the level in force has of friction near rest, and of what fades [Nm]; relearns: friction is
-        learned anew, what shows of it is over soon, and no level is for it."""
+        """Process the corrected residual of joint i over dt [s]. level, usual: contact levels in
+        force and configured; unknown: torque of friction not yet learned; friction, raised: parts
+        of the level in force for friction near rest and for transients [Nm]; relearns: friction is
+        being relearned, so that its residual soon ends, and needs no level."""
         size = abs(corrected)
-        quiet = size <= _LOUD * level  # NaN is not
+        quiet = size <= _LOUD * level  # false for NaN
         self.quiet_s[i] = self.quiet_s[i] + dt if quiet else 0.0
         self.loud_s[i] = 0.0 if quiet else self.loud_s[i] + dt
         if not size <= level:
-            self.loud_s[i] += _LASTS_S  # what is left of a contact is none of the arm, either
+            self.loud_s[i] += _LASTS_S  # the decay after a contact is not the arm's own, either
         if self.loud_s[i] > _LASTS_S:
             self.peak_seen[i] = self.crossing_seen[i] = 0.0
         elif moving:
@@ -111,7 +109,7 @@ class NeededLevel:
             self._count(i, relearns)
 
     def rest(self, i: int, dt: float) -> None:
-        """Know less of joint i after dt [s] in which its motion showed nothing."""
+        """Let knowledge of joint i fade over dt [s] in which its motion showed nothing."""
         fade = dt / _RESTS_S
         self.squares_s[i] += fade * (_AT_FIRST_S / _OF_RMS**2 - self.squares_s[i])
         self.moved_s[i] += fade * (_AT_FIRST_S - self.moved_s[i])
@@ -121,8 +119,8 @@ class NeededLevel:
         self, i: int, corrected: float, usual: float, unknown: float, friction: float,
         relearns: bool, dt: float,
     ) -> None:  # fmt: skip
-        """Put the size of a corrected residual [Nm], and what it needed, both over the configured
-        level, to those before. What leans on the arm raises neither."""
+        """Add a corrected residual [Nm] to the mean square and to the peak, both over the
+        configured level. What leans on the arm raises neither."""
         fade, size = dt / _RMS_S, abs(corrected)
         alone = size - min(max(self.lean[i] if corrected > 0.0 else -self.lean[i], 0.0), size)
         self.lean[i] += dt / _LEANS_S * (corrected - self.lean[i])
@@ -137,7 +135,7 @@ class NeededLevel:
         self.peak_seen[i] = max(self.peak_seen[i], (peak - friction) / (usual + unknown))
 
     def _count(self, i: int, relearns: bool) -> None:
-        """Count the peaks seen: it was quiet after them."""
+        """Count the peaks seen: it has been quiet since."""
         most = _GROWS * self.level(i) / _OF_PEAK
         if relearns:
             self.passing[i] = max(self.passing[i], min(self.peak_seen[i], most))

@@ -1,4 +1,4 @@
-# Types of play.py, for the compiler alone.
+# Cython types of play.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -1,15 +1,12 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Way that each link may fall in its gap while its motor stands.
-
-Ordinary Python, which runs as it is; `play.pxd` names the types for the compiler, decision 0037.
-"""
+"""Distance that each link may fall in its gap while its motor stands."""
 
 from common.arrays import Matrix, Vector
 
 
 def put_play(half_gap: Vector, phi: Vector, sigma: Vector, way: Matrix) -> None:
-    """`Transmission.play` into way (2, n) [rad]."""
+    """Write `Transmission.play` to way (2, n) [rad]."""
     for i in range(half_gap.shape[0]):
         most = 2.0 * half_gap[i]
         about = half_gap[i] + sigma[i]

@@ -1,21 +1,22 @@
-"""Recognition of a load in the residuals: a point mass at the hand that the model does not count.
+"""Recognition of a load from the residuals: a point mass at the hand that the model does not
+include.
 
-A mass m at c in the hand's frame puts on the joints, in every pose and at every moment,
+A mass m at c in the hand's frame loads the joints, in every pose and at every moment, by
 
     tau = m (a(q) + B(q) c)            a, B: `Model.payload_torques`, gravity less acceleration
 
-so the residuals of some seconds in motion are linear in m and m c. A load is recognised where one
-such pair explains what all joints show, where each second shows the same mass by itself, and where
-the joints that carry it have moved. The force of a hand changes, in size or direction. Only a pull
-of constant force, straight down, at the hand, for as long as that cannot be distinguished from a
-load. So it is confirmed only where the mass stayed the same, more closely, for two more seconds of
-motion and twice the way; the mass is then that of these last seconds, without those of the pick-up.
+so the residuals of some seconds of motion are linear in m and m c. A load is recognised if one such
+pair explains the residuals of all joints, if each second by itself shows the same mass, and if the
+joints that carry it have moved. The force of a hand changes in size or direction; only a constant
+pull, straight down at the hand, is indistinguishable from a load while it lasts. So a load is
+confirmed only if the mass stays the same, within a closer tolerance, for two more seconds of motion
+and twice the travel; the mass is then that of these last seconds, without those of the pick-up.
 
-Ticks in which no joint moves do not count, as friction may hide anything then. Means are taken over
-a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
-last one of each makes a fit of four unknowns. Beside it, the model's errors without contact, as an
-apparent load and gains of the motors, are tracked and subtracted; from motion older than the blocks
-in use, so that a load is not taken for an error while it is being recognised.
+Ticks without motion do not count, as friction may hide anything then. Means are taken over blocks
+of a quarter of a second of motion, or more where it is slow: a tick adds some vectors, and only the
+last one of a block fits four unknowns. In parallel the errors of the model without contact are
+tracked, as an apparent load and gain errors of the motors, and subtracted; they come from motion
+older than the blocks in use, so that a load is not taken for an error while it is recognised.
 
 Nothing here changes a threshold or the model. Time is counted in ticks; no I/O.
 """
@@ -32,43 +33,42 @@ from estimator.model import Model
 from estimator.payload import HEAVIEST_KG, Payload
 
 _BLOCK_S: Final = 0.25
-# Blocks in motion that a load is found in, seven seconds; of each part that by itself must show the
-# same mass; and in a row in which all is so.
+# Blocks of motion in which a load is sought, seven seconds; blocks of each part that must show the
+# same mass by itself; and consecutive blocks for which all that must hold.
 _BLOCKS, _PART, _AGAIN = 28, 4, 4
-# Standard deviation of the mean of a block, of the level in force: of a joint that moves, and of
-# one that stands, where friction may hide most of it.
+# Standard deviation of a block's mean, over the level in force: of a moving joint, and of one at
+# rest, where friction may hide most of it.
 _NOISE, _AT_REST = 0.4, 1.0
 _MOVES: Final = 0.012  # [rad/s]
-_WAY: Final = 0.25  # [rad] that joints which clearly carry it must have moved, together
-_LEAST_KG, _SURE = 0.08, 5.0  # mass, and that over its standard deviation
-# Deviation of the place from the tool point along each axis [m]: expected, and at most.
+_TRAVEL: Final = 0.25  # [rad] that the joints which clearly carry it must have moved, in total
+_LEAST_KG, _SURE = 0.08, 5.0  # least mass, and least ratio of it to its standard deviation
+# Offset of the load from the tool point along each axis [m]: prior standard deviation, and maximum.
 _PLACE, _AT_HAND = 0.03, 0.2
-# Share of the residuals that the fit may leave: at most; and where it is more than so many standard
-# deviations.
+# Squared residuals that the fit may leave: this share of all; and the larger of the second share
+# and that of so many standard deviations.
 _LEFT, _LEFT_CLEAR, _LEFT_NOISE = 0.3, 0.03, 0.6
-# Deviation of the parts from the mass, root mean square: of the mass, or [kg]; and at most, of a
-# part with as much information on it as the others.
+# Spread of the parts' masses, root mean square, as a share of the mass, or [kg]; and how many times
+# that a part with as much information as the others may deviate.
 _SPREAD, _SPREAD_KG, _WORST = 0.05, 0.015, 2.0
-# Share of its mass that must show before the errors below are subtracted.
+# Share of its mass that must show even without subtracting the errors below.
 _SHOWS: Final = 0.5
-# The load that the model's errors look like, and the share by which each motor's torque is off:
-# fade over so many blocks, weigh so much less, as they are alike, and are expected to be so much
-# [kg, kg m].
+# Model errors, as an apparent load and a relative error of each motor's torque: blocks after which
+# they fade, weight of a block, as these are alike, and prior standard deviations [kg, kg m].
 _FADES, _ALIKE, _ERRORS, _GAIN = 480.0, 0.3, (0.05, 0.005, 0.005, 0.005), 0.03
-# It is confirmed where so many more blocks in a row show it, with parts as much alike as this, and
-# joints that carry it having moved so far [rad].
-_CONFIRMS, _ALIKE_SHARE, _CONFIRMED_WAY = 8, 0.04, 0.5
-# A recognised load is forgotten when it did not explain the detected contact for so long [s], or
-# when the last blocks, so many or more since then, clearly show a mass that is off by this share:
-# below the levels no contact is detected.
+# A load is confirmed by so many more consecutive blocks that show it, with at most this spread, and
+# this travel of the joints that carry it [rad].
+_CONFIRMS, _ALIKE_SHARE, _CONFIRMED_TRAVEL = 8, 0.04, 0.5
+# A recognised load is forgotten if it has not explained the detected contact for so long [s], or if
+# at least so many blocks since then clearly show a mass that is off by this share: below the levels
+# no contact is detected.
 _FORGOTTEN_S: Final = 0.5
 _SINCE, _ANOTHER = 8, 0.5
 
 
 def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector, Vector]:
-    """Columns of a load (n, 4), by mass at the tool point and by mass times distance from it, those
-    of motors with twice the believed torque (n,), and the residuals (n,), all over the standard
-    deviation of each; mean of q, |q_dot|, residual and threshold (4, n), gravity less acceleration
+    """Regressor of a load (n, 4), by mass at the tool point and by mass times offset from it;
+    regressor of a 100 % gain error of each motor (n,); residuals (n,); all in standard deviations
+    of the residuals. mean: of q, |q_dot|, residual and threshold (4, n); gravity: less acceleration
     (3,) [m/s2]."""
     by_mass, by_place = model.payload_torques(mean[0], gravity)
     columns = np.column_stack((by_mass + by_place @ model.tool_place, by_place))
@@ -77,10 +77,10 @@ def weighed(model: Model, mean: Matrix, gravity: Vector) -> tuple[Matrix, Vector
 
 
 def fitted_load(x: Matrix, y: Vector) -> Vector:
-    """Mass, and mass times distance from the tool point (4,) [kg, kg m], that x (rows, 4) shows as
-    y (rows,), both `weighed`. A place near the tool point is expected."""
+    """Mass, and mass times offset from the tool point (4,) [kg, kg m], fitted to x (rows, 4) and y
+    (rows,), both from `weighed`, with a prior that places it near the tool point."""
     information, evidence = x.T @ x, x.T @ y
-    # How near in kg m depends on the mass.
+    # The prior in kg m depends on the mass.
     mass = _LEAST_KG
     fitted: np.ndarray = np.zeros(4)
     for _ in range(3):
@@ -92,23 +92,23 @@ def fitted_load(x: Matrix, y: Vector) -> Vector:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """Load that the last blocks show; spread of their masses over it, and way of the joints that
+    """Load that the last blocks show, spread of their masses over it, and travel of the joints that
     carry it [rad]."""
 
     load: Payload
     spread: float
-    way: float
+    travel: float
 
     @property
     def confirms(self) -> bool:
-        """True if it is as much alike, over as much motion, as a load that is confirmed."""
+        """True if spread and travel are those of a confirmed load."""
         alike = self.spread <= max(_ALIKE_SHARE, _SPREAD_KG / self.load.mass)
-        return alike and self.way >= _CONFIRMED_WAY
+        return alike and self.travel >= _CONFIRMED_TRAVEL
 
 
 class Recognition:
-    """Recognition for one arm; `found` is the load that was recognised, None without one, and
-    `confirmed` if it stayed the same since."""
+    """Load recognition for one arm: `found` is the recognised load, None without one; `confirmed`
+    is set if it has stayed the same since."""
 
     def __init__(self, model: Model, period_s: float) -> None:
         n = self._n = model.n
@@ -117,40 +117,40 @@ class Recognition:
         self._model, self._period_s = model, period_s
         self._ticks = round(_BLOCK_S / period_s)
         self._patience = round(_FORGOTTEN_S / period_s)
-        # Sums over the block of now: q, |q_dot|, residual, threshold.
+        # Sums over the present block: q, |q_dot|, residual, threshold.
         self._sum = np.zeros((4, n))
         self._count = self._unexplained = self._again = 0
         self._touched = False
-        self._before: np.ndarray | None = None  # velocity of the tool at the end of the last block
-        # Of the last blocks in motion, the newest last: columns and residuals over their deviation.
+        self._before: np.ndarray | None = None  # tool velocity at the end of the last block
+        # Last blocks of motion, newest last: regressors and residuals, in standard deviations.
         self._columns = np.zeros((_BLOCKS, n, 4))
-        self._motors, self._shown, self._way = np.zeros((3, _BLOCKS, n))
-        # Of these, joints that moved; and those that show the model's errors: nothing touched.
+        self._motors, self._shown, self._travel = np.zeros((3, _BLOCKS, n))
+        # Joints that moved in them, and those that moved untouched, which show the model's errors.
         self._moves, self._free = np.zeros((2, _BLOCKS, n), dtype=np.bool_)
-        self._filled = self._since = 0  # the latter since one was found
-        # Levels before: those of now are higher because one was found, and would hide its end.
+        self._filled = self._since = 0  # the latter since a load was found
+        # Levels before a load was found: they are higher since, and would hide its end.
         self._level_before = np.full(n, np.inf)
         self._prior = np.diag(np.array([*_ERRORS, *[_GAIN] * n]) ** -2.0)
         self._information, self._evidence = np.zeros((4 + n, 4 + n)), np.zeros(4 + n)
 
     def begin(self) -> None:
-        """Begin anew with another model: its apparent errors may have been a load, too."""
+        """Restart with another model: its tracked errors may have included a load."""
         self._information[:], self._evidence[:] = 0.0, 0.0
         self.forget()
 
     def forget(self) -> None:
-        """Forget the load, or the contact: it is another now. The model's errors are kept."""
+        """Forget the load, or the contact, because another begins. The model's errors are kept."""
         self.found, self.confirmed = None, False
         self._filled = self._again = self._unexplained = 0
         self.pause()
 
     def pause(self) -> None:
-        """Leave out the present block, in which something is not known."""
+        """Discard the present block, in which something is unknown."""
         self._sum[:] = 0.0
         self._count, self._touched, self._before = 0, False, None
 
     def left(self, q: Vector, residual: Vector, threshold: Vector) -> Vector:
-        """Thresholded residual (n,) [Nm] that the load found does not explain at q."""
+        """Thresholded residual (n,) [Nm] at q that the recognised load does not explain."""
         if self.found is None:
             return dead_band(residual, threshold)
         by_mass, by_place = self._model.payload_torques(q, self._model.down)
@@ -160,7 +160,8 @@ class Recognition:
     def step(
         self, q: Vector, q_dot: Vector, residual: Vector, threshold: Vector, *, touched: bool
     ) -> None:
-        """Take the estimate of one tick, (n,) each; touched: a residual is beyond its threshold."""
+        """Process the estimate of one tick, (n,) each; touched: a residual is beyond its
+        threshold."""
         self._touched = self._touched or touched
         speed = np.abs(q_dot)
         if speed.max() > _MOVES:
@@ -175,19 +176,19 @@ class Recognition:
             self._unexplained = self._unexplained + 1 if lost else 0
             if self._unexplained >= self._patience:
                 self.forget()
-        if self._count >= self._ticks and self._sum[1].max() * self._period_s > _WAY / _BLOCKS:
+        if self._count >= self._ticks and self._sum[1].max() * self._period_s > _TRAVEL / _BLOCKS:
             self._end_block(q, q_dot)
 
     def _end_block(self, q: Vector, q_dot: Vector) -> None:
-        """Make the block that ends now one of the last ones, and look for a load in them."""
+        """Add the present block to the last ones, and look for a load in them."""
         touched, count = self._touched, self._count
         mean = self._sum / count
         velocity: np.ndarray = self._model.tool_jacobian(q) @ q_dot
         before = velocity if self._before is None else self._before
-        way = count * self._period_s * mean[1]
+        travel = count * self._period_s * mean[1]
         self.pause()
         if not np.isfinite(mean).all():
-            return  # else it would stay in the tracked errors of the model
+            return  # else it would stay in the tracked model errors
         if self.found is not None:
             mean[3] = np.minimum(mean[3], self._level_before)
         elif np.isfinite(self._level_before).all():
@@ -205,7 +206,7 @@ class Recognition:
             (self._columns, columns),
             (self._motors, motors),
             (self._shown, shown),
-            (self._way, way),
+            (self._travel, travel),
             (self._moves, moves),
             (self._free, moves & (not touched)),
         ):
@@ -220,7 +221,7 @@ class Recognition:
                 self._judge(self._fit())
 
     def _is_another(self, found: Payload) -> bool:
-        """True if the last blocks since then clearly show another mass in its place, or none."""
+        """True if the blocks since the recognition clearly show another mass there, or none."""
         if self._since < _SINCE:
             return False
         last = slice(-min(self._since, _BLOCKS), None)
@@ -232,7 +233,7 @@ class Recognition:
         return off > _ANOTHER * found.mass and off * np.sqrt(known) > _SURE
 
     def _judge(self, fit: _Fit | None) -> None:
-        """Count the blocks in a row that show a load, and then those that confirm it."""
+        """Count consecutive blocks that show a load, and then those that confirm it."""
         if self.found is None:
             self._again = self._again + 1 if fit else 0
             if fit and self._again >= _AGAIN:
@@ -243,7 +244,7 @@ class Recognition:
                 self.found, self.confirmed = fit.load, True
 
     def _take_errors(self, free: NDArray[np.bool_]) -> None:
-        """Add the oldest block to those before it, as far as it shows the model's errors."""
+        """Add the oldest block to the tracked model errors, for the joints that moved untouched."""
         if not free.any():
             return
         moved = np.hstack((self._columns[0], np.diag(self._motors[0])))[free]
@@ -251,13 +252,13 @@ class Recognition:
         self._evidence += _ALIKE * (moved.T @ self._shown[0, free]) - self._evidence / _FADES
 
     def _less_errors(self) -> Matrix:
-        """Residuals of the last blocks (blocks, n), less the model's errors."""
+        """Residuals of the last blocks (blocks, n), minus the model's errors."""
         errors = np.linalg.solve(self._prior + self._information, self._evidence)
         left: np.ndarray = self._shown - self._columns @ errors[:4] - self._motors * errors[4:]
         return left
 
     def _fit(self) -> _Fit | None:
-        """Load that the last blocks show, None where they show none."""
+        """Load that the last blocks show; None without one."""
         shown = self._less_errors()
         x = self._columns.reshape(-1, 4)
         y = shown.reshape(-1)
@@ -270,24 +271,24 @@ class Recognition:
         noise = max(_LEFT_NOISE**2 * len(y), _LEFT_CLEAR * power)
         if left @ left > min(_LEFT * power, noise):
             return None
-        # Residual per kg there: by parts, the mass alone.
+        # Residual per kg at the fitted place, for the mass that each part shows by itself.
         per_kg = self._columns @ (fitted / mass)
         parts = _BLOCKS // _PART
         known = np.sum((per_kg**2).reshape(parts, -1), axis=1)
         off = np.sum((per_kg * shown).reshape(parts, -1), axis=1) / (known + 1e-12) - mass
         spread = float(np.sqrt(known @ off**2 / (known.sum() + 1e-12)))
         allowed = max(_SPREAD * mass, _SPREAD_KG)
-        way = float(np.sum(self._way * (mass * np.abs(per_kg) > 1.0)))
+        travel = float(np.sum(self._travel * (mass * np.abs(per_kg) > 1.0)))
         if (
             mass * np.sqrt(known.sum()) < _SURE
             or spread > allowed
             or np.max(np.abs(off) * np.sqrt(known / known.mean())) > _WORST * allowed
             or np.sum(per_kg * self._shown) < _SHOWS * mass * known.sum()
-            or way < _WAY
+            or travel < _TRAVEL
         ):
             return None
         off_tool = fitted[1:] / mass
         if np.abs(off_tool).max() > _AT_HAND:
             return None
         load = Payload(mass=mass, com=(self._model.tool_place + off_tool).tolist())
-        return _Fit(load, spread / mass, way)
+        return _Fit(load, spread / mass, travel)

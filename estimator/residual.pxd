@@ -1,4 +1,4 @@
-# Types of residual.py, for the compiler alone.
+# Cython types of residual.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -3,20 +3,18 @@
 """Momentum residuals: first-order estimates of the external torque, (2), (12) and (13).
 
 All variants share one form. Over an interval T the momentum of the links changes by the impulses
-that act on them, and what is left over is the impulse of the external torque:
+that act on them, and the remainder is the impulse of the external torque:
 
     e(k) = Delta(M q_dot) - T beta - T tau_L + T tau_mu
     r(k) = [(2 - T K) r(k-1) + 2 K e(k)] / (2 + T K)
 
-which is (13) by increments: no integral grows, and it starts from r = 0 whatever the momentum. The
+which is (13) by increments: no integral grows, and r starts from 0 whatever the momentum. The
 rotor's B theta_ddot enters as the increment B Delta theta_dot, so that nothing is differentiated
-twice; `interval` makes increments and integrals.
+twice; `interval` computes increments and integrals.
 
-An interval counts as gap only if the joint is in the gap at both ends. When the rotor meets the
-link within an interval, tau_M, friction and B Delta theta_dot of the whole interval must be taken
-together: what the rotor won in the gap is what it gives to the link.
-
-Ordinary Python, which runs as it is; `residual.pxd` names the types for the compiler.
+An interval counts as in the gap only if the joint is in the gap at both ends. If the rotor meets
+the link within an interval, tau_M, friction and B Delta theta_dot of the whole interval belong
+together: the momentum that the rotor gained in the gap is what it gives to the link.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,10 +30,10 @@ _SHORTEST_S = 1e-9
 _TERMS = len(ROW)
 
 Form = Mapping[str, float]
-"""A sum of `interval.TERMS`: weight by name."""
+"""Weights by name of a sum of `interval.TERMS`."""
 
-# Terms of e beside momentum and beta: drive, friction and rotor inertia, by kind; of each what
-# always acts, and what acts only while rotor and link touch.
+# Terms of e besides momentum and beta, by kind: drive, friction and rotor inertia; each split into
+# those that always act, and those that act only while engaged.
 _TERMS_OF: dict[Kind, tuple[tuple[Form, Form], tuple[Form, Form], tuple[Form, Form]]] = {
     "classical": (
         ({"tau_M": -1.0}, {}),
@@ -62,7 +60,7 @@ _TERMS_OF: dict[Kind, tuple[tuple[Form, Form], tuple[Form, Form], tuple[Form, Fo
 
 
 def forms(variant: Variant) -> tuple[Form, Form]:
-    """e(k) of a variant: the sum of terms that always counts, and that while engaged."""
+    """Terms of e(k) of a variant: those that always count, and those that count while engaged."""
     drive, friction, rotor = _TERMS_OF[variant.kind]
     parts = [drive, *[friction] * variant.friction, *[rotor] * variant.rotor_inertia]
     always: dict[str, float] = {"momentum": 1.0, "beta": -1.0}
@@ -75,7 +73,7 @@ def forms(variant: Variant) -> tuple[Form, Form]:
 
 def _weights(variants: Sequence[Variant]) -> tuple[Matrix, Matrix, Vector]:
     """Weights of `interval.TERMS` in each variant's e(k), always and while engaged, each (variants,
-    TERMS); and 1 for variants (variants,) whose tau_M a fit corrects: those with engagement."""
+    TERMS); and (variants,) 1 for variants with engagement, whose tau_M is corrected."""
     tables = np.zeros((2, len(variants), _TERMS))
     for row, variant in enumerate(variants):
         for table, form in zip(tables, forms(variant), strict=True):
@@ -86,11 +84,11 @@ def _weights(variants: Sequence[Variant]) -> tuple[Matrix, Matrix, Vector]:
 
 
 class Residual:
-    """Several variants side by side on the same impulses; `values` (variants, n) [Nm], and
+    """Residual variants computed from the same impulses: `values` (variants, n) [Nm], and
     `corrected` by what was learned.
 
     Raises ModelError for gain * period >= 2, where the pole of (13) would be negative and the
-    residual would ring, and for variants that are alike or contradict themselves.
+    residual would ring, and for duplicate or contradictory variants.
     """
 
     def __init__(self, variants: Sequence[Variant], gain: float, period_s: float, n: int) -> None:
@@ -109,12 +107,13 @@ class Residual:
     def step(self, i: int, impulse: Vector, spring: float, touched: bool, dt: float) -> None:
         """Advance joint i by one interval of dt > 0 [s].
 
-        impulse: of `interval.TERMS`; spring: impulse of what a fit adds to tau_M while engaged, (5)
-        [Nm s]; touched: unless rotor and link were apart all the time. With dt beyond 2 / gain the
-        pole is clamped at zero: the residual is then the mean external torque of the interval.
+        impulse: of `interval.TERMS`; spring: impulse of the fitted correction of tau_M while
+        engaged, (5) [Nm s]; touched: False if rotor and link were apart all the time. For dt beyond
+        2 / gain the pole is clamped at zero: the residual is then the mean external torque of the
+        interval.
         """
         TK = self._gain * dt
-        # At TK = 2, K e T / T = e / T, and beyond it the pole stays there.
+        # At TK = 2 the share is 1 / dt; beyond, pole and share stay there.
         self.pole = pole = max((2.0 - TK) / (2.0 + TK), 0.0)
         self.share = share = min(2.0 * self._gain / (2.0 + TK), 1.0 / max(dt, _SHORTEST_S))
         for k in range(self._variants):
@@ -133,7 +132,7 @@ class Residual:
             self.values[k, i] = self.corrected[k, i] = 0.0
 
     def correct(self, i: int, correction: float) -> None:
-        """Take what was learned [Nm] off the residual of joint i that decides."""
+        """Subtract the learned torque [Nm] from the residual of joint i that decides."""
         for k in range(self._variants):
             self.corrected[k, i] = self.values[k, i]
         self.corrected[0, i] -= correction

@@ -1,4 +1,4 @@
-# Types of rows.py, for the compiler alone.
+# Cython types of rows.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

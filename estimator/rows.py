@@ -1,9 +1,6 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Many ticks of the estimator in one call: for recordings, logs and benches.
-
-Ordinary Python, which runs as it is; `rows.pxd` names the types for the compiler.
-"""
+"""Many ticks of the estimator in one call, for recordings, logs and benchmarks."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +24,12 @@ def step_through(
     wrench: NDArray[np.float64],
     words: NDArray[np.int64],
 ) -> None:
-    """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after a tick
-    where `resets` (N,) is 1.
+    """Step through N ticks: samples (N, 4, n), came (N, n) and dt (N,), with a reset after each
+    tick whose `resets` (N,) is 1.
 
-    What comes out goes to rows 1 to N of shown (N + 1, 10, n), residuals (N + 1, variants, n), side
-    (N + 1, n), wrench (N + 1, WIDTH) and words (N + 1, 2): flags and touched link. Row 0 is what
-    was last; an INVALID tick repeats the row before.
+    Results go to rows 1 to N of shown (N + 1, 10, n), residuals (N + 1, variants, n), side (N + 1,
+    n), wrench (N + 1, WIDTH) and words (N + 1, 2): flags and touched link. Row 0 holds the previous
+    result; an INVALID tick repeats the row before.
     """
     for k in range(dt.shape[0]):
         for i in range(kernel.n):

@@ -12,7 +12,7 @@ Method = Literal["backward", "midpoint", "central", "motor"]
 
 
 class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One residual; parts of the joint's dynamics can be left out, to show what they are worth."""
+    """One residual; parts of the joint dynamics can be left out, to show their effect."""
 
     kind: Kind = "backlash"
     friction: bool = True
@@ -21,7 +21,7 @@ class Variant(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     @property
     def engages(self) -> bool:
-        """True if it knows the gap: terms of the gear count only where it carries."""
+        """True if it models the gap: terms of the gear count only while it is engaged."""
         return self.kind == "backlash"
 
     @property
@@ -53,7 +53,7 @@ class GapSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The residual that decides, those that run beside it, and how samples are understood."""
+    """Settings of the residual that decides, of those beside it, and of the samples."""
 
     residual: Variant = Variant()
     beside: tuple[Variant, ...] = (Variant(kind="classical", friction=False, rotor_inertia=False),)
@@ -67,18 +67,18 @@ class EstimatorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     stiction_share: Annotated[float, Meta(ge=0, le=2)] = 0.9
     # Of the contact level: raises thresholds of a joint whose side of the gap is unknown.
     unknown_side_share: Annotated[float, Meta(ge=0, le=2)] = 0.25
-    # Corrects friction by what the arm shows while it works, and sinks contact levels as far as
-    # that allows; before, they are raised. The price: a hand that leans for minutes is partly taken
-    # for friction, and a cable interrupts at a lighter touch.
+    # Corrects friction by residuals in motion, and lowers contact levels as far as that allows;
+    # until then they are raised. The price: a hand that leans for minutes is partly taken for
+    # friction, and a cable interrupts at a lighter touch.
     learning: bool = True
-    # [rad] of motion until friction is built up, at least and at most; the default suits gears
+    # [rad] of motion over which friction builds up, at least and at most; the default suits gears
     # for which it is unknown.
     presliding: tuple[Presliding, Presliding] = (0.0001, 0.002)
     current_delay_ms: Delay = 3.0  # of the drive's current filter
     link_position_delay_ms: Delay = 0.0
     motor_velocity_delay_ms: Delay = 0.0  # for example of a filter in the drive
     motor_position_delay_ms: Delay = 0.0
-    # Link of the URDF at whose origin, and along whose axes, the force is estimated that presses on
-    # the arm; by default the tool point, and the axes of the last link.
+    # URDF link at whose origin, and along whose axes, the force on the arm is estimated; by default
+    # the tool point, and the axes of the last link.
     force_at: Annotated[str, Meta(max_length=64)] = ""
     gap: GapSettings = GapSettings()

@@ -1,4 +1,4 @@
-"""Shapes of an arm's links and of their surroundings, as walls take them."""
+"""Shapes of an arm's links and of their surroundings, as `walls` takes them."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ from common.arrays import Matrix, Vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Capsule:
-    """All that is within `radius` [m] of the segment from start to end, each (3,) [m] in the frame
-    of body number `body`; -1: in that of the root, which stands."""
+    """Everything within `radius` [m] of the segment from start to end, each (3,) [m] in the frame
+    of body number `body`; -1: in the root frame, which is at rest."""
 
     name: str
     body: int
@@ -19,7 +19,7 @@ class Capsule:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """Border of the half of space that is free: normal . x > offset [m]."""
+    """Boundary of free space: points with normal . x > offset [m] are free."""
 
     name: str
     normal: Vector
@@ -28,7 +28,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """Box: its centre (3,) [m], axes (3, 3) in columns, and half of its edges (3,) [m]."""
+    """Box with centre (3,) [m], axes (3, 3) in columns, and half edges (3,) [m]."""
 
     name: str
     centre: Vector

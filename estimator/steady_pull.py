@@ -1,10 +1,10 @@
-"""Steady pull: detects within two seconds a contact that could be a load at the hand.
+"""Steady pull: detection, within two seconds, of a contact that could be a load at the hand.
 
-An arm that yields to a load hardly moves, so that it is not recognised for a long time, or never
-(`recognition`). But one pose already shows whether the residuals of all joints are a pull straight
-down at the hand, and how many kg would pull so. That is no evidence of a load: a hand that rests on
-the arm looks the same. It is enough for advice in case it is one, and for nothing else: nothing
-here changes how the arm reacts.
+An arm that yields to a load hardly moves, so that it is recognised late, or never (`recognition`).
+But a single pose already shows whether the residuals of all joints are a pull straight down at the
+hand, and how many kg would pull so. That is no evidence of a load: a hand that rests on the arm
+looks the same. It suffices for advice in case it is one, and for nothing else: nothing here changes
+how the arm reacts.
 
 Means are taken over a quarter of a second, at rest, too. Time is counted in ticks; no I/O.
 """
@@ -19,26 +19,25 @@ from estimator.payload import HEAVIEST_KG
 from estimator.recognition import fitted_load, weighed
 
 _BLOCK_S: Final = 0.25
-_BLOCKS: Final = 8  # in a row that show the same mass
+_BLOCKS: Final = 8  # consecutive blocks that must show the same mass
 _LEAST_KG: Final = 0.1
-# Share of the residuals that the fit may leave, and the least that it explains, in standard
-# deviations of the joints together.
+# Share of the squared residuals that the fit may leave, and the least norm that it must explain.
 _LEFT, _CLEAR = 0.2, 1.0
-# Of the masses of the blocks, off their median at most: of it, or [kg].
+# Largest deviation of a block's mass from the median: share of it, or [kg].
 _SPREAD, _SPREAD_KG = 0.2, 0.05
-# A contact that was detected so many blocks ago still lasts: an arm that yields comes to rest just
+# Blocks for which a contact lasts after its detection: an arm that yields comes to rest exactly
 # where its load is no longer detected.
 _LASTS: Final = 10
 
 
 class SteadyPull:
-    """Steady pull at one arm; `mass` is the load that would pull so [kg], 0 while none does."""
+    """Steady pull on one arm; `mass` is the load that would pull so [kg], 0 without one."""
 
     def __init__(self, model: Model, period_s: float) -> None:
         self.mass = 0.0
         self._model = model
         self._ticks = round(_BLOCK_S / period_s)
-        # Sums over the block of now: q, |q_dot|, residual, threshold.
+        # Sums over the present block: q, |q_dot|, residual, threshold.
         self._sum = np.zeros((4, model.n))
         self._count, self._quiet = 0, _LASTS
         self._touched = False
@@ -46,24 +45,25 @@ class SteadyPull:
 
     @property
     def lasts(self) -> bool:
-        """True while a contact is detected, or was a moment ago."""
+        """True while a contact is detected, or was until a moment ago."""
         return self._quiet < _LASTS
 
     def forget(self) -> None:
-        """Forget the pull: it is another now."""
+        """Forget the pull, because another contact begins."""
         self.mass, self._quiet = 0.0, _LASTS
         self._masses[:] = np.nan
         self.pause()
 
     def pause(self) -> None:
-        """Leave out the block of now, in which something is not known."""
+        """Discard the present block, in which something is unknown."""
         self._sum[:] = 0.0
         self._count, self._touched = 0, False
 
     def step(
         self, q: Vector, q_dot: Vector, residual: Vector, threshold: Vector, *, touched: bool
     ) -> None:
-        """Take the estimate of one tick, (n,) each; touched: a residual is beyond its threshold."""
+        """Process the estimate of one tick, (n,) each; touched: a residual is beyond its
+        threshold."""
         self._touched = self._touched or touched
         total = self._sum
         total[0] += q
@@ -87,7 +87,7 @@ class SteadyPull:
         self.mass = self._steady()
 
     def _fitted(self, mean: np.ndarray) -> float:
-        """Mass that pulls as these means of a block show (4, n) [kg], NaN where none does."""
+        """Mass of the pull that the means of a block (4, n) show [kg]; NaN without one."""
         x, _, y = weighed(self._model, mean, self._model.down)
         fitted = fitted_load(x, y)
         explained = x @ fitted
@@ -100,7 +100,7 @@ class SteadyPull:
         return float(fitted[0]) if is_pull else np.nan
 
     def _steady(self) -> float:
-        """Median of the last masses where they are alike, else 0 [kg]."""
+        """Median of the last masses if they agree, else 0 [kg]."""
         if np.isnan(self._masses).any():
             return 0.0
         median = float(np.median(self._masses))

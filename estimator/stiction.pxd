@@ -1,4 +1,4 @@
-# Types of stiction.py, for the compiler alone.
+# Cython types of stiction.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

@@ -2,21 +2,19 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Stiction: friction near rest, which the velocity does not determine.
 
-Smooth friction vanishes with the velocity. Stiction keeps what the last motion left, and changes
-only as the joint is displaced by some thousandths of a radian: its pre-sliding. Real friction lies
-between both, and so does what is believed here:
+A smooth friction law vanishes with the velocity. Stiction keeps what the last motion left, and
+changes only as the joint is displaced by some thousandths of a radian, its pre-sliding distance.
+Real friction lies between both, and so does the model:
 
     z += displacement / presliding, held within -1 ... 1                    (the stop operator)
     tau = stiction * K_theta_s * (z - s(theta_dot)), beside K_theta_s s(theta_dot) of (6)
 
-In motion z = s(theta_dot) = +-1, and tau vanishes. What z was in the beginning is unknown: it is
-followed from both ends, which meet once the joint was displaced far enough. Where pre-sliding, or
-how much is held, is not known either, several of them are followed: the truth lies between the
-lowest and the highest, or, as it is none of them, not far beyond (after turns within some
-milliradians up to 0.36 of the friction, mostly below 0.12: `stiction_share` is for that). The
-middle is believed, and half of what is between may be an error.
-
-Ordinary Python, which runs as it is; `stiction.pxd` names the types for the compiler.
+In motion z = s(theta_dot) = +-1, and tau vanishes. The initial z is unknown: it is tracked from
+both extremes, which meet once the joint was displaced far enough. As pre-sliding, or how much is
+held, may be unknown, too, several hypotheses are tracked: the truth lies between the lowest and the
+highest, or, as it is none of them, not far beyond (after reversals within some milliradians up to
+0.36 of the friction, mostly below 0.12: `stiction_share` covers that). The middle is used, with
+half the range as its uncertainty.
 """
 
 import numpy as np
@@ -24,28 +22,28 @@ import numpy as np
 from common.arrays import Vector
 from estimator.transmission import CREEP, LINK_REST
 
-_BELIEFS = 5  # pre-slidings that are followed
+_BELIEFS = 5  # number of pre-sliding distances that are tracked
 
 
 def displacement(theta_dot: float, q_dot: float, moved: float, has_gap: bool, dt: float) -> float:
     """Displacement [rad] over dt [s] of a rotor whose position is not measured; `moved` is that of
-    its link. Where both creep, rotor and link are taken for one, as they are where there is no gap:
-    a link's encoder does not drift."""
+    its link. Where both creep, rotor and link count as one, as they do without a gap: a link
+    encoder does not drift."""
     alone = abs(theta_dot) > CREEP or abs(q_dot) > LINK_REST
     return theta_dot * dt if alone and has_gap else moved
 
 
 class Stiction:
-    """Friction that joints hold near rest beyond that of their velocity, as shares of their Coulomb
-    friction: `held` (n,), and how far it may be off, `unknown` (n,).
+    """Friction that joints hold near rest beyond that of their velocity, as shares of Coulomb
+    friction: `held` (n,), and its uncertainty `unknown` (n,).
 
-    presliding [rad], > 0: shortest and longest way from no friction to all of it.
+    presliding [rad], > 0: shortest and longest distance over which friction builds up.
     """
 
     def __init__(
         self, n: int, presliding: tuple[float, float], least: Vector, most: Vector
     ) -> None:
-        """least, most (n,): of the stiction, 0 ... 1."""
+        """least, most (n,): bounds of the stiction, 0 ... 1."""
         self._per_presliding = 1.0 / np.geomspace(*presliding, _BELIEFS)
         self._least, self._most = least.copy(), most.copy()
         self.ends = np.empty((2, _BELIEFS, n))
@@ -60,11 +58,12 @@ class Stiction:
         self.held[i], self.unknown[i] = 0.0, self._most[i]
 
     def unknown_at_rest(self, i: int) -> float:
-        """Uncertainty of the stiction of joint i where it rests, or will come to rest [Nm]."""
+        """Uncertainty of the stiction of joint i at rest, now or later: share of Coulomb
+        friction."""
         return float(max(self.unknown[i], 0.5 * (self._most[i] - self._least[i])))
 
     def step(self, i: int, displacement: float, sign: float) -> None:
-        """Move on by the displacement of rotor i [rad]; sign: s(theta_dot)."""
+        """Advance by the displacement of rotor i [rad]; sign: s(theta_dot)."""
         lowest, highest = 1.0, -1.0
         for k in range(_BELIEFS):
             way = displacement * self._per_presliding[k]

@@ -1,4 +1,4 @@
-"""Thresholds on the residual: the configured levels. `contact_detector` puts them in force."""
+"""Configured thresholds on the residual. `levels` computes those in force."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -24,9 +24,9 @@ class Thresholds:
     contact: Vector
     collision: Vector
     per_speed: Vector = field(default_factory=lambda: np.array(0.0))
-    """both grow by this times |theta_dot| [Nm s/rad], >= 0; one number stands for all"""
+    """both grow by this times |theta_dot| [Nm s/rad], >= 0; a single number applies to all"""
     least_share: Vector = field(default_factory=lambda: np.array(LEAST_SHARE))
-    """share of the contact level that learning leaves at least, LEAST_SHARE to 1; likewise"""
+    """least share of the contact level that learning leaves, LEAST_SHARE to 1; likewise"""
 
     def __post_init__(self) -> None:
         for name in LEVELS:
@@ -35,7 +35,8 @@ class Thresholds:
             object.__setattr__(self, name, values)
         if self.contact.ndim != 1 or self.contact.shape != self.collision.shape:
             raise ModelError(
-                f"thresholds: contact {self.contact.shape}, collision {self.collision.shape}"
+                f"thresholds: contact has shape {self.contact.shape}, collision "
+                f"{self.collision.shape}; they must be equal, and one-dimensional"
             )
         good = (self.contact > 0.0) & (self.contact < self.collision) & np.isfinite(self.collision)
         growth = np.broadcast_to(np.asarray(self.per_speed, dtype=np.float64), self.contact.shape)

@@ -1,12 +1,12 @@
 """Smallest detectable force at the tool, by direction.
 
-A force F at the tool is J^T F at the joints, and is detected once that of one joint exceeds its
+A force F at the tool causes joint torques J^T F, and is detected once that of one joint exceeds its
 level:
 
     |a_i . F| > 1 for one i, with a_i = J_i / level_i
 
-The undetected forces are therefore a polytope around zero. Its nearest face is the direction of the
-best detection, its furthest corner that of the worst. Where it has no end, as along a stretched
+The undetected forces are therefore a polytope around zero. Its nearest face is in the direction of
+best detection, its farthest vertex in that of worst. Where it is unbounded, as along a stretched
 arm, nothing is detected.
 """
 
@@ -19,32 +19,32 @@ import numpy as np
 from common.arrays import Matrix, Vector
 
 UNDETECTED_N = 1000.0
-"""[N]; a direction that needs more counts as undetectable: a hand is hurt by a tenth of it."""
+"""Force above which a direction counts as undetectable [N]: a tenth of it hurts a hand."""
 JOINTS = 12
-"""Number of joints used, the most sensitive ones: more would take longer than there is between two
-ticks, and can only lower the detectable force."""
+"""Number of joints used, the most sensitive ones: more would exceed the time between two ticks, and
+could only lower the detectable force."""
 
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class ToolSense:
-    """Detectable forces [N] and their directions (3,); each stands for its opposite."""
+    """Smallest detectable forces [N] and their directions (3,), each up to its sign."""
 
     least: float
     least_along: Vector
     most: float
-    """at worst, within the detectable directions"""
+    """in the worst of the detectable directions"""
     most_along: Vector
     undetected: Matrix
-    """orthogonal directions in which nothing is detected, (0 to 3, 3)"""
+    """orthogonal directions without any detection, (0 to 3, 3)"""
 
 
 def tool_sense(jacobian: Matrix, level: Vector) -> ToolSense:
-    """Detectable forces at the tool, for its jacobian (3, n) [m] and the levels (n,) [Nm] > 0,
-    infinite where a joint senses nothing.
+    """Detectable forces at the tool, from its Jacobian (3, n) [m] and the levels (n,) [Nm] > 0,
+    infinite for a joint that senses nothing.
 
-    Where no direction is detectable, least and most are UNDETECTED_N.
+    If no direction is detectable, least and most are UNDETECTED_N.
     """
     a = (jacobian / level).T
     strength = np.linalg.norm(a, axis=1)
@@ -64,15 +64,15 @@ def tool_sense(jacobian: Matrix, level: Vector) -> ToolSense:
 
 
 def _furthest_corner(a: Matrix) -> Vector:
-    """Furthest corner of the polytope |a_i . F| <= 1; a (m, r) of rank r, its first row not 0."""
+    """Farthest vertex of the polytope |a_i . F| <= 1; a (m, r) of rank r, its first row not 0."""
     m, r = a.shape
     sets, signs = _choices(m, r)
     faces = a[sets]  # (sets, r, r)
-    # Faces that are parallel meet nowhere.
+    # Parallel faces do not intersect.
     volume = np.abs(np.linalg.det(faces))
     meet = volume > _ROUNDING * volume.max()
     corners = np.linalg.solve(faces[meet][:, None], signs[None, :, :, None])[..., 0].reshape(-1, r)
-    # A corner of faces that are nearly parallel is as uncertain as that.
+    # A vertex of nearly parallel faces is inaccurate: it is scaled back into the polytope.
     beyond = np.maximum(np.abs(corners @ a.T).max(axis=1), 1.0)
     corners = corners / beyond[:, None]
     furthest: Vector = corners[np.argmax(np.linalg.norm(corners, axis=1))]
@@ -81,7 +81,7 @@ def _furthest_corner(a: Matrix) -> Vector:
 
 @cache
 def _choices(m: int, r: int) -> tuple[np.ndarray, Matrix]:
-    """Choices of r of m faces that meet, and their sides; the opposite corner is as far."""
+    """Choices of r of m faces that intersect, and their signs; the opposite vertex is as far."""
     sets = np.array(list(combinations(range(m), r)))
     signs = np.array([(1.0, *others) for others in product((-1.0, 1.0), repeat=r - 1)])
     return sets, signs

@@ -1,4 +1,4 @@
-# Types of torques.py, for the compiler alone.
+# Cython types of torques.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

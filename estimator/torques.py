@@ -2,9 +2,7 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Torques and momenta of a joint at the common instant: the terms of (5), (6) and (7).
 
-Which of them act while rotor and link touch, and which in the gap, `residual` says.
-
-Ordinary Python, which runs as it is; `torques.pxd` names the types for the compiler.
+`residual` defines which of them act while engaged, and which in the gap.
 """
 
 import numpy as np
@@ -23,7 +21,7 @@ _STICTION = 10
 
 
 class Torques:
-    """Terms of an arm's joints, of the parameters of its transmission; (n,)."""
+    """Torque and momentum terms of all joints, from the parameters of their transmission; (n,)."""
 
     def __init__(
         self, dynamics: Dynamics, stiction: Stiction, interval: Interval, transmission: Transmission
@@ -37,18 +35,18 @@ class Torques:
         self._link_coulomb, self._link_viscous = t.link_coulomb.copy(), t.link_viscous.copy()
         self._gap_coulomb, self._gap_viscous = t.gap_coulomb.copy(), t.gap_viscous.copy()
         self.coulomb, self.viscous = t.engaged_coulomb.copy(), t.motor_viscous + t.link_viscous
-        """of rotor and link that move as one [Nm], [Nm s/rad]"""
+        """of rotor and link moving as one [Nm], [Nm s/rad]"""
         self.load: Vector = t.load_friction.copy()
         """friction per transmitted torque"""
         self.payload: Vector = np.zeros(4)
-        """what the last link carries: mass [kg], and where in its joint's frame [m]"""
+        """what the last link carries: mass [kg], and position in its joint's frame [m]"""
         self._K_phi_p, self._K_phi_d = t.contact_stiffness.copy(), t.contact_damping.copy()
 
     def at(
         self, i: int, q_dot: float, theta_dot: float, theta: float, tau_M: float, turned: float
     ) -> None:
-        """Write those of joint i to `interval.now`. turned: way of the rotor since the instant
-        before [rad]."""
+        """Write the terms of joint i to `interval.now`. turned: displacement of the rotor since the
+        previous instant [rad]."""
         now = self._interval.now
         phi_dot = q_dot - theta_dot
         s_theta = smooth_sign(theta_dot * self.per_width)
@@ -67,36 +65,37 @@ class Torques:
         now[_STICTION] = self.coulomb[i] * self._stiction.held[i]
 
     def spring(self, i: int, phi: float, phi_dot: float) -> float:
-        """Correction of tau_M of joint i while engaged, by the penetration delta (5) [Nm]."""
+        """Fitted correction of tau_M of joint i while engaged, by the penetration delta (5)
+        [Nm]."""
         delta = phi - min(max(phi, -self.alpha[i]), self.alpha[i])
         return float(self._K_phi_p[i] * delta + self._K_phi_d[i] * phi_dot)
 
     def slides(self, i: int, theta_dot: float) -> float:
-        """Direction, -1 to 1, in which the gear of joint i slides, or is held."""
+        """Direction, -1 to 1, in which the gear of joint i slides, or holds."""
         return float(smooth_sign(theta_dot * self.per_width) + self._stiction.held[i])
 
     def carry(self, payload: Vector, aligned: Matrix, going: NDArray[np.int64]) -> None:
-        """Count another payload (4,) from now on: momentum and beta at the beginning of each
-        interval become those of the new model. aligned: positions and velocities (2, n) there;
-        going (n,): 1 where it has one."""
+        """Switch to another payload (4,): momentum and beta at the beginning of each interval
+        become those of the new model. aligned: positions and velocities (2, n) there; going (n,): 1
+        if begun."""
         change = 0.0
         for k in range(4):
             change += abs(payload[k] - self.payload[k])
         if change == 0.0:
-            return  # to the last bit
+            return  # keeps every bit
         self._count_momentum(aligned, going, -1.0)
         self.put_on(payload)
         self._count_momentum(aligned, going, 1.0)
 
     def put_on(self, payload: Vector) -> None:
-        """Count the payload (4,), and leave the beginning of each interval as it is."""
+        """Set the payload (4,), and leave the beginning of each interval as it is."""
         for k in range(4):
             self.payload[k] = payload[k]
         last = self._dynamics.n - 1
         self._dynamics.carry(last, payload[0], payload[1], payload[2], payload[3])
 
     def _count_momentum(self, aligned: Matrix, going: NDArray[np.int64], sign: float) -> None:
-        """Add the model's momentum and beta to the beginning of each interval, or subtract."""
+        """Add `sign` times the model's momentum and beta to the beginning of each interval."""
         begin, dynamics = self._interval.begin, self._dynamics
         dynamics.at(aligned[0], aligned[1])
         for i in range(dynamics.n):

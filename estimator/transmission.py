@@ -1,8 +1,8 @@
-"""The transmission of each joint: gear with a gap, rotor behind it, friction on both sides.
+"""Transmission of each joint: a gear with a gap, the rotor behind it, and friction on both sides.
 
-phi = q - theta; the link is free while |phi| < alpha. All equations are those of the paper with
-its misprints corrected, and with the rotor's inertia, which the paper leaves out. The functions on
-arrays here serve the identification; a tick computes friction in `kernel.py` and `stiction.py`.
+phi = q - theta; the link is free while |phi| < alpha. The equations are those of the paper, with
+its misprints corrected and with the rotor's inertia, which the paper omits. The functions on arrays
+here serve the identification; a tick computes friction in `torques.py` and `stiction.py`.
 """
 
 from dataclasses import dataclass, field, fields
@@ -16,12 +16,12 @@ from estimator.play import put_play
 
 REST_VELOCITY = 0.05  # [rad/s]
 CREEP = 0.003
-"""[rad/s]; a slower motor velocity may be noise and bias, and its integral nothing"""
+"""[rad/s]; a slower motor velocity may be noise and bias, and its integral meaningless"""
 LINK_REST = 0.01
 """[rad/s]; a link encoder's noise stays below it"""
 
 STICTION_ERROR = 0.3
-"""Error of an identified share of stiction."""
+"""Error of an identified stiction share."""
 
 LEAST_LOAD_ERROR = 0.005
 """Error of friction per transmitted torque that always remains."""
@@ -33,12 +33,13 @@ _SIGNED = ("contact_stiffness", "contact_damping")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transmission:
-    """Parameters at the link side: read-only arrays of shape (n,); one number stands for all.
+    """Joint parameters at the link side: read-only arrays of shape (n,); a single number applies to
+    all.
 
-    The friction of the rotor's side and of the link's side are kept apart. While engaged both rub
-    and an identification sees their sum, K_theta = motor + link.
+    Friction of the rotor's side and of the link's side are kept apart. While engaged both act, and
+    an identification sees their sum, K_theta = motor + link.
 
-    Raises ModelError naming field and joint where a value is not finite or out of range.
+    Raises ModelError naming field and joint if a value is not finite or out of range.
     """
 
     joints: tuple[str, ...]
@@ -49,26 +50,25 @@ class Transmission:
     half_gap: Vector
     """alpha [rad], >= 0"""
     motor_coulomb: Vector
-    """[Nm], >= 0; rubs on the rotor's side"""
+    """[Nm], >= 0; acts on the rotor's side"""
     motor_viscous: Vector
     """[Nm s/rad], >= 0"""
     link_coulomb: Vector
-    """K_q_s [Nm], >= 0; rubs on the link alone"""
+    """K_q_s [Nm], >= 0; acts on the link alone"""
     link_viscous: Vector
     """K_q_v [Nm s/rad], >= 0"""
     gap_coulomb: Vector = field(default_factory=lambda: np.array(0.0))
-    """K_phi_s [Nm], >= 0; rubs between rotor and link inside the gap"""
+    """K_phi_s [Nm], >= 0; acts between rotor and link inside the gap"""
     gap_viscous: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_v [Nm s/rad], >= 0"""
     least_stiction: Vector = field(default_factory=lambda: np.array(0.0))
-    """Share of the Coulomb friction that near rest is what the last motion left, at least; 0 ... 1,
-    as most_stiction"""
+    """Least share of Coulomb friction that, near rest, the last motion left; 0 ... 1"""
     most_stiction: Vector = field(default_factory=lambda: np.array(1.0))
-    """the same at most"""
+    """largest such share, >= least_stiction"""
     load_friction: Vector = field(default_factory=lambda: np.array(0.0))
     """Coulomb friction per torque that the gear transmits; 0 ... 1"""
     load_friction_error: Vector = field(default_factory=lambda: np.array(0.0))
-    """how far that may be off; 0 where it was not identified"""
+    """uncertainty of that; 0 if it was not identified"""
     contact_stiffness: Vector = field(default_factory=lambda: np.array(0.0))
     """K_phi_p [Nm/rad]: a fit's correction on top of tau_M, not the gear's stiffness; any sign"""
     contact_damping: Vector = field(default_factory=lambda: np.array(0.0))
@@ -98,8 +98,8 @@ class Transmission:
         return self.motor_coulomb + self.link_coulomb
 
     def play(self, phi: Vector, sigma: Vector) -> Vector:
-        """Way that each link may fall downwards and upwards while its motor stands, (2, n) [rad]:
-        alpha + phi and alpha - phi, and phi's uncertainty `sigma`, never more than the gap."""
+        """Distance that each link may fall downwards and upwards while its motor stands, (2, n)
+        [rad]: alpha + phi and alpha - phi, plus the uncertainty `sigma` of phi, at most the gap."""
         check_shapes(self.half_gap.shape, phi=phi, sigma=sigma)
         way = np.empty((2, self.n))
         put_play(self.half_gap, phi, sigma, way)
@@ -114,7 +114,7 @@ class Transmission:
             values = np.full(self.n, values)
         if values.shape != (self.n,):
             raise ModelError(
-                f"{name} has shape {values.shape}; one number for each of {self.n} joints"
+                f"{name} has shape {values.shape}; it must be ({self.n},), one per joint"
             )
         object.__setattr__(self, name, values)
         if name in _SIGNED:
@@ -135,16 +135,16 @@ class Transmission:
 
 
 def stiction_range(share: float | None) -> tuple[float, float]:
-    """Least and most stiction of a joint whose share was identified, or, with None, was not. The
-    fit takes one pre-sliding for all, and finds half of the share where it is another."""
+    """Least and most stiction of a joint, given its identified share, or None without one. The fit
+    assumes one pre-sliding distance, and finds half of the share if the true one differs."""
     if share is None:
         return 0.0, 1.0
     return max(share - STICTION_ERROR, 0.0), min(2.0 * share + STICTION_ERROR, 1.0)
 
 
 def load_range(interval: tuple[float, float] | None) -> tuple[float, float]:
-    """Friction per transmitted torque, and its error, of a joint whose interval was identified, or,
-    with None, was not."""
+    """Friction per transmitted torque, and its error, of a joint: of the identified interval, or
+    0."""
     if interval is None:
         return 0.0, 0.0
     least, most = interval
@@ -152,13 +152,13 @@ def load_range(interval: tuple[float, float] | None) -> tuple[float, float]:
 
 
 def smooth_sign(velocity: Vector, width: float) -> Vector:
-    """tanh(velocity / width): sign() without its chatter at rest."""
+    """tanh(velocity / width): a sign function without chatter at rest."""
     sign: Vector = velocity * (1.0 / width)
     return np.tanh(sign, out=sign)
 
 
 def resting(velocity: Vector) -> Vector:
-    """exp(-(velocity / 0.05)^2): 1 at rest, where Coulomb friction may have any value, else 0."""
+    """exp(-(velocity / 0.05)^2): 1 at rest, where Coulomb friction may have any value; else 0."""
     at_rest = velocity * (1.0 / REST_VELOCITY)
     at_rest *= -at_rest
     return np.exp(at_rest, out=at_rest)

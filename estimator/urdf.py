@@ -1,8 +1,7 @@
-"""Check of the masses and inertias of a URDF before pinocchio reads it.
+"""Validation of the masses and inertias of a URDF before pinocchio reads it.
 
-pinocchio's parser takes a link whose <inertial> it cannot read for a link without one, and reports
-it on stderr only. Gravity would lack that link, and the arm would take its own weight for a
-contact.
+pinocchio's parser takes a link with an unreadable <inertial> for one without, and reports it on
+stderr only. Gravity would lack that link, and the arm would take its own weight for a contact.
 """
 
 import math
@@ -16,9 +15,9 @@ import numpy as np
 from common.errors import ModelError
 
 _COUNTS = {1: "one finite number", 3: "three finite numbers"}  # of an attribute
-# Less than Python takes for a number, as is what the parser of URDFs takes.
+# Stricter than Python's float(), as is the URDF parser.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-# Figures of three digits may make the tensor of a thin rod a little negative along it.
+# Rounded to three digits, the tensor of a thin rod may be slightly negative along it.
 _ROUNDING = 1e-3
 
 _LIMITED = ("revolute", "prismatic")  # joints that need a <limit>
@@ -29,12 +28,12 @@ _Lines = dict[ET.Element, int]
 
 @dataclass(frozen=True, slots=True)
 class MovedLink:
-    """One link that movable joints carry, as its <inertial> describes it; zero without one."""
+    """One link that movable joints move, as its <inertial> describes it; zeros without one."""
 
     name: str
     line: int
     joint: str
-    """the movable joint that it turns with"""
+    """the movable joint that it moves with"""
     mass: float = 0.0
     """[kg]"""
     moment: float = 0.0
@@ -44,12 +43,12 @@ class MovedLink:
 
 
 def moved_links(text: str) -> list[MovedLink]:
-    """Links that movable joints carry, on a chain of `fixed` joints, too.
+    """Links that movable joints move, directly or through a chain of `fixed` joints.
 
-    Raises ModelError for a text that is not XML, and for an <inertial> of such a link that lacks
-    mass or inertia, gives them as anything but finite numbers, or is that of no possible body; for
-    a joint between links that are not there, and for one that lacks limits. A link may be without
-    an <inertial>: a frame, or one whose mass others include.
+    Raises ModelError for text that is not XML; for an <inertial> of such a link that lacks mass or
+    inertia, gives them as anything but finite numbers, or is physically impossible; for a joint
+    between links that do not exist; and for one that lacks limits. A link may be without an
+    <inertial>: a frame, or one whose mass others include.
     """
     root, lines = parsed(text)
     _refuse_unknown_links(root, lines)
@@ -74,24 +73,24 @@ def moved_links(text: str) -> list[MovedLink]:
 
 @dataclass(frozen=True, slots=True)
 class JointRange:
-    """A movable joint of a URDF: where it may go and where it sits; zero without a figure."""
+    """A movable joint of a URDF: its range and position; zero where a figure is missing."""
 
     joint: str
     line: int
     kind: str = "revolute"
-    """its type, as the URDF has it, or `mimic`"""
+    """its type in the URDF, or `mimic`"""
     lower: float = 0.0
     upper: float = 0.0
     """[rad]"""
     velocity: float = 0.0
     """[rad/s]"""
     offset: float = 0.0
-    """from the frame of the link before it to its own [m]"""
+    """distance from the frame of the link before it to its own [m]"""
 
 
 def joint_ranges(text: str) -> list[JointRange]:
-    """Movable joints of a URDF. Raises ModelError for a text that is not XML, and for a figure that
-    is no finite number."""
+    """Movable joints of a URDF. Raises ModelError for text that is not XML, and for a value that is
+    not a finite number."""
     root, lines = parsed(text)
     ranges = []
     for joint in root.findall("joint"):
@@ -122,8 +121,8 @@ def _distance(origin: ET.Element | None, lines: _Lines) -> float:
 
 
 def parsed(text: str) -> tuple[ET.Element, _Lines]:
-    """Elements of a URDF, and the line of each, without namespaces, which pinocchio does not read.
-    Raises ModelError."""
+    """Root element of a URDF, and the line of each element. XML namespaces are not resolved, as in
+    pinocchio. Raises ModelError."""
     builder, parser = ET.TreeBuilder(), expat.ParserCreate()
     lines: _Lines = {}
 
@@ -144,7 +143,7 @@ def parsed(text: str) -> tuple[ET.Element, _Lines]:
 
 
 def _refuse_xacro(root: ET.Element, lines: _Lines) -> None:
-    """Raise ModelError for macros, which pinocchio would leave out or misread."""
+    """Raise ModelError for xacro macros, which pinocchio would drop or misread."""
     for element in root.iter():
         macro = next((value for value in element.attrib.values() if "${" in value), "")
         if macro or element.tag.startswith("xacro:"):
@@ -155,7 +154,7 @@ def _refuse_xacro(root: ET.Element, lines: _Lines) -> None:
 
 
 def _carried(root: ET.Element) -> dict[str, str]:
-    """Movable joint that each moved link turns with, by the link's name."""
+    """Movable joint that moves each link, by the link's name."""
     joints = [
         (joint.get("type"), joint.get("name", ""), linked(joint, "parent"), linked(joint, "child"))
         for joint in root.findall("joint")
@@ -169,7 +168,7 @@ def _carried(root: ET.Element) -> dict[str, str]:
 
 
 def _refuse_unknown_links(root: ET.Element, lines: _Lines) -> None:
-    """pinocchio says on stderr alone which joint it is. Raises ModelError."""
+    """Raise ModelError for a joint whose link does not exist: pinocchio names it on stderr only."""
     known = [link.get("name", "") for link in root.findall("link")]
     for joint in root.findall("joint"):
         for role in ("parent", "child"):
@@ -183,7 +182,7 @@ def _refuse_unknown_links(root: ET.Element, lines: _Lines) -> None:
 
 
 def _refuse_unlimited(root: ET.Element, lines: _Lines) -> None:
-    """pinocchio says on stderr alone which joint it is. Raises ModelError."""
+    """Raise ModelError for a joint that lacks limits: pinocchio names it on stderr only."""
     for joint in root.findall("joint"):
         name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
         if limit is None:
@@ -201,13 +200,13 @@ def _refuse_unlimited(root: ET.Element, lines: _Lines) -> None:
 
 
 def linked(joint: ET.Element, role: str) -> str:
-    """Name of the link that a joint has as `parent` or `child`; empty where there is none."""
+    """Name of the link that a joint has as `parent` or `child`; empty without one."""
     element = joint.find(role)
     return "" if element is None else element.get("link", "")
 
 
 def _mass(inertial: ET.Element, lines: _Lines) -> float:
-    """Mass of one link [kg], its centre checked. Raises ModelError that begins with the line."""
+    """Mass of one link [kg], its origin validated. Raises ModelError that begins with the line."""
     origin = inertial.find("origin")
     for attribute in ("xyz", "rpy"):
         if origin is not None and attribute in origin.attrib:
@@ -249,7 +248,7 @@ def _numbers(element: ET.Element, attribute: str, count: int, lines: _Lines) -> 
     line, text = lines[element], element.get(attribute)
     if text is None:
         raise ModelError(f"line {line}: its <{element.tag}> has no {attribute}")
-    # A lone number may not be followed by a space: the parser takes it for an error.
+    # The URDF parser rejects a single number that is followed by a space.
     words = text.split() if count > 1 else [text.lstrip()]
     numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
     if not len(numbers) == len(words) == count or not all(map(math.isfinite, numbers)):

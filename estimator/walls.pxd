@@ -1,4 +1,4 @@
-# Types of walls.py, for the compiler alone.
+# Cython types of walls.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

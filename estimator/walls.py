@@ -1,25 +1,23 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Walls: the bound on every setpoint that keeps links apart from each other and their surroundings.
+"""Walls: the bound on setpoints that keeps links apart from each other and from their surroundings.
 
-What approaches must still be able to stop in the gap d that is left. With the joints' velocities as
-they are mixed, the gap closes at s = sum |g_i v_i| over the joints that close it, g = d d / d q,
-and their own accelerations a_i slow it down by
+A link that approaches must still be able to stop within the remaining gap d. In the given mixture
+of joint velocities the gap closes at s = sum |g_i v_i| over the joints that close it, g = d d / d
+q, and their accelerations a_i slow it down by
 
     A = s^2 / sum |g_i| v_i^2 / a_i,       s <= `Limits.funnel` of d and A,    s' = -g . v.
 
-Only the joints that close a gap are slowed, the more the more they close it, and none beyond 0: the
-others go on, so the arm slides along, and nothing moves that was not to move. Standing always
-fulfils it. A joint that opens a gap counts only as far as it is measured to move: one that is held
-makes no room for the others. Drives lag, so that a slide along what is curved sinks beyond the gap
-that was kept: by -d there, it has to open, at d / (4 tau), as far as what closes it is slowed for
-that.
+Only the joints that close a gap are slowed, in proportion to g_i, and none beyond 0: the others
+continue, so the arm slides along, and no joint moves that was not to move. Standing still always
+satisfies the bound. A joint that opens a gap counts only as far as it is measured to move: one that
+is held makes no room for the others. Drives lag, so that sliding along a curved shape sinks into
+the kept margin: at -d the gap must open at d / (4 tau), as far as slowing its closing joints
+allows.
 
-Shapes may be inside each other at the start: a file is wrong, or a keep-out where the arm stands.
-For these two d counts from a floor, `SINKS_M` below the deepest place, that rises with it: a link
-that turns its way out lowers a corner, and the deepest one by some millimetres.
-
-Ordinary Python, which runs as it is; `walls.pxd` names the types for the compiler, decision 0037.
+Shapes may overlap at the start: a file is wrong, or a keep-out zone contains the arm. For such a
+pair d counts from a floor, `SINKS_M` below the deepest point, which rises with that: a link that
+turns out of an overlap lowers a corner, and with it the deepest point, by some millimetres.
 """
 
 from math import sqrt
@@ -33,16 +31,16 @@ _SWEEPS = 20
 _SLOWS = 1e-3  # [rad/s]
 _UNKNOWN = -1e300
 SINKS_M = 0.003
-"""Depth by which shapes that are inside each other may get deeper than they were."""
+"""Depth by which an existing overlap may deepen [m]."""
 _TINY = 1e-12
 
 
 class Walls:
-    """Bound by the gaps of `clearance`, in which a `margin` [m] is kept; acceleration (n,)
-    [rad/s2] and reaction_s as of `Limits`.
+    """Velocity bound from the gaps of `clearance`, of which a `margin` [m] is kept; acceleration
+    (n,) [rad/s2] and reaction_s as in `Limits`.
 
-    `bound` leaves `nearest`, the row with the smallest gap, its `distance` [m] without margin and
-    play, and whether a wall `slows` a joint.
+    `bound` sets `nearest`, the row with the smallest gap, its `distance` [m] before margin and
+    play, and `slows`, whether a wall slows a joint.
     """
 
     def __init__(
@@ -59,10 +57,10 @@ class Walls:
         self.nearest, self.distance, self.slows = -1, 1e300, False
 
     def bound(self, q: Vector, moved: Vector, wanted: Vector, play: Matrix, out: Vector) -> None:
-        """Velocity (n,) [rad/s] into out, at q (n,) [rad] and measured velocities `moved` (n,), 0
-        where not a number, with links that may fall by `play` (2, n) [rad] in their gaps, as in
-        `Limits.bound_velocity`. 0 at a position that is not a number; a velocity that is none
-        stays: the drives are commanded to stop."""
+        """Write the bounded velocity (n,) [rad/s] to out, at q (n,) [rad] and measured velocities
+        `moved` (n,), where NaN counts as 0, for links that may fall by `play` (2, n) [rad] in their
+        gaps, as in `Limits.bound_velocity`. 0 if a position is not a number; unchanged if a
+        velocity wanted is not, as the drives are then commanded to stop."""
         c, known, moves = self.clearance, 0.0, 0.0
         for i in range(c.n):
             out[i] = wanted[i]
@@ -89,18 +87,18 @@ class Walls:
             self.slows = self.slows or abs(out[i] - wanted[i]) > _SLOWS
 
     def forget(self) -> None:
-        """Begin anew at the next bound what is deeper then by more than drives may sink: the arm
+        """At the next bound accept overlaps that are deeper by more than drives may sink: the arm
         may be moved by hand meanwhile."""
         self._anew = True
 
     def touch(self, q: Vector) -> bool:
-        """True if shapes overlap at q (n,) [rad]. It leaves the gaps of there in `clearance`."""
+        """True if shapes overlap at q (n,) [rad]; `clearance` then holds the gaps there."""
         self.clearance.at(q)
         return bool(np.min(self.clearance.gap, initial=1.0) < 0.0)
 
     def _too_fast(self, play: Matrix, out: Vector) -> int:
-        """Number of rows that may close too fast, each with its most [m/s], whichever of the joints
-        that open it are slowed."""
+        """Find the rows that may close too fast, however the joints that open them are slowed, and
+        the limit of each [m/s]; returns their number."""
         c, active = self.clearance, 0
         self._measure(play)
         for row in range(c.gap.shape[0]):
@@ -119,7 +117,7 @@ class Walls:
         return active
 
     def _measure(self, play: Matrix) -> None:
-        """Gap of each row less margin and play [m], and floor of each pair."""
+        """Compute the gap of each row less margin and play [m], and the floor of each pair."""
         c, sinks = self.clearance, SINKS_M
         for row in range(c.gap.shape[0]):
             self._deepest[row] = 1e300
@@ -139,13 +137,13 @@ class Walls:
                 self._floor[k] = 0.0
             elif self._floor[k] < 0.0:
                 now = self._deepest[k] - sinks
-                if c.least[k] >= 0.0:  # out; its margin comes back as it gets clear of it
+                if c.least[k] >= 0.0:  # no overlap now; the margin is restored as the gap grows
                     now = max(now, -self._margin)
                 self._floor[k] = min(max(self._floor[k], now), 0.0)
         self._anew = False
 
     def _funnel(self, gap: float, A: float) -> float:
-        """`Limits.funnel` of a gap [m] that is slowed down by A [m/s2], straight on below 0."""
+        """`Limits.funnel` of a gap [m] at a deceleration A [m/s2], continued linearly below 0."""
         if gap < 0.0:
             return gap / (4.0 * self._reaction_s)
         slack = 4.0 * self._reaction_s * A
@@ -153,7 +151,7 @@ class Walls:
 
     def _slow(self, row: int, most: float, out: Vector) -> bool:
         """Slow the joints that close the gap of a row, until it closes at `most` [m/s]: the nearest
-        velocity, in which none passes 0. True if it closed faster."""
+        such velocity, without a change of sign. True if it closed faster."""
         c, slowed = self.clearance, False
         for _ in range(c.n):
             over, square = self._closing(row, out) - most, 0.0
@@ -185,7 +183,7 @@ class Walls:
         return closing
 
     def _fulfil(self, active: int, out: Vector) -> None:
-        """Slow all joints where so many sweeps did not do."""
+        """Scale down all joints if the sweeps did not converge."""
         share = 1.0
         for k in range(active):
             closing, most = self._closing(self._active[k], out), max(self._most[k], 0.0)

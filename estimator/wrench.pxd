@@ -1,4 +1,4 @@
-# Types of wrench.py, for the compiler alone.
+# Cython types of wrench.py, which also runs uncompiled (decision 0037).
 
 cimport cython
 

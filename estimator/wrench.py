@@ -1,21 +1,21 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Force at the tool, with its covariance, from the residuals of all joints and the doubt of each.
+"""Force at the tool, with its covariance, from the residuals of all joints and their uncertainties.
 
-A force f at a point of the arm, along the axes of a frame there, is J^T f at the joints. A hand
-does not press on it exactly: _OFF away, and the force has a moment m about the point, too.
+A force f at a point of the arm, along the axes of a frame there, causes joint torques J^T f. A hand
+does not press exactly there but _OFF away, so the force has a moment m about the point, too.
 
     r = J^T f + L^T m + e,    e_i ~ N(0, s_i^2),    m ~ N(0, _OFF^2 |f|^2)
 
     f = S^-1 h,    covariance S^-1,    S = A - B (C + l 1)^-1 B^T,    h = g_f - B (C + l 1)^-1 g_m
 
-A, B, C: blocks of the information of (f, m); l: that of m beforehand. s_i is made of what raises
-the level of a joint: friction near rest, gap, friction not yet learned, load; and of what r has yet
-to follow, the largest r' / K of late, as an arm swings under its push. A direction is seen where
-its standard deviation is small; along the others nothing is claimed. The force is zero up to a
-level of its own, in standard deviations, which quiet motion teaches as it teaches contact levels.
+A, B, C: blocks of the information of (f, m); l: prior information of m. s_i combines what raises
+the level of a joint (friction near rest, gap, friction not yet learned, load) with what r has yet
+to follow, the largest recent r' / K, as an arm swings under a push. A direction is seen if its
+standard deviation is small; along the others nothing is claimed. The force is zero up to a level of
+its own, in standard deviations, which is learned in quiet motion, like contact levels.
 
-Nothing acts on it. Ordinary Python, which runs as it is; `wrench.pxd` names types for the compiler.
+No reaction of the arm depends on it.
 """
 
 from math import sqrt
@@ -26,24 +26,25 @@ from estimator.dynamics import Dynamics, Place
 from estimator.frame import Frame
 
 FORCE, COVARIANCE, STRENGTH, MISFIT, UNSEEN, WIDTH = 0, 3, 9, 10, 11, 20
-"""Columns of `shown`: force (3) [N], its covariance (xx xy xz yy yz zz) [N2], how often it exceeds
-its level, misfit, and directions that are not seen (up to 3 by 3, then zeros)."""
+"""Columns of `shown`: force (3) [N], its covariance (xx xy xz yy yz zz) [N2], ratio of its strength
+to its level, misfit, and unseen directions (up to 3 by 3, then zeros)."""
 SEEN_N, SEEN_SHARE, SEEN_MOST_N = 4.0, 0.25, 8.0
-"""Largest standard deviation of a direction that is seen: [N], or of the force if that is more, up
-to the last: a contact elsewhere looks like hundreds of newtons along what the joints hardly see."""
+"""Largest standard deviation of a direction that is seen: [N], or a share of the force if that is
+more, at most [N]: a contact elsewhere looks like hundreds of newtons along unseen directions."""
 
-# Standard deviation of a residual: of its joint's contact level, friction near rest, raise,
-# unlearned friction, transmitted torque, and of what the residual still lags behind; more of
-# friction beyond a share of the level: pressed, such a joint stays stuck, and hides any of it.
-# Chosen on 13 arms of `bench.wrench`, seeds 1 and 2, and for what sticks on Romeo's, 500 to 1700.
+# Standard deviation of a residual, in shares of its joint's contact level, friction near rest,
+# raise, unlearned friction, transmitted torque and remaining lag; and more of friction beyond the
+# share _OF_LEVEL of the level: pressed, such a joint sticks, and hides any of it. Chosen on 13 arms
+# of `bench.wrench`, seeds 1 and 2, and for sticking joints on Romeo, seeds 500 to 1700.
 _LEVEL, _FRICTION, _RAISED, _UNLEARNED, _TORQUE, _LAG = 0.038, 0.15, 0.15, 1.3, 0.04, 0.85
 _STUCK, _OF_LEVEL = 0.2, 0.5
-_UNTAUGHT, _LEAST_NM = 0.3, 1e-3  # of the level, where nothing is learned; in any case
-_OFF, _HIDDEN = 0.012, 2.0  # [m], along each axis; times what is seen
-# Of a force beforehand [N]: of one whose size is sought, and of the one that is shown.
+_UNTAUGHT, _LEAST_NM = 0.3, 1e-3  # share of the level without learning; lower bound
+_OFF, _HIDDEN = 0.012, 2.0  # [m], along each axis; factor on the seen force
+# Prior standard deviation of the force [N]: while its size is sought, and in the result.
 _USUAL_N, _ANY_N = 30.0, 1000.0
-# The level; it is so many times the largest strength in quiet motion, which counts after _QUIET_S
-# without a contact and _FADES_S for what is left of it, raises it by _GROWS, and fades in _PEAK_S.
+# Level: _OF_PEAK times the largest strength in quiet motion, within bounds. A strength counts after
+# _QUIET_S without a contact, plus _FADES_S for the decay of one; it raises the peak by _GROWS at
+# most, and fades in _PEAK_S.
 _LEAST, _FIRST, _MOST, _OF_PEAK, _GROWS = 4.0, 5.5, 8.0, 1.4, 1.05
 _QUIET_S, _FADES_S, _PEAK_S, _SWEEPS = 0.3, 1.0, 300.0, 8
 
@@ -53,30 +54,30 @@ _SEEN_N, _SEEN_SHARE, _SEEN_MOST_N = SEEN_N, SEEN_SHARE, SEEN_MOST_N
 
 
 class Wrench:
-    """Force at one point; `shown` (WIDTH,) is that of the last step."""
+    """Force at one point; `shown` (WIDTH,) is the result of the last step."""
 
     def __init__(self, dynamics: Dynamics, tool: Place, gain: float, learns: bool) -> None:
-        """gain: K of the residuals [1/s]; learns: friction is learned."""
+        """gain: K of the residuals [1/s]; learns: whether friction is learned."""
         n = dynamics.n
         self._frame, self._gain = Frame(dynamics, tool), gain
         self._level = _LEVEL if learns else _UNTAUGHT
-        # Residual at the tick before, and the largest r' / K of late [Nm].
+        # Residual at the previous tick, and largest recent r' / K [Nm].
         self.before, self.lag = np.zeros((2, n))
         self._r, self.weight = np.zeros((2, n))
         self._h, self._u = np.zeros((2, 3))
         self._N, self._S, self._V = np.zeros((3, 3, 3))
         self._Y, self._g = np.zeros((6, 6)), np.zeros(6)
         self.shown = np.zeros(WIDTH)
-        # Largest strength in quiet motion; that which counts if it stays quiet; since when.
+        # Largest strength in quiet motion; one that counts if it stays quiet; time of quiet [s].
         self.peak, self.peak_seen, self.quiet_s = _FIRST / _OF_PEAK, 0.0, 0.0
 
     def weigh(
         self, i: int, r: float, dt: float, usual: float, friction: float, raised: float,
         unlearned: float, torque: float, senses: bool,
     ) -> None:  # fmt: skip
-        """Take the residual of joint i [Nm], dt [s] after the one before: usual, its configured
-        level by the share in force; friction, raised, unlearned: parts of the level in force;
-        torque: transmitted. One that does not sense counts nothing."""
+        """Take the residual of joint i [Nm], dt [s] after the previous one. usual: its configured
+        level times the share in force; friction, raised, unlearned: parts of the level in force;
+        torque: transmitted. A joint that does not sense has no weight."""
         lag = abs(r - self.before[i]) / (self._gain * dt)
         lag = self.lag[i] = max(lag, self.lag[i] / (1.0 + self._gain * dt))
         parts = (self._level * usual) * (self._level * usual) + _LEAST_NM * _LEAST_NM
@@ -89,8 +90,8 @@ class Wrench:
         self.weight[i] = 1.0 / parts if senses else 0.0
 
     def step(self, dt: float, pressed: bool, teaches: bool) -> None:
-        """Estimate from all joints, whose dynamics are those of now; learn the level in dt [s]
-        where that teaches. pressed: a residual is beyond its contact level."""
+        """Estimate the force from all joints, at the pose of the dynamics; learn the level over dt
+        [s] if that `teaches`. pressed: a residual exceeds its contact level."""
         shown, S, V, h = self.shown, self._S, self._V, self._h
         self._frame.at()
         rr = self._inform()
@@ -120,7 +121,7 @@ class Wrench:
         return float(min(max(_OF_PEAK * self.peak, _LEAST), _MOST))
 
     def nothing(self) -> None:
-        """Show that nothing is known."""
+        """Output zero force, with every direction unseen."""
         shown = self.shown
         for k in range(len(shown)):
             shown[k] = 0.0
@@ -130,7 +131,7 @@ class Wrench:
         self.quiet_s = self.peak_seen = 0.0
 
     def _learn(self, strength: float, touched: bool, dt: float) -> None:
-        """Note the strength in quiet motion: a contact begins below the level, too."""
+        """Track the strength in quiet motion; a contact, too, begins below the level."""
         self.peak -= dt / _PEAK_S * self.peak
         if touched:
             self.quiet_s, self.peak_seen = -_FADES_S, 0.0
@@ -143,7 +144,7 @@ class Wrench:
             self.quiet_s = self.peak_seen = 0.0
 
     def _inform(self) -> float:
-        """Information of force and moment, and its vector; returns the weighted square of r."""
+        """Compute the information matrix and vector of (f, m); returns the weighted square of r."""
         J, Y, g, rr = self._frame.J, self._Y, self._g, 0.0
         for a in range(6):
             g[a] = 0.0
@@ -160,8 +161,8 @@ class Wrench:
         return rr
 
     def _solve(self, square: float, any_N: float) -> float:
-        """S and h with a force of this square [N2] in the moment; f = S^-1 h. Returns what the
-        moment explains of the square of r."""
+        """Compute S and h, such that f = S^-1 h, with the moment of a force of this square [N2];
+        any_N: prior of the force [N]. Returns the part of r's square that the moment explains."""
         Y, g, N, S, h = self._Y, self._g, self._N, self._S, self._h
         beforehand = 1.0 / (_OFF * _OFF * square + 1e-6)
         for a in range(3):
@@ -187,8 +188,8 @@ class Wrench:
         return explained
 
     def _size(self) -> float:
-        """Square of the force S^-1 h, and of what may press along directions that are not seen: up
-        to _HIDDEN times that [N2]."""
+        """Square of the force S^-1 h, plus that of what may press along unseen directions, up to
+        _HIDDEN times as much [N2]."""
         N, S, h, square, hidden = self._N, self._S, self._h, 0.0, 0.0
         for a in range(3):
             for b in range(3):
@@ -201,7 +202,7 @@ class Wrench:
         return square + min(hidden, _HIDDEN * square)
 
     def _invert(self) -> None:
-        """N becomes its inverse; it is symmetric and positive."""
+        """Invert N, which is symmetric and positive definite, in place."""
         N = self._N
         a, b, c, d, e, f = N[0, 0], N[0, 1], N[0, 2], N[1, 1], N[1, 2], N[2, 2]
         A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
@@ -213,7 +214,7 @@ class Wrench:
         N[1, 2] = N[2, 1] = E * one
 
     def _directions(self) -> None:
-        """S becomes diagonal, V its directions in columns: Jacobi's rotations."""
+        """Diagonalise S by Jacobi rotations; the columns of V become its directions."""
         S, V = self._S, self._V
         for a in range(3):
             for b in range(3):
@@ -229,7 +230,7 @@ class Wrench:
             S[a, a] = max(S[a, a], 1.0 / (_ANY_N * _ANY_N))
 
     def _rotate(self, p: int, q: int) -> None:
-        """Turn the plane of p and q so that S[p, q] vanishes."""
+        """Rotate the plane of p and q so that S[p, q] vanishes."""
         S, V, o = self._S, self._V, 3 - p - q
         if S[p, q] == 0.0:
             return
@@ -248,7 +249,8 @@ class Wrench:
             V[a, p], V[a, q] = c * vp - s * vq, s * vp + c * vq
 
     def _show(self, acts: bool) -> None:
-        """Force along the directions that are seen, if it acts, covariance, and the others."""
+        """Write the force along seen directions if it `acts`, the covariance, and unseen
+        directions."""
         shown, S, V, square = self.shown, self._S, self._V, 0.0
         for k in range(len(shown)):
             shown[k] = 0.0

@@ -1,4 +1,4 @@
-"""Pose in which gravity changes side at a joint: there its link meets both borders of its gap."""
+"""Pose in which gravity changes sign at a joint, so that its link meets both borders of its gap."""
 
 import itertools
 
@@ -7,17 +7,17 @@ import numpy as np
 from common.arrays import Vector
 from estimator.model import Model
 
-_GRID = 61  # poses of the joint itself
-_OTHERS = 9  # of one other joint
-_UPRIGHT = 2.0  # [rad] further one goes for a link that hangs than for one that would fall over
+_GRID = 61  # positions of the joint itself
+_OTHERS = 9  # positions of each other joint
+_UPRIGHT = 2.0  # [rad] of penalty on a pose in which the link would fall over instead of hanging
 
 
 def balanced_pose(
     model: Model, joint: int, here: Vector, lower: Vector, upper: Vector, little: float
 ) -> Vector | None:
-    """The pose (n,) [rad] nearest to `here` in which gravity changes side at `joint`, by moving it
-    alone or with one other joint; `here` itself, within lower and upper (n,), where gravity never
-    exceeds `little` [Nm] at the joint. None where there is no such pose."""
+    """Nearest pose (n,) [rad] to `here` in which gravity changes sign at `joint`, reached by moving
+    it alone or with one other joint; `here` itself, clipped to lower and upper (n,), if gravity at
+    the joint never exceeds `little` [Nm]. None if there is no such pose."""
     inside = np.minimum(np.maximum(here, lower), upper)
     if lower[joint] >= upper[joint]:
         return None
@@ -40,7 +40,7 @@ def balanced_pose(
 def _gravity(
     model: Model, joint: int, pose: Vector, lower: float, upper: float
 ) -> tuple[Vector, Vector]:
-    """Positions of the joint, and gravity there [Nm], the others as in `pose`."""
+    """Positions of the joint, and gravity at each [Nm], with the other joints as in `pose`."""
     at, turned = np.linspace(lower, upper, _GRID), pose.copy()
     values = []
     for q in at:
@@ -52,7 +52,7 @@ def _gravity(
 def _crossings(
     joint: int, pose: Vector, here: Vector, at: Vector, g: Vector
 ) -> list[tuple[float, Vector]]:
-    """Poses in which g passes zero, each with how far it is, in radians, or seems."""
+    """Poses in which g crosses zero, each with its distance [rad], including the penalty."""
     found = []
     for (a, b), (before, after) in zip(
         itertools.pairwise(at.tolist()), itertools.pairwise(g.tolist()), strict=True

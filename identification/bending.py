@@ -1,9 +1,9 @@
 """Bending of the gear while a hand presses a link against a border of its gap.
 
-A border that is pressed gives way: with a gear of 1000 Nm/rad and 3.5 Nm, phi rests 3.5 mrad beyond
-alpha. On the way into a border the motor's torque changes by the torque that the gear transmits, as
-friction keeps the sign that it had when the link passed the middle of the gap; phi over that change
-is a line, which ends at alpha where nothing is transmitted.
+A loaded border gives way: with a gear of 1000 Nm/rad and 3.5 Nm, phi rests 3.5 mrad beyond alpha.
+While the link moves into a border, the motor torque changes by the torque that the gear transmits,
+as friction keeps the sign that it had when the link passed the middle of the gap. phi over that
+change is a line, which ends at alpha for zero transmitted torque.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from common.arrays import Vector
 from identification.gap_result import smoothed
 
 USUAL, USUALLY = 1.2e-3, 0.9e-3
-"""Compliance of gears [rad/Nm] where nothing shows it, and how far they differ."""
+"""Typical compliance of gears [rad/Nm], for those that do not show theirs, and its spread."""
 STIFFEST, SOFTEST = 2.5e-4, 4e-3
-"""[rad/Nm]: no gear bends less or more, but where the torque does not show what it carries."""
+"""[rad/Nm]: bounds of a gear's compliance; beyond them, the torque is not that of the gear."""
 _FROM = (0.3, 0.4, 0.5)
-"""Shares of the largest torque from which on the line is fitted; below, borders are round. The
-outer ones show how much that matters."""
+"""Shares of the largest torque from which on the line is fitted; below, borders are rounded. The
+outer ones show how much the choice matters."""
 _BINS, _FEWEST_BINS, _FEWEST_SAMPLES = 7, 4, 3
 _FEWEST = 20
-_UNSURE = 0.1  # of the bending: friction does not quite keep its sign, nor a hand its pace
+_UNSURE = 0.1  # error of the bending: neither friction nor the hand's speed is quite constant
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class Bending:
 def bending(
     time_s: Vector, phi: Vector, torque: Vector, visits_s: Vector, upper: NDArray[np.bool_]
 ) -> Bending | None:
-    """Bending of the gear from phi [rad] and the motor's torque [Nm] of the visits to its borders
-    in the order of time, `upper` or not; None where they loaded the motor too little."""
+    """Bending of the gear from phi [rad] and motor torque [Nm], given the times of the visits to
+    its borders and whether each was the `upper` one; None if they loaded the motor too little."""
     phi, torque = smoothed(phi, 3), smoothed(torque, 3)
     low, high = np.percentile(phi, [2.0, 98.0])
     middle = 0.5 * (low + high)
@@ -52,10 +52,10 @@ def bending(
             continue
         begin = int(ends[k - 1] + inside[-1])
         free = torque[max(begin - 2, 0) : begin + 3].mean()
-        way = side * (phi[begin : ends[k] + 1] - middle)
-        there = int(np.argmax(way)) + 1
+        moved = side * (phi[begin : ends[k] + 1] - middle)
+        there = int(np.argmax(moved)) + 1
         pressed.append(-side * (torque[begin : begin + there] - free))
-        reached.append(way[:there])
+        reached.append(moved[:there])
         visit.append(np.full(there, k))
     if sum(map(len, pressed)) < _FEWEST:
         return None
@@ -75,8 +75,8 @@ def bending(
 
 
 def _line(pressed: Vector, reached: Vector, share: float) -> tuple[float, float] | None:
-    """Offset [rad] and slope [rad/Nm] of the medians in bins beyond a share of the torque; None
-    where there are too few, or the gear would bend the wrong way."""
+    """Offset [rad] and slope [rad/Nm] of a line through binned medians beyond a share of the
+    torque; None if too few bins are filled, or the gear would bend the wrong way."""
     most = float(np.percentile(pressed, 95.0))
     if most <= 0.0:
         return None

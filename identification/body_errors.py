@@ -1,10 +1,10 @@
-"""Errors of friction and rotors by bodies of a URDF that are off: masses, centres and inertias.
+"""Errors of friction and rotor inertia caused by wrong bodies of a URDF: masses, centres, inertias.
 
-With Y the regressor of the bodies, S S' their usual errors, and z ~ N(0, 1),
+With Y the regressor of the bodies, S S' the covariance of their usual errors, and z ~ N(0, 1),
 
     torque = friction x + Y S z                                     of each joint, filtered
 
-Gravity's share does not show a centre that is off across it.
+The scale of gravity does not show a centre of mass that is displaced across it.
 """
 
 import numpy as np
@@ -22,8 +22,9 @@ _FIRST = 3  # columns: Coulomb, viscous, rotor
 
 
 def by_bodies(solved: list[Solution], found: Regression, rows: Intervals, model: Model) -> Matrix:
-    """Standard errors (n, 3) of Coulomb, viscous friction and rotor by bodies that may be off: the
-    change beside them, and what the motion leaves of them. Zero of joints without enough rows."""
+    """Standard errors (n, 3) of Coulomb friction, viscous friction and rotor inertia by wrong
+    bodies: the change when bodies are fitted, too, and what the motion leaves uncertain of them.
+    Zero for joints without enough rows."""
     parameters = model.parameters()
     massive = np.flatnonzero(parameters[:, 0] > 0.0)
     nominal = np.array([possible(row) for row in parameters[massive]])
@@ -36,7 +37,7 @@ def by_bodies(solved: list[Solution], found: Regression, rows: Intervals, model:
 
 
 def _error(one: Solution, found: Regression, i: int, bodies: Matrix, independent: float) -> Vector:
-    """Standard errors (3,) of joint i, by bodies (N, b) in their usual errors."""
+    """Standard errors (3,) of joint i, for bodies (N, b) scaled by their usual errors."""
     used = np.isfinite(one.errors)
     friction = np.hstack([found.columns[:, i, used], found.nuisance[:, i]])
     rows = JointRows(found.r_nl[:, i], friction, bodies, one.weight, one.weight)
@@ -47,6 +48,6 @@ def _error(one: Solution, found: Regression, i: int, bodies: Matrix, independent
         share = independent / normal.variance(z)
         covariance = np.linalg.inv(np.eye(len(z)) + share * normal.square)
         z = share * covariance @ normal.product
-    way = normal.ways()[:_FIRST]
-    variance = np.square(way @ z) + np.einsum("ij,jk,ik->i", way, covariance, way)
+    change = normal.ways()[:_FIRST]
+    variance = np.square(change @ z) + np.einsum("ij,jk,ik->i", change, covariance, change)
     return np.asarray(np.sqrt(variance))

@@ -1,5 +1,5 @@
-"""Regressors of the fits of bodies: torques that each unit of each parameter would add, and the
-rest without it, joint by joint.
+"""Regressors of the fits of bodies: torques per unit of each parameter, and the remaining torque,
+joint by joint.
 
 With the model's parameters pi_0, the regressor Y of the links' torques, and friction and rotor as
 in `regression`,
@@ -28,16 +28,16 @@ from identification.sticking import held
 from identification.touches import near, touches
 
 OFFSET = 5
-"""Column of `JointRows.friction` that a current adds which is off all the time."""
+"""Column of `JointRows.friction` for a constant offset of the current."""
 
 
 _MORE = 2
-_NOISE = 0.005  # of an acceleration's square: beyond, inertias come out too small, masses too large
+_NOISE = 0.005  # share of squared acceleration; beyond, inertias come out too small, masses large
 
 
 @dataclass(frozen=True, slots=True)
 class BodyMotion:
-    """Log of a motion in intervals; matrices (N, n), filtered where a fit compares them."""
+    """Motion of a log in intervals; matrices (N, n), filtered where a fit compares them."""
 
     rows: Intervals
     regressor: Matrix
@@ -47,10 +47,10 @@ class BodyMotion:
     cut: Mask
     """current at its limit"""
     more: int
-    """times that all is filtered again, for encoders that are coarse"""
+    """number of further passes of the filter, for coarse encoders"""
 
     def touched(self, joints: list[JointRows], d: Vector, friction: list[Vector]) -> Mask:
-        """(N, n) where something else acted than a fit explains."""
+        """Rows (N, n) in which something acted that the fit does not explain."""
         found = [
             touches(self.rows, one.left(d, x), one.clean, max(float(x[0]), 0.0))
             for one, x in zip(joints, friction, strict=True)
@@ -66,7 +66,7 @@ def body_motion(
     sign_width: float,
     shortest_s: float,
 ) -> BodyMotion:
-    """Motion of a log; max_current (n,) [A]. Raises LogError for one of less than `shortest_s`."""
+    """Motion of a log; max_current (n,) [A]. Raises LogError if it is shorter than `shortest_s`."""
     if log.measured_s + log.period_s < shortest_s - 1e-6:
         raise LogError(
             f"the log is too short: {log.measured_s:.1f} s, at least {shortest_s:g} s of motion"
@@ -80,7 +80,7 @@ def body_motion(
 
 
 def filtered_regressor(rows: Intervals, model: Model) -> tuple[NDArray[np.float64], Matrix]:
-    """Y (N, n, n, 10), filtered, and the links' accelerations (N, n) [rad/s2]."""
+    """Regressor Y (N, n, n, 10), filtered, and the links' accelerations (N, n) [rad/s2]."""
     q_ddot = np.diff(rows.ends[:, 1], axis=0, prepend=rows.ends[:1, 1]) / rows.dt[:, None]
     q_ddot[rows.first] = 0.0
     moving = zip(rows.q, rows.q_dot, q_ddot, strict=True)
@@ -88,21 +88,21 @@ def filtered_regressor(rows: Intervals, model: Model) -> tuple[NDArray[np.float6
 
 
 def _noise(rows: Intervals, q_ddot: Matrix) -> Vector:
-    """Square of what is noise of the filtered accelerations, over that of all (n,): white noise of
-    positions is what their third differences show."""
+    """Share of noise in the square of the filtered accelerations (n,), from white noise of the
+    positions as their third differences show it."""
     within = ~(rows.first[1:-2] | rows.first[2:-1] | rows.first[3:])
     of_position = np.diff(rows.q, 3, axis=0)[within].var(axis=0) / 20.0
     back = float(np.median(memory(rows, GAIN)))
     pulse = np.zeros(256)
     pulse[:3] = np.array([1.0, -2.0, 1.0]) / rows.period_s**2
     answer = lfilter([1.0 - back], [1.0, -back], pulse)
-    whole = np.square(low_pass(q_ddot, rows, GAIN)).mean(axis=0)
-    return np.asarray(of_position * np.square(answer).sum() / np.maximum(whole, 1e-12))
+    total = np.square(low_pass(q_ddot, rows, GAIN)).mean(axis=0)
+    return np.asarray(of_position * np.square(answer).sum() / np.maximum(total, 1e-12))
 
 
 def _smooth(values: Matrix, rows: Intervals, more: int) -> Matrix:
-    """Rows (N, ...) through the filter again: counts of coarse encoders are noise of the regressor,
-    by whose square inertias would come out too small."""
+    """Rows (N, ...) after further passes of the filter: the resolution of coarse encoders is noise
+    of the regressor, whose square would make inertias too small."""
     for _ in range(more):
         values = low_pass(values, rows, GAIN)
     return values
@@ -116,9 +116,9 @@ def rows_of_joints(
     touched: Mask,
     offset: Mask,
 ) -> list[JointRows]:
-    """Rows of each joint, for parameters whose torques are bodies (N, n, p); with the friction of
-    `t` to see the gap by, and without what is near what was `touched` (N, n). Joints of `offset`
-    (n,) may have a current that is off all the time."""
+    """Rows of each joint, for parameters with the regressor bodies (N, n, p). The friction of `t`
+    serves to locate the gap; rows near those `touched` (N, n) do not count; joints of `offset` (n,)
+    may have a constant offset of the current."""
     rows = motion.rows
     where = locate(rows, t, settings)
     found = regression(rows, t, where, motion.sticking)
@@ -144,8 +144,8 @@ def rows_of_joints(
 
 
 def with_friction(t: Transmission, friction: list[Vector]) -> Transmission:
-    """The transmission with sums of friction, and rotors, of a fit; divided between motor and link
-    as before."""
+    """Transmission with fitted sums of friction and rotor inertias; the sums are divided between
+    motor and link as before."""
     found = np.maximum(np.array([x[:3] for x in friction]), 0.0)
     new = {"rotor_inertia": found[:, 2]}
     for k, kind in enumerate(("coulomb", "viscous")):

@@ -1,11 +1,11 @@
-"""Least squares for the bodies of an arm: one joint's rows each, with its friction eliminated.
+"""Least squares for the bodies of an arm: rows of each joint, with its friction eliminated.
 
-With d the difference of the parameters to nominal ones, x friction and rotor of a joint,
+With d the difference of the parameters from nominal ones, x friction and rotor of a joint,
 
     torque = bodies d + friction x                                          (N,) [Nm], filtered
 
-x is no concern of the others, so that the normal equations in d have it projected out. It has no
-bound: of drives that step their setpoints, the rotor's column takes what their currents miss.
+x does not enter the rows of other joints, and is projected out of the normal equations in d. It is
+unbounded: if drives step their setpoints, the rotor's column takes what their currents miss.
 """
 
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ from identification.possible_bodies import pulled_fit
 FEWEST = 50.0
 """Sum of weights below which a joint's rows carry no information."""
 CORRELATED_S = 0.1
-"""Correlation time of the fit's errors, by the filter and by what no column explains."""
+"""Correlation time of the fit's errors [s], by the filter and by what no column explains."""
 LASTING_S = 1.5
-"""The same of gears that bend, encoders, late columns: about as long as a way."""
+"""The same for bending gears, encoders and late columns: about as long as a stroke."""
 REWEIGHTED = 4
 _SMALLEST = 0.1
-"""Share of the median error below which rows count alike"""
+"""Share of the median error below which all rows have the same weight"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,24 +32,24 @@ class JointRows:
     """Rows of one joint."""
 
     torque: Vector
-    """(N,) [Nm] that nominal bodies leave, without friction and rotor"""
+    """(N,) [Nm] that nominal bodies leave, to be explained by friction and rotor, too"""
     friction: Matrix
-    """(N, f): Coulomb, viscous, rotor, and what else rubs"""
+    """(N, f): Coulomb, viscous, rotor, and further columns"""
     bodies: Matrix
     """(N, 10 k)"""
     clean: Vector
-    """(N,) 0 to 1, how much each row counts, touches aside"""
+    """(N,) 0 to 1, weight of each row regardless of touches"""
     weight: Vector
-    """(N,) the same without what is near a touch"""
+    """(N,) the same, 0 near a touch"""
     late: float = 0.0
-    """Delay of its link encoder behind the motor's [s]; 0 where that does not show"""
+    """Delay of its link encoder behind the motor's [s]; 0 if it does not show"""
 
     def left(self, d: Vector, x: Vector) -> Vector:
-        """(N,) [Nm] that is not explained."""
+        """Torque (N,) [Nm] that is not explained."""
         return self.torque - self.bodies @ d - self.friction @ x
 
     def rms(self, d: Vector, x: Vector, chosen: Mask) -> float:
-        """Root mean square of what is left in the chosen rows [Nm]; NaN where too few count."""
+        """Root mean square of the unexplained torque in the chosen rows [Nm]; NaN of too few."""
         w2 = np.square(self.weight[chosen])
         if w2.sum() < FEWEST:
             return float("nan")
@@ -58,16 +58,16 @@ class JointRows:
 
 @dataclass(frozen=True, slots=True)
 class BodiesFit:
-    """Fit of all joints."""
+    """Fit of the bodies to all joints."""
 
     parameters: Matrix
     """(k, 10)"""
     difference: Vector
-    """(10 k,) to the nominal ones"""
+    """(10 k,) from the nominal ones"""
     information: Matrix
-    """(10 k, 10 k) inverse covariance, with the pull"""
+    """(10 k, 10 k) inverse covariance, including the prior"""
     of_motion: Matrix
-    """the same without it"""
+    """the same without the prior"""
     friction: list[Vector]
     """of each joint, by the columns of its rows"""
 
@@ -86,26 +86,26 @@ class Normal:
         self._Xy, self._XB = X.T @ y, X.T @ B
         self.square = B.T @ B - self._XB.T @ self._inverse @ self._XB
         self.product = B.T @ y - self._XB.T @ self._inverse @ self._Xy
-        self._whole = float(y @ y - self._Xy @ self._inverse @ self._Xy)
+        self._total = float(y @ y - self._Xy @ self._inverse @ self._Xy)
 
     def variance(self, d: Vector) -> float:
-        """Variance of the error [Nm2]."""
-        whole = self._whole - 2.0 * self.product @ d + d @ self.square @ d
-        return max(float(whole) / self.count, 1e-12)
+        """Variance of the error at d [Nm2]."""
+        total = self._total - 2.0 * self.product @ d + d @ self.square @ d
+        return max(float(total) / self.count, 1e-12)
 
     def friction(self, d: Vector) -> Vector:
-        """x that goes with d."""
+        """Friction x for a given d."""
         x: Vector = self._scale * (self._inverse @ (self._Xy - self._XB @ d))
         return x
 
     def ways(self) -> Matrix:
-        """Change of x by each of d (f, 10 k)."""
+        """Derivative of x by d (f, 10 k)."""
         change: Matrix = -self._scale[:, None] * (self._inverse @ self._XB)
         return change
 
 
 def fitted(joints: list[JointRows], chosen: Mask, nominal: Matrix, period_s: float) -> BodiesFit:
-    """Bodies, pulled towards nominal (k, 10), by the chosen rows (N,), one every `period_s`."""
+    """Bodies by the chosen rows (N,), one every `period_s`, with a prior at nominal (k, 10)."""
     normals = [Normal(rows, chosen) for rows in joints]
     d = np.zeros(nominal.size)
     for _ in range(REWEIGHTED):
@@ -120,7 +120,7 @@ def unbent(
     joints: list[JointRows], chosen: Mask, nominal: Matrix, period_s: float
 ) -> tuple[Vector, list[Vector]]:
     """Difference and friction of a fit of least absolute deviations (by reweighting): unlike that
-    of least squares it does not bend towards a touch, which would hide there."""
+    of least squares it does not bend towards a touch, which would then hide."""
     fit = fitted(joints, chosen, nominal, period_s)
     for _ in range(REWEIGHTED):
         steep = []
@@ -133,8 +133,7 @@ def unbent(
 
 
 def summed(normals: list[Normal], d: Vector, period_s: float) -> tuple[Matrix, Vector]:
-    """Normal equations of all joints with enough rows, each in standard deviations of its error at
-    d."""
+    """Normal equations of all joints with enough rows, each scaled by its error at d."""
     independent = min(1.0, period_s / CORRELATED_S)
     square, product = np.zeros((d.size, d.size)), np.zeros(d.size)
     for normal in normals:

@@ -1,12 +1,12 @@
-"""Both borders of a gap in motion, by the torque that the motor passes on.
+"""Both borders of a gap in motion, by the torque that the motor transmits.
 
-At a border, which is the one that the torque pushes at,
+At a border, the one that the torque pushes against,
 
     q - theta = middle - alpha sign(torque) - compliance torque - lateness q_dot
 
-so that neither what the gear bends nor a link encoder that is late is taken for a way through the
-gap, whatever masses the model has. Friction of the rotor that the torque still has bends as a late
-encoder would, but not in proportion to the speed: lateness is what that leaves.
+so that neither bending of the gear nor a late link encoder is taken for play, whatever masses the
+model has. Rotor friction that the torque still contains acts like a late encoder, but not in
+proportion to the speed: lateness is what remains.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from common.arrays import Matrix, Vector
 
 Mask = NDArray[np.bool_]
 
-_CARRIES = 0.1  # of the largest torque
-_RARE = 0.03  # of the rows; a border met more rarely is not believed
+_CARRIES = 0.1  # share of the largest torque from which on the gear carries
+_RARE = 0.03  # share of the rows; a border met more rarely is not trusted
 _FEWEST = 200
-_AS_WIDE, _GIVE = 0.2, 0.0005  # of the half-gap, and [rad]: another one is no mere bending
-_CLEAR = 0.15  # of the half-gap, that rows may scatter by
+_AS_WIDE, _GIVE = 0.2, 0.0005  # of the half-gap, and [rad]; a larger difference is not mere bending
+_CLEAR = 0.15  # largest scatter of the rows, over the half-gap
 _SOFTEST = 0.005  # [rad/Nm]
-_BETTER = 0.7  # times the scatter, for which an encoder is late
-_LEAST_S = 0.0005  # of its lateness: less is interpolation
+_BETTER = 0.7  # factor on the scatter from which on an encoder counts as late
+_LEAST_S = 0.0005  # of lateness; less comes from interpolation
 _FAR = 4.0
 
 
@@ -42,7 +42,7 @@ class Borders:
 
 
 def borders(apart: Vector, torque: Vector, q_dot: Vector, half_gap: float) -> Borders | None:
-    """Borders by apart (N,) = q - theta [rad], torque (N,) [Nm] and q_dot (N,); None where they do
+    """Borders from apart (N,) = q - theta [rad], torque (N,) [Nm] and q_dot (N,); None if they do
     not show, or are not those of this half-gap."""
     carries = np.abs(torque) > _CARRIES * np.abs(torque).max()
     side = np.sign(torque)
@@ -66,8 +66,7 @@ def borders(apart: Vector, torque: Vector, q_dot: Vector, half_gap: float) -> Bo
 
 
 def _fitted(columns: Matrix, apart: Vector, used: Mask, tested: Mask) -> tuple[Vector, float]:
-    """Coefficients by the used rows, once more without those that lie far off; and how far the
-    tested ones scatter [rad]."""
+    """Coefficients by the used rows, fitted again without outliers; scatter of the tested rows."""
     found, *_ = np.linalg.lstsq(columns[used], apart[used], rcond=None)
     left = np.abs(apart - columns @ found)
     near = used & (left <= _FAR * np.median(left[used]) + 1e-9)

@@ -1,4 +1,4 @@
-"""Capsules about the links of an arm: fitted to points of each, and the pairs of them that are not
+"""Capsules around the links of an arm, fitted to points of each, and the pairs of them that are not
 worth guarding, found by sampling poses. Mathematics only."""
 
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from common.arrays import Matrix, Vector
 from estimator.clearance import Clearance
 
 SAMPLES: Final = 20_000
-#: Share of all poses in which a pair that is left out touches: shapes that do so this often, within
-#: the limits of a real arm, are too coarse there.
+#: Share of all poses from which on a pair that touches is left out: shapes that touch this often
+#: within the limits of a real arm are too coarse there.
 ALWAYS, OFTEN = 0.95, 0.2
-#: Gap that a pair that is left out never goes below [m].
+#: Gap [m] below which a pair must come to be guarded.
 NEVER: Final = 0.02
 #: Least radius of a capsule [m].
 THINNEST: Final = 0.005
-#: Two capsules are worth their pairs if the wider is this much thinner than one for all.
+#: Two capsules replace one if the radius of the wider is below this share.
 THINNER: Final = 0.9
-#: Poses from which a smaller gap is sought, steps of that, and the first step [rad].
+#: Descent to smaller gaps: number of initial poses, of steps, and the first step [rad].
 STARTS, STEPS, STEP_RAD = 5, 60, 0.1
 
 Why = Literal["always", "often", "never", "neighbours"]
@@ -44,17 +44,18 @@ class Fit:
 
 
 def fit_capsule(points: Matrix) -> Fit:
-    """Capsule of small volume that contains points (m, 3) [m].
+    """Capsule of small volume around points (m, 3) [m].
 
     Along an axis u through c, r is the largest distance from the axis, and each point at a height h
-    and a distance d of it asks for a segment from h + sqrt(r^2 - d^2) or lower to h - sqrt(r^2 -
-    d^2) or higher. Axis and c are sought from each principal axis of the points (Nelder and Mead).
+    and a distance d requires a segment that starts at h + sqrt(r^2 - d^2) or lower, and ends at h -
+    sqrt( r^2 - d^2) or higher. Axis and c are optimised from each principal axis of the points
+    (Nelder-Mead).
     """
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     axes = np.linalg.svd(points - points.mean(axis=0))[2]
     fits = []
     for k in range(3):
-        frame = np.roll(axes, -k, axis=0)  # the axis, and two across
+        frame = np.roll(axes, -k, axis=0)  # the axis, and two perpendicular ones
 
         def made(x: Vector, frame: Matrix = frame) -> Fit:
             axis = frame[0] + x[0] * frame[1] + x[1] * frame[2]
@@ -84,28 +85,28 @@ def _about(points: Matrix, axis: Vector, centre: Vector) -> Fit:
 
 
 def corners_of(points: Matrix) -> Matrix:
-    """Corners (m, 3) [m] of the hull of points; all of them where they are flat."""
+    """Vertices (m, 3) [m] of the convex hull of points; all points if they are flat."""
     flat = np.linalg.matrix_rank(points - points[0], tol=1e-4) < 3
     corners: Matrix = points if flat else points[ConvexHull(points).vertices]
     return corners
 
 
 def split(points: Matrix) -> list[Matrix]:
-    """Corners (m, 3) [m] of the hull of points, cut in two across the principal axis that leaves
-    the thinnest capsules; in one piece where it is flat, or where these are hardly thinner."""
+    """Vertices (m, 3) [m] of the convex hull of points, cut in two across the principal axis that
+    leaves the thinnest capsules; in one piece if it is flat, or if these are hardly thinner."""
     if np.linalg.matrix_rank(points - points[0], tol=1e-4) < 3:
         return [points]
     hull = ConvexHull(points)
-    whole = points[hull.vertices]
+    corners = points[hull.vertices]
     pairs = np.vstack([hull.simplices[:, k] for k in ([0, 1], [1, 2], [2, 0])])
-    best, least = [whole], THINNER * fit_capsule(whole).radius
-    for axis in np.linalg.svd(whole - whole.mean(axis=0))[2]:
+    best, least = [corners], THINNER * fit_capsule(corners).radius
+    for axis in np.linalg.svd(corners - corners.mean(axis=0))[2]:
         height = points @ axis
         height = height - 0.5 * (height.min() + height.max())
         a, b = pairs[height[pairs[:, 0]] * height[pairs[:, 1]] < 0.0].T
         share = (height[a] / (height[a] - height[b]))[:, np.newaxis]
         cut, above = points[a] + share * (points[b] - points[a]), height[hull.vertices] >= 0.0
-        halves = [np.vstack((whole[side], cut)) for side in (above, ~above)]
+        halves = [np.vstack((corners[side], cut)) for side in (above, ~above)]
         if (wider := max(fit_capsule(half).radius for half in halves)) < least:
             best, least = halves, wider
     return best
@@ -119,8 +120,8 @@ class PairGaps:
     touching: float  # share of poses
 
     def why(self, *, neighbours: bool) -> Why | None:
-        """Reason to leave the pair out; None: it is guarded. Two bodies that share
-        a joint overlap at it."""
+        """Reason to leave the pair out; None if it is guarded. Two bodies that share a joint
+        overlap at it."""
         if self.touching > OFTEN:
             return "always" if self.touching > ALWAYS else "often"
         if self.least > NEVER:
@@ -131,8 +132,8 @@ class PairGaps:
 def gaps_over_poses(
     clearance: Clearance, lower: Vector, upper: Vector, margin: float, seed: int = 1
 ) -> dict[tuple[str, str], PairGaps]:
-    """Gaps of each pair of names in SAMPLES poses between the limits (n,) [rad], the smallest
-    sought further along its gradient."""
+    """Gaps of each pair of names in SAMPLES random poses within the limits (n,) [rad]; the smallest
+    is refined along its gradient."""
     rng, whole, found = np.random.default_rng(seed), np.asarray(clearance.whole), {}
     poses = rng.uniform(lower, upper, (SAMPLES, len(lower)))
     gaps = np.empty((SAMPLES, len(clearance.pairs)))
@@ -153,7 +154,7 @@ def gaps_over_poses(
 def _descended(
     clearance: Clearance, rows: NDArray[np.int64], q: Vector, lower: Vector, upper: Vector
 ) -> float:
-    """Smallest gap on the way down from a pose."""
+    """Smallest gap on a gradient descent from a pose."""
     least, step = np.inf, STEP_RAD
     for _ in range(STEPS):
         clearance.at(q)

@@ -1,6 +1,5 @@
-"""Friction by its definition, half the difference of the torques (up - down) / 2 of the two ways of
-a joint that alone turns to and fro at one speed, at the same positions: no masses, no fit.
-"""
+"""Friction by its definition: half the difference of torque (up - down) / 2 between the strokes of
+a joint that moves alone to and fro at one speed, at the same positions. No masses, no fit."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -15,20 +14,20 @@ from identification.motion_log import PAUSE_S, MotionLog
 from identification.regression import NORMAL_95
 
 _SLOWEST, _NOISE = 0.01, 0.002  # [rad/s]; a slower joint is at rest
-_EVEN, _ALONG = 0.05, 0.2  # of the speed: its change, and the link's against the motor's
-_STILL, _SHAKEN = 0.1, 21  # of the speed: less moves another joint; samples around more
-_BEGIN_S = 0.6  # of a way: friction turns round, and the position loop settles
-_SHARED, _SAME_POSE = 0.1, 0.01  # of a way, by the way back; [rad] of the others
-_FEWEST, _FEWEST_WAYS = 15, 3  # samples of a way; ways
-_BIN, _CELLS = 0.1, 4  # [rad] of positions that make a point, of so many cells
+_EVEN, _ALONG = 0.05, 0.2  # of the speed: its variation, and the link's against the motor's
+_STILL, _SHAKEN = 0.1, 21  # of the speed, up to which another joint stands; samples around more
+_BEGIN_S = 0.6  # of a stroke, while friction reverses and the position loop settles
+_SHARED, _SAME_POSE = 0.1, 0.01  # of a stroke, by the return stroke; [rad] of the others
+_FEWEST, _FEWEST_WAYS = 15, 3  # samples of a stroke; strokes
+_BIN, _CELLS = 0.1, 4  # range of positions for a point [rad], and its number of cells
 _UNEVEN = 0.01  # of friction
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """Friction at one load [Nm], which both ways have in common, and speed [rad/s]: the median of
-    halves of differences [Nm]; scatter: two standard deviations of them, half a step of the
-    current, and 1 % for motion that is not quite even [Nm]."""
+    """Friction at one load [Nm], the mean torque of both strokes, and speed [rad/s]: the median of
+    half the differences [Nm]; scatter: two standard deviations of them, half a step of the current,
+    and 1 % for uneven motion [Nm]."""
 
     load: float
     speed: float
@@ -38,7 +37,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """Friction by which the estimator corrects joint `i`, and standard errors of its Coulomb [Nm]
+    """Friction that the estimator subtracts from joint `i`, and standard errors of its Coulomb [Nm]
     and viscous friction [Nm s/rad]."""
 
     transmission: Transmission
@@ -61,7 +60,7 @@ class Law:
         return friction, float(np.linalg.norm(off))
 
     def misses(self, point: Point) -> tuple[float, float]:
-        """Measured friction beyond this, and its part beyond scatter and interval >= 0 [Nm]."""
+        """Measured friction minus this, and its part beyond scatter and interval, >= 0 [Nm]."""
         friction, half = self.at(point.load, point.speed)
         more = point.friction - friction
         return more, max(abs(more) - point.scatter - half, 0.0)
@@ -69,7 +68,8 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Even part of one way: positions and torque (N,), signed speed, mean of all positions (n,)."""
+    """Steady part of one stroke: positions and torque (N,), signed speed, mean of positions
+    (n,)."""
 
     q: Vector
     torque: Vector
@@ -78,8 +78,8 @@ class Way:
 
 
 def to_and_fro(log: MotionLog, i: int, constant: float, delay_s: float) -> list[list[Way]]:
-    """Ways of joint i, by those that follow each other to and fro at one speed while all other
-    joints stand. constant: K_c [Nm/A]; delay_s: by which the current is late [s]."""
+    """Strokes of joint i, grouped by those that follow each other to and fro at one speed while all
+    other joints stand. constant: K_c [Nm/A]; delay_s: delay of the current [s]."""
     groups: list[list[Way]] = [[]]
     for way in _ways(log, i, constant, delay_s):
         if groups[-1] and not _goes_back(groups[-1][-1], way, i):
@@ -89,7 +89,7 @@ def to_and_fro(log: MotionLog, i: int, constant: float, delay_s: float) -> list[
 
 
 def points(groups: Sequence[Sequence[Way]]) -> list[Point]:
-    """Friction at each load and speed that the ways share with their neighbours."""
+    """Friction at each load and speed that neighbouring strokes share."""
     return [point for ways in groups for point in _of_one_speed(ways)]
 
 
@@ -117,7 +117,7 @@ def _ways(log: MotionLog, i: int, constant: float, delay_s: float) -> list[Way]:
 
 
 def _goes_back(a: Way, b: Way, i: int) -> bool:
-    """True where b is a's way back: as fast, through the same positions, others where they were."""
+    """True if b is the return stroke of a: same speed, same positions, the other joints unmoved."""
     moved = np.abs(np.delete(a.pose - b.pose, i))
     if abs(a.speed + b.speed) > _ALONG * abs(a.speed) or (moved > _SAME_POSE).any():
         return False
@@ -144,6 +144,6 @@ def _of_one_speed(ways: Sequence[Way]) -> Iterator[Point]:
 
 
 def _mean(way: Way, cells: Vector) -> Vector:
-    """Mean torque in each cell of positions; NaN where the way has no sample."""
+    """Mean torque in each cell of positions; NaN where the stroke has no sample."""
     count, total = (np.histogram(way.q, cells, weights=w)[0] for w in (None, way.torque))
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)

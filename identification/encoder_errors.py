@@ -1,8 +1,8 @@
-"""Errors of encoders that repeat with a turn, as columns of a fit of phi.
+"""Encoder errors that repeat with each turn, as columns of a fit of phi.
 
-An encoder that sits off its axis, or a magnet that is not round, reads a little too far and too
-little again within each of its turns: low harmonics, some 0.5 mrad at the link where the encoder is
-the link's. Left in phi they look like borders that wander.
+An encoder that is mounted off its axis, or whose magnet is not round, deviates to both sides within
+each turn: low harmonics, of some 0.5 mrad at the link for a link encoder. Left in phi they look
+like borders that move.
 """
 
 from dataclasses import dataclass
@@ -13,22 +13,22 @@ import numpy as np
 from common.arrays import Matrix, Vector
 
 ORDERS = (1, 2)
-_LEAST_TURN = 0.25  # of a period: over less of it, a harmonic is a straight line
+_LEAST_TURN = 0.25  # of a period; over less of it, a harmonic looks like a straight line
 SHOWN = 0.6
-"""Share of a period that an angle must turn for a harmonic to be stated: over less of it, one takes
-the place of others, of the gap and of drift, and is a multiple of what it is."""
+"""Share of a period that an angle must turn for a harmonic to be reported: over less, it is
+confused with others, the gap and drift, and comes out a multiple of its true size."""
 REPORTED = 0.0001
 """Amplitude [rad] at the link above which an error is reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class Harmonic:
-    """Error that repeats so many times with each turn of an encoder."""
+    """Error that repeats `order` times with each turn of an encoder."""
 
     encoder: Literal["link", "motor"]
     order: int
     amplitude: float
-    """[rad] at the link: half of what it spans over the turns that were made"""
+    """[rad] at the link: half of its range over the turns that were made"""
     interval: float = 0.0
     """Half the 95 % interval of the amplitude [rad]"""
 
@@ -39,17 +39,17 @@ class Harmonic:
 
 @dataclass(frozen=True, slots=True)
 class Turns:
-    """Columns (N, 2 k) of the harmonics that the motion shows: cosine and sine of each."""
+    """Columns (N, 2 k) of the harmonics that the motion covers: cosine and sine of each."""
 
     columns: Matrix
     of: tuple[tuple[Literal["link", "motor"], int], ...]
 
     shown: tuple[bool, ...]
-    """Whether the motion shows the size of each; the others are beside what is fitted"""
+    """Whether the motion shows the size of each; the others are only fitted alongside"""
 
     def harmonics(self, solution: Vector, errors: Vector, used: Matrix) -> tuple[Harmonic, ...]:
-        """Harmonics worth reporting, of coefficients (2 k,) with standard errors, over rows `used`
-        (M, 2 k)."""
+        """Harmonics worth reporting, from coefficients (2 k,) with standard errors, over the rows
+        `used` (M, 2 k)."""
         found = []
         for place, ((encoder, order), shown) in enumerate(zip(self.of, self.shown, strict=True)):
             pair = slice(2 * place, 2 * place + 2)
@@ -61,8 +61,8 @@ class Turns:
 
 
 def turns(q: Vector, theta: Vector, gear: float) -> Turns:
-    """Columns for link and motor positions (N,) [rad at the link] and a gear of so many turns of
-    the motor for one of the link; 0 where it is not known, then of the link alone."""
+    """Columns for link and motor positions (N,) [rad at the link]; gear: turns of the motor per
+    turn of the link, 0 if unknown, then of the link alone."""
     angles: list[tuple[Literal["link", "motor"], Vector]] = [("link", q)]
     if abs(gear) > 1.0:
         angles.append(("motor", gear * theta))

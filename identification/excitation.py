@@ -1,5 +1,5 @@
 """Excitation that separates friction, rotor inertia and gravity: bounded Fourier series, chosen for
-conditioning, that begin and end at rest."""
+good conditioning, that begin and end at rest."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from common.errors import ModelError
 from estimator.model import Model
 
 HARMONICS = 6
-_SAMPLES = 200  # of the slowest harmonic's period, where bounds and conditioning are looked at
+_SAMPLES = 200  # per period of the slowest harmonic, to check bounds and conditioning
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Bounds:
     acceleration: Vector
 
     def shrunk(self, share: float) -> "Bounds":
-        """A share of the range around its middle, and of velocity and acceleration."""
+        """Bounds with a share of the range about its middle, and of velocity and acceleration."""
         middle, half = 0.5 * (self.lower + self.upper), 0.5 * share * (self.upper - self.lower)
         return Bounds(
             middle - half, middle + half, share * self.velocity, share * self.acceleration
@@ -43,7 +43,7 @@ class Fourier:
     """(harmonics, n) [rad]"""
     period_s: float
     lowest: int = 1
-    """Number of the first harmonic: that many turns fit into the period"""
+    """Number of the first harmonic: so many of its periods fit into `period_s`"""
 
     def at(self, s: Vector) -> tuple[Matrix, Matrix, Matrix]:
         """q, dq/ds and d2q/ds2 at path times s (N,), each of shape (N, n)."""
@@ -67,11 +67,11 @@ def fourier_within(
     restarts: int = 100,
     sign_width: float = 0.02,
 ) -> Fourier:
-    """The best conditioned of `restarts` random series that use the bounds as far as they can.
+    """Best conditioned of `restarts` random series that use the bounds as far as possible.
 
     lowest: number of the slowest harmonic in `period_s`; the fastest is HARMONICS times as fast.
 
-    Raises ModelError where a joint has no room to move.
+    Raises ModelError if a joint has no room to move.
     """
     for name, room in zip(model.names, bounds.upper - bounds.lower, strict=True):
         if not room > 0.0:
@@ -110,7 +110,7 @@ def _random_series(
             bounds.acceleration / np.abs(a).max(axis=0),
         ]
     )
-    # In the middle of the range where the motion is smaller than it.
+    # Centred in the range, if the motion is smaller.
     center = 0.5 * (bounds.lower + bounds.upper - scale * (low + high))
     return Fourier(center, scale * sine, scale * cosine, period_s, lowest)
 
@@ -131,12 +131,12 @@ def soft_run(length_s: float, ramp_s: float, dt: float) -> Vector:
 
 
 def point_to_point(start: Vector, end: Vector, bounds: Bounds, dt: float) -> Matrix:
-    """Straight in joint space, from rest to rest by a quintic, as fast as the bounds allow."""
-    way = np.abs(end - start)
+    """Straight line in joint space, from rest to rest by a quintic, as fast as the bounds allow."""
+    distance = np.abs(end - start)
     # Peaks of the quintic of length 1 in time 1: speed 1.875, acceleration 5.774.
     duration = max(
-        float((1.875 * way / bounds.velocity).max()),
-        float(np.sqrt(5.774 * way / bounds.acceleration).max()),
+        float((1.875 * distance / bounds.velocity).max()),
+        float(np.sqrt(5.774 * distance / bounds.acceleration).max()),
         dt,
     )
     x = np.clip(np.arange(0.0, duration + dt, dt) / duration, 0.0, 1.0)
@@ -147,7 +147,7 @@ def trajectory(
     motion: Fourier, here: Vector, bounds: Bounds, seconds: float, dt: float, ramp_s: float = 2.0
 ) -> Matrix:
     """Link positions (N, n) every dt: from `here` to the beginning of the motion, and `seconds` of
-    it, rounded up to whole periods, with a soft start and a soft stop."""
+    it, rounded up to whole periods, with a soft start and stop."""
     periods = max(1, int(np.ceil(seconds / motion.period_s - 1e-9)))
     path, _, _ = motion.at(soft_run(periods * motion.period_s, ramp_s, dt))
     return np.vstack([point_to_point(here, path[0], bounds, dt), path[1:]])

@@ -4,9 +4,9 @@ corrected: `docs/estimator.md` has the table.
     r_nl = low_pass(d(M q_dot)/dt - beta - tau_M) = -tau_mu - B theta_ddot         engaged
     r_nl = low_pass(d(M q_dot)/dt - beta)         = -tau_mu                        in the gap
 
-Engaged, motor and link friction rub together and only their sum K_theta can be found (the columns
-of the two have a condition number in the thousands). Link friction K_q shows alone only in the
-gap, and there poorly.
+Engaged, motor and link friction act together, and only their sum K_theta is identifiable (the
+columns of the two have a condition number in the thousands). Link friction K_q shows separately
+only in the gap, and there poorly.
 """
 
 from collections.abc import Sequence
@@ -40,18 +40,18 @@ from identification.sticking import held
 from identification.touches import near
 
 SHORTEST_S = 10.0
-"""Least motion [s] unless less is asked for."""
+"""Least motion [s], unless less is requested."""
 _ROUNDS = 3
-_SPARSE = 50  # intervals, of which one pose shows the links' inertia
+_SPARSE = 50  # intervals per pose at which the links' inertia is sampled
 _B = COLUMNS.index("B")
 _SHOWS = 0.3
-"""Least change of gravity that is compared, as a share of Coulomb friction."""
+"""Least change of gravity that is evaluated, as a share of Coulomb friction."""
 _NOTHING = (
-    "it came out as nothing, which no rotor is: a current that is later than "
+    "it came out as zero, which is impossible: a current that is later than "
     "estimator.current_delay_ms hides it; B keeps its value"
 )
 _OF_OTHERS = (
-    "its `torque_constant` is a guess, that of other joints: look it up, and remove the mark"
+    "its `torque_constant` is a guess, copied from other joints: look it up, and remove the mark"
 )
 _UNFILTERED = (
     "the drives do not filter their current (estimator.current_delay_ms is 0), and it is sampled "
@@ -70,9 +70,9 @@ class Reconstruction:
     touched: tuple[str, ...]
     """Joints that a person touched"""
     discarded_s: float
-    """discarded because of these touches [s]"""
+    """time discarded because of these touches [s]"""
     late: Vector
-    """Delay of each link encoder behind the motor's (n,) [s]; 0 where that does not show"""
+    """Delay of each link encoder behind the motor's (n,) [s]; 0 if it does not show"""
 
 
 def identify_friction(
@@ -90,11 +90,11 @@ def identify_friction(
 ) -> tuple[list[FrictionFit], Reconstruction]:
     """Coefficients of every joint from contact-free motion.
 
-    transmission: half-gaps as identified, and friction to begin with; max_current (n,) [A];
-    weighed: the model has identified masses; by_urdf: the model before that; makes: of the joints'
-    drives, which step, or ramp, alike; one if it is left out; guessed: shares (n,) by which torque
-    constants that are guesses may be off, infinite where nothing shows them.
-    Raises LogError for a log of less than `shortest_s`.
+    transmission: identified half-gaps, and initial friction; max_current (n,) [A]; weighed: the
+    model has identified masses; by_urdf: the model before that; makes: of the joints' drives, as
+    drives of one make step, or ramp, alike; by default a single one; guessed: shares (n,) by which
+    guessed torque constants may be off, infinite where nothing shows them. Raises LogError for a
+    log of less than `shortest_s`.
     """
     if log.measured_s + log.period_s < shortest_s - 1e-6:
         raise LogError(
@@ -104,8 +104,7 @@ def identify_friction(
     cut: Mask = np.abs(rows.current) > 0.98 * max_current
     touched = np.zeros_like(cut)
     sticking, unknown = held(rows, transmission.sign_width)
-    # Each round sees the gap with the friction of the one before, and what the one before could not
-    # explain.
+    # Each round locates the gap with the friction of the last, and omits what that did not explain.
     for _ in range(_ROUNDS):
         where = locate(rows, transmission, settings)
         found = regression(rows, transmission, where, sticking)
@@ -138,8 +137,8 @@ def identify_friction(
         quick = regression(rows, transmission, where, sticking, STEP_GAIN)
         more, error = missed(quick, solved, rows)
 
-        def refit(whole: Intervals) -> Vector:
-            again = regression(whole, transmission, where, sticking)
+        def refit(corrected: Intervals) -> Vector:
+            again = regression(corrected, transmission, where, sticking)
             return np.array([
                 solve(again.columns[:, i], again.nuisance[:, i], again.r_nl[:, i], one.weight,
                       np.isfinite(one.errors), rows.time_s)[0][_B]
@@ -166,7 +165,7 @@ def identify_friction(
 def _uncoupled(
     fits: list[FrictionFit], solved: list[Solution], rows: Intervals, sign_width: float
 ) -> list[FrictionFit]:
-    """Fits, in which those are refused whose motors turn each other's joint, too."""
+    """Fits, with those refused whose motors turn each other's joint, too."""
     left, weight = (
         np.stack([getattr(s, name) for s in solved], axis=1) for name in ("left", "weight")
     )
@@ -175,8 +174,8 @@ def _uncoupled(
     new = list(fits)
     for i, j in pairs.items():
         if fits[i].verdict in (Verdict.GOOD, Verdict.BAD_FIT):
-            about = (f"the residual follows the motion of {fits[j].joint}, and the other way "
-                     "round: one motor turns both, and the friction of either is not its own. "
+            about = (f"its residual follows the motion of {fits[j].joint}, and vice versa: one "
+                     "motor turns both, and the friction of either is not its own. "
                      "Give positions and currents of the joints, not of the motors")  # fmt: skip
             new[i] = replace(fits[i], verdict=Verdict.COUPLED, reason=about)
     return new
@@ -185,9 +184,9 @@ def _uncoupled(
 def _doubted(
     fits: list[FrictionFit], steps: Mask, shares: Vector, rotors: Vector, *, weighed: bool
 ) -> list[FrictionFit]:
-    """Fits with what drives may have kept from B, by its share, in its error; of those that step,
-    with the B of whole periods, two standard errors above the sampled one, so that drives that
-    ramp are not excluded; without where their loop does not show it."""
+    """Fits whose error of B includes the share that drives may have hidden from it. Drives that
+    step get the B of whole periods, two standard errors above the sampled one, so that drives that
+    ramp are not excluded; B is doubted if their loop does not show it."""
     why = STEPS if weighed else f"{STEPS}; {OR_MASSES}"
     new = []
     for fit, stepped, share, rotor in zip(fits, steps, shares, rotors, strict=True):

@@ -1,7 +1,7 @@
-"""Errors of friction that no log shows: those of masses, torque constants and motors' own loops.
+"""Errors of friction that no log shows: of masses, torque constants and the motors' own loops.
 
-A fit is as good as ever where the model's inertial torque is a share too large: rotor and friction
-take it. So stated errors bear it, beside the noise.
+A fit is as good as ever if the model's inertial torque is too large by some share: rotor and
+friction absorb it. So the stated errors include it, besides the noise.
 """
 
 from dataclasses import replace
@@ -17,17 +17,17 @@ from identification.regression import COLUMNS, GAIN, NORMAL_95, Regression, Solu
 from identification.setpoint_steps import OF_POSITIONS
 
 _BY_URDF, _IDENTIFIED = 0.03, 0.01
-"""Least shares by which masses are believed to be off."""
+"""Least relative errors that are assumed of masses."""
 _CONSTANT_OFF = 0.03
-"""Share by which a torque constant is believed to be off before gravity shows it: data sheets state
+"""Relative error that is assumed of a torque constant until gravity shows it: data sheets state
 those of motors to 5 or 10 %, and efficiencies of gears no better (95 %)."""
 _ALIKE = 2  # joints
 _LOAD_OFF = 0.06
-"""Least share by which friction per transmitted torque is believed to be off: gears differ for
-driving and being driven, and what the link alone rubs is not known apart."""
+"""Least relative error that is assumed of load friction: gears differ between driving and being
+driven, and the friction of the link alone is not known separately."""
 _FALLS = 0.6
-"""Standard error per change of a coefficient beside friction that falls with speed: 95 % intervals
-hold truths whose friction is up to 1.3 times Coulomb's near rest, and falls within 0.1 rad/s."""
+"""Standard error per change of a coefficient by friction that falls with speed: 95 % intervals
+cover friction of up to 1.3 times Coulomb's near rest that falls within 0.1 rad/s."""
 _NEAR_REST = 0.002
 """Share of Coulomb friction that may seem to depend on speed, as it is lower near rest."""
 
@@ -43,20 +43,19 @@ def with_what_is_believed(
     by_urdf: Intervals | None = None,
     guessed: Vector,
 ) -> list[FrictionFit]:
-    """Fits whose errors include those that a log cannot show: the torque constant's own, as
-    `constant_off` has it; the model's inertial torque, which comes out as rotor and friction, off
-    by as much as gravity is, or by the least error of a URDF's masses, and its bodies off as
-    `by_bodies` has it, or by the error of those that were `weighed`, with what that changed of
-    intervals `by_urdf`; friction that falls with speed
-    (Stribeck's), of which the model knows nothing; and Coulomb friction taken for viscous. Torque
-    constants that were `guessed` may be off by these shares (n,)."""
+    """Fits whose errors include those that a log cannot show: of the torque constant
+    (`constant_off`); of the model's inertial torque, which appears as rotor and friction, and is
+    off by as much as gravity, at least by the error of a URDF's masses; of its bodies
+    (`by_bodies`), or of those that were `weighed`, with the change from intervals `by_urdf`; of
+    friction that falls with speed (Stribeck's), which the model lacks; and of Coulomb friction
+    taken for viscous. Guessed torque constants may be off by the shares `guessed` (n,)."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
     least = _IDENTIFIED if weighed else _BY_URDF
     off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least)
     inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
     moved = np.zeros_like(inertial)
-    if by_urdf is not None:  # what weighing changed is as little sure: gravity shows no inertia
+    if by_urdf is not None:  # what weighing changed is as uncertain: gravity shows no inertia
         moved = inertial - low_pass(by_urdf.inertial - by_urdf.gravity, by_urdf, GAIN)
     of_bodies = np.zeros((len(fits), 3)) if weighed else by_bodies(solved, found, rows, model)
     alike = max(constant_off(shared(shown)), _CONSTANT_OFF)
@@ -95,17 +94,17 @@ def with_what_is_believed(
 
 
 def shared(scales: Vector) -> float:
-    """Gravity's scale that all joints that show one (k,) share, else NaN: currents of one log are
-    in one unit, so that an axis that gravity does not turn is as far off."""
+    """Scale of gravity that is common to all joints that show one (k,), else NaN: the currents of
+    one log have one unit, so that an axis that gravity does not turn is as far off."""
     off = scales - 1.0
     agree = len(off) >= _ALIKE and abs(np.sign(off).sum()) == len(off)
     return float(1.0 + off[np.argmin(np.abs(off))]) if agree else float("nan")
 
 
 def constant_off(gravity_scale: float) -> float:
-    """Share by which a torque constant is believed to be off: by data sheets alone (NaN: gravity
-    does not change, or its masses were identified by this constant), or by gravity too, of which
-    constant and URDF's masses take their parts by their variances."""
+    """Relative error that is assumed of a torque constant: by data sheets alone (NaN: gravity does
+    not change, or its masses were identified with this constant), or by gravity, too, whose
+    deviation is divided between the constant and the URDF's masses by their variances."""
     if not np.isfinite(gravity_scale):
         return _CONSTANT_OFF
     both = float(np.hypot(_CONSTANT_OFF, _BY_URDF))
@@ -114,9 +113,9 @@ def constant_off(gravity_scale: float) -> float:
 
 
 def with_steps(fits: list[FrictionFit], falls: Vector) -> list[FrictionFit]:
-    """Fits of motors that get a position once a period: until the next their torque falls, by
-    `falls` (n,) = stiffness T [Nm s/rad] with their velocity, and is sampled at one moment. Up to
-    half of that is in the viscous friction, which the residual needs so; the gear's own is not."""
+    """Fits of motors that get a position once a period: until the next one their torque falls with
+    their velocity, by `falls` (n,) = stiffness T [Nm s/rad], and is sampled at one moment. Up to
+    half of that is in the viscous friction, as the residual needs it, but not in the gear's own."""
     new, name = list(fits), COLUMNS[1]
     for i in np.flatnonzero(falls):
         error = float(np.hypot(fits[i].errors.get(name, 0.0), 0.5 * falls[i] / NORMAL_95))

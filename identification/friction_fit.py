@@ -1,4 +1,4 @@
-"""Friction found of one joint, how well it is known, and the transmission with it."""
+"""Friction identified for one joint, its uncertainty, and the transmission that adopts it."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,11 +10,11 @@ from identification.regression import NORMAL_95
 from identification.sticking import SURE
 
 WIDE = 0.15
-"""Width of the interval of a friction over it, beyond which it is worth to know it better."""
+"""Relative width of a friction's interval from which on a better identification is worth it."""
 _MATTERS = 0.1
-_NARROWER = 0.8  # times the interval, for which masses are worth identifying
+_NARROWER = 0.8  # factor on the interval for which masses are worth identifying
 _SURE = 6.0
-"""Standard errors from zero at which friction seen in the gap is believed: they are those of noise,
+"""Standard errors from zero at which friction seen in the gap is trusted: they are of noise only,
 and it was up to four of them off the truth."""
 
 
@@ -29,11 +29,11 @@ class FrictionFit:
     values: dict[str, float]
     """Coefficients by names of `COLUMNS`; those that were not fitted are missing."""
     errors: dict[str, float]
-    """Standard errors: `noise`, and what masses and torque constants that may be wrong make."""
+    """Standard errors: `noise`, and those by masses and torque constants that may be wrong."""
     noise: dict[str, float]
-    """Part of them that a longer motion makes smaller, from the scatter between blocks of 1 s"""
+    """Part of them that a longer motion reduces, from the scatter between blocks of 1 s"""
     of_masses: dict[str, float] = field(default_factory=dict)
-    """Part of them that identified masses take off"""
+    """Part of them that identified masses remove"""
     seconds: float
     """of the motion"""
     r2: float
@@ -41,35 +41,34 @@ class FrictionFit:
     condition: float
     """Condition number of the scaled columns that count while engaged."""
     gravity_scale: float
-    """Gravity that the motor carries, by K_c, over the model's: 1 where they agree; NaN where
-    gravity hardly changes."""
+    """Gravity that the motor carries, by K_c, over the model's: 1 if they agree; NaN if gravity
+    hardly changes."""
     gravity_change: float
     """Range of the model's gravity over the motion [Nm]."""
     offset: float
-    """Torque [Nm] that the current shows all the time, and nothing takes."""
+    """Constant torque [Nm] in the current that nothing explains."""
     rotor_doubt: str
-    """Reason why B is not that of the rotor, and what to do; empty where it is."""
+    """Reason why B is not that of the rotor, and what to do; empty if it is."""
     stiction: float
-    """Share of K_theta_s that near rest is what the last motion left; NaN where it did not show"""
+    """Share of K_theta_s that near rest is what the last motion left; NaN if it did not show"""
     stiction_error: float
     """Its standard error"""
     load_bound: float
-    """Most that the Coulomb friction per transmitted torque may be, seen or not (95 %)."""
+    """Upper bound of Coulomb friction per transmitted torque, seen or not (95 %)."""
 
     @property
     def rotor_trusted(self) -> bool:
-        """True where B may be used."""
+        """True if B may be used."""
         return not self.rotor_doubt
 
     @property
     def stiction_known(self) -> bool:
-        """True where `stiction` showed clearly."""
+        """True if `stiction` showed clearly."""
         return self.stiction_error < SURE
 
     @property
     def load(self) -> tuple[float, float] | None:
-        """95 % interval of the Coulomb friction per torque that the gear transmits; None where it
-        did not show."""
+        """95 % interval of the Coulomb friction per transmitted torque; None if it did not show."""
         if "K_load" not in self.values:
             return None
         share, off = self.values["K_load"], NORMAL_95 * self.errors["K_load"]
@@ -81,24 +80,24 @@ class FrictionFit:
 
     @property
     def gravity_off(self) -> float:
-        """Torque [Nm] by which the model's gravity is off; 0 where that is a small part of the
+        """Torque [Nm] by which the model's gravity is off; 0 if that is a small part of the
         friction, or not known."""
         off = abs(self.gravity_scale - 1.0) * self.gravity_change
         return off if off > _MATTERS * self.values["K_theta_s"] else 0.0
 
     @property
     def unsure(self) -> float:
-        """Width of the 95 % interval of the friction over it, the wider of Coulomb and viscous."""
+        """Relative width of the 95 % interval of friction, the wider of Coulomb and viscous."""
         return self.unsure_after(self.seconds)
 
     @property
     def masses_matter(self) -> bool:
-        """True where that is clearly narrower with masses that were identified."""
+        """True if that is clearly narrower with identified masses."""
         return self.unsure_after(self.seconds, weighed=True) < _NARROWER * self.unsure
 
     def unsure_after(self, seconds: float, *, weighed: bool = False) -> float:
-        """The same of a motion like this one, but so long: noise goes with the root of its length,
-        what masses (unless `weighed`) and torque constant make stays."""
+        """The same for a motion like this one of another length: noise falls with the root of the
+        length; the part of masses (unless `weighed`) and torque constant remains."""
         shorter, of = self.seconds / seconds, self.of_masses if weighed else {}
         widths = [
             np.sqrt(self.errors[name] ** 2 - (1.0 - shorter) * self.noise[name] ** 2
@@ -108,8 +107,8 @@ class FrictionFit:
         return float(2.0 * NORMAL_95 * max(widths))
 
     def seconds_for(self, width: float) -> float:
-        """Length [s] of a motion like this one after which `unsure` is `width`; infinite where what
-        masses and torque constant make is wider."""
+        """Length [s] of a motion like this one after which `unsure` is `width`; infinite if the
+        part of masses and torque constant is wider."""
         needed = []
         for name, size in self._sizes():
             noise = self.noise[name] ** 2
@@ -118,13 +117,13 @@ class FrictionFit:
         return max(needed)
 
     def _sizes(self) -> list[tuple[str, float]]:
-        """Coulomb and viscous friction, by which their errors count; viscous friction that is a
-        tenth of the other at 1 rad/s does not matter."""
+        """Coulomb and viscous friction to which their errors are related, at least a tenth of
+        Coulomb's: smaller viscous friction, at 1 rad/s, does not matter."""
         least = max(_MATTERS * self.values["K_theta_s"], 1e-9)
         return [(name, max(self.values[name], least)) for name in ("K_theta_s", "K_theta_v")]
 
     def link_friction(self, name: str) -> float | None:
-        """K_q_s or K_q_v where the gap showed it clearly, else None."""
+        """K_q_s or K_q_v if the gap showed it clearly, else None."""
         value = self.values.get(name)
         return value if value is not None and value > _SURE * self.errors[name] else None
 
@@ -138,10 +137,10 @@ _ADOPTED = (
 
 
 def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
-    """The transmission with what was identified; joints that are not good keep what they have.
+    """Transmission with the identified values; joints whose fit is not good keep their old ones.
 
-    The sum K_theta is divided: the link gets K_q where the gap showed it clearly, else its old
-    share; the rotor gets the rest, K_theta - K_q, so that `motor_*` is the rotor's own.
+    The sum K_theta is divided: the link gets K_q if the gap showed it clearly, else its old share;
+    the rotor gets the rest, K_theta - K_q, so that `motor_*` is the rotor's own.
     """
     new = {name: getattr(t, name).copy() for name in _ADOPTED}
     for i, fit in enumerate(fits):
@@ -149,17 +148,17 @@ def adopt(t: Transmission, fits: list[FrictionFit]) -> Transmission:
             continue
         v = fit.values
         for kind, letter in (("coulomb", "s"), ("viscous", "v")):
-            whole = v[f"K_theta_{letter}"]
+            total = v[f"K_theta_{letter}"]
             link, rotor = new[f"link_{kind}"][i], new[f"motor_{kind}"][i]
             share = link / (link + rotor) if link + rotor > 0.0 else 0.0
             alone = fit.link_friction(f"K_q_{letter}")
-            link = min(share * whole if alone is None else alone, whole)
-            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, whole - link
+            link = min(share * total if alone is None else alone, total)
+            new[f"link_{kind}"][i], new[f"motor_{kind}"][i] = link, total - link
             new[f"gap_{kind}"][i] = v.get(f"K_phi_{letter}", 0.0)
         if fit.stiction_known:
             least, most = stiction_range(fit.stiction)
             new["least_stiction"][i], new["most_stiction"][i] = least, most
-        # Without it, its mean is in the Coulomb friction.
+        # Without load friction, its mean is in Coulomb friction.
         new["load_friction"][i], new["load_friction_error"][i] = load_range(fit.load)
         if fit.rotor_trusted:
             new["rotor_inertia"][i] = v["B"]

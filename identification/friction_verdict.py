@@ -10,20 +10,20 @@ from identification.regression import Solution
 LOWEST_R2 = 0.9
 HIGHEST_CONDITION = 100.0
 SLOWEST = 0.15
-"""A joint whose speed never exceeds this [rad/s] was not excited."""
+"""Speed [rad/s] that a joint must reach to count as excited."""
 TURNS = 4
-"""A joint that turns round fewer times was not excited."""
+"""Number of reversals that a joint must make to count as excited."""
 GRAVITY_TOLERANCE = 0.3
 _GRAVITY_OFF = 0.05
 WIDEST_PLAY = 2.5
-"""Half-gaps; two are the gap itself."""
+"""[half-gaps]; two are the gap itself."""
 GIVE = 0.006
-"""Motion that bending gears, late encoders and drift may add [rad]."""
+"""Relative motion that bending gears, late encoders and drift may add [rad]."""
 _MOST_CUT = 0.05
 
 
 class Verdict(StrEnum):
-    """Verdict on a joint's coefficients; everything but `good` keeps the old ones."""
+    """Verdict on a joint's coefficients; all except `good` keep the old ones."""
 
     GOOD = "good"
     NOT_EXCITED = "not excited"
@@ -40,8 +40,8 @@ class Verdict(StrEnum):
 def verdict_on(
     theta_dot: Vector, cut: float, gravity: float, solved: Solution
 ) -> tuple[Verdict, str]:
-    """Verdict and reason for a motion (N,) [rad/s] whose current was `cut` off for a share of the
-    time; gravity: as `FrictionFit.gravity_scale`."""
+    """Verdict and reason for a motion (N,) [rad/s] whose current was at its limit for the share
+    `cut` of the time; gravity: as `FrictionFit.gravity_scale`."""
     if about := unexcited(theta_dot):
         return Verdict.NOT_EXCITED, about
     if about := saturated(cut):
@@ -61,17 +61,17 @@ def verdict_on(
 
 
 def unexcited(theta_dot: Vector) -> str:
-    """Reason why a motion (N,) [rad/s] shows nothing of its joint, or ""."""
+    """Reason why a motion (N,) [rad/s] does not excite its joint, or ""."""
     speed = np.abs(theta_dot)
     turns = int(np.count_nonzero(np.diff(np.sign(theta_dot[speed > 0.05]))))
     if speed.max() >= SLOWEST and turns >= TURNS:
         return ""
-    return (f"fastest {speed.max():.2g} rad/s, turned round {turns} times: allow it more range or "
-            "speed (`limits`)")  # fmt: skip
+    return (f"fastest {speed.max():.2g} rad/s, {turns} reversals: allow more range or speed "
+            "(`limits`)")  # fmt: skip
 
 
 def saturated(cut: float) -> str:
-    """Reason why a current that was `cut` off for a share of the time is too little, or ""."""
+    """Reason why a current at its limit for the share `cut` of the time is insufficient, or ""."""
     if cut <= _MOST_CUT:
         return ""
     return (f"the current was at its limit {cut:.0%} of the time: less acceleration (`limits`), or "
@@ -79,7 +79,7 @@ def saturated(cut: float) -> str:
 
 
 def _poor(r2: float, gravity: float) -> str:
-    """Reason and advice for a friction that explains too little of the remaining torque."""
+    """Reason and advice for a fit that explains too little of the remaining torque."""
     if not np.isfinite(r2):
         return "too little motion is left to test it on: a longer one (`--seconds`), or more logs"
     about = f"R2 {r2:.3f} on held-out motion, at least {LOWEST_R2}: "
@@ -87,15 +87,15 @@ def _poor(r2: float, gravity: float) -> str:
         return (f"{about}gravity fits at {gravity:.2f}: check masses or `torque_constant`, or run "
                 "`contactd identify masses`")  # fmt: skip
     return (
-        f"{about}hands off, and nothing in its way? Else masses or `torque_constant`: run "
-        "`contactd identify masses`; or a friction that is none (a spring, a hose): friction.png "
+        f"{about}hands off, and nothing in its way? If so, check masses or `torque_constant`: "
+        "run `contactd identify masses`; or it is not friction (a spring, a hose): friction.png "
         "shows the residual"
     )
 
 
 def wider(moved: float, half_gap: float) -> str:
-    """Reason why the gap cannot be right, where link and rotor usually move `moved` [rad] against
-    each other, or "": a hand that stopped short of a border makes a half-gap too small."""
+    """Reason why the gap must be wider, if link and rotor usually move `moved` [rad] against each
+    other, or "": a hand that stops short of a border makes a half-gap too small."""
     if moved <= WIDEST_PLAY * half_gap + GIVE:
         return ""
     return (

@@ -4,10 +4,10 @@
   (`plateaus`, the paper's V-A).
 - The link is clamped, the motor pushes with slow ramps of torque: the dead zone of torque over phi
   (`ramps`).
-- The motor turns slowly to and fro where friction or gravity hold its link (`strokes`): without a
-  hand, and the way that `contactd identify gap` takes.
-- Both move: phi rests at either border, and runs ahead with speed if one encoder is late
-  (`gap_in_motion`), which is where the skew between the encoders shows.
+- The motor turns slowly to and fro while friction or gravity holds its link (`strokes`): without a
+  hand, and the method of `contactd identify gap`.
+- Both move: phi rests at either border, and leads in proportion to speed if one encoder is late
+  (`gap_in_motion`), which shows the skew between the encoders.
 """
 
 from dataclasses import replace
@@ -31,21 +31,20 @@ from identification.ramps import from_ramps
 from identification.stroke_samples import stroking
 from identification.strokes import from_strokes
 
-_WIDEST = 0.5  # [rad]: what a configuration takes
+_WIDEST = 0.5  # [rad], the most that a configuration accepts
 _PARTLY = 0.6
-_ALIKE = 1.1  # times what phi spans in one sitting: so it spans in all where zeros stay
-_SHAKEN = 0.05  # [rad]: a motor that was to stand is pushed about by less
-_WALKS = 2.0  # Kuiper: range of noise that adds up, its mean taken out, in 99 of 100 logs
+_ALIKE = 1.1  # range of phi over all sittings relative to one, if the zeros are unchanged
+_SHAKEN = 0.05  # [rad]; a motor that is to stand still moves less
+_WALKS = 2.0  # Kuiper: range of integrated noise without its mean, in 99 of 100 logs
 
 
 def identify_gap(
     log: MotionLog, joint: int, torque_constant: float, gear: float = 0.0, *,
     by_hand: bool = False, stroked: bool = False,
 ) -> GapResult:  # fmt: skip
-    """Half-gap of one joint by the method that fits what moved in the log, which may be that of
-    several sittings, or `by_hand`, whatever a motor that gave way did, or `stroked`, however
-    unevenly its motor turned. gear: turns of the motor for one of the link, 0 where it is not
-    known."""
+    """Half-gap of one joint by the method that fits what moved in the log, which may contain
+    several sittings; `by_hand` even if the motor gave way, or `stroked` even if it turned unevenly.
+    gear: turns of the motor per turn of the link, 0 if unknown."""
     found = _found(log, joint, torque_constant, gear, by_hand=by_hand, stroked=stroked)
     if found.usable:
         widest = Limit("alpha", 1e3 * found.half_gap, 1e3 * _WIDEST, "mrad",
@@ -119,7 +118,7 @@ def by_strokes(log: MotionLog, joint: int, torque_constant: float, gear: float =
 def _by_hand(
     log: MotionLog, joint: int, torque_constant: float, q: Vector, theta: Vector
 ) -> GapResult:
-    """Half-gap from a hand. A motor that is pushed about gives none, unless its measured position
+    """Half-gap from a hand. A motor that is moved by it gives none, unless its measured position
     and its torque account for that."""
     moved_theta, between = spread(theta), spread(q - theta)
     name, torque = log.joints[joint], torque_constant * log.current[:, joint]
@@ -134,8 +133,8 @@ def _by_hand(
 
 
 def _spanning(log: MotionLog, joint: int) -> MotionLog:
-    """The log without sittings of another zero in which phi spans far less than in others: at one
-    border alone, they have no middle."""
+    """Log without sittings of another zero in which phi spans far less than in others: those at one
+    border only have no middle."""
     q, theta = positions(log, joint)
     phi, sittings = q - theta, log.stretches(PAUSE_S)
     if _one_zero(log, q, theta):
@@ -147,8 +146,8 @@ def _spanning(log: MotionLog, joint: int) -> MotionLog:
 
 
 def _one_zero(log: MotionLog, q: Vector, theta: Vector) -> bool:
-    """True where zeros stay as they are over all sittings: phi spans in all what it does in one,
-    and motors move; one that stands, as for a hand, may be led elsewhere in between."""
+    """True if the zeros are the same in all sittings: phi spans no more over all than in one, and
+    the motor moves; one that stands, as for a hand, may have been moved in between."""
     sittings, phi = log.stretches(PAUSE_S), q - theta
     if len(sittings) == 1 or log.motor_position is None:
         return len(sittings) == 1
@@ -157,9 +156,9 @@ def _one_zero(log: MotionLog, q: Vector, theta: Vector) -> bool:
 
 
 def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
-    """Positions (N,) [rad] of link and motor. Where a zero is another after a pause, each sitting
-    begins with the motor at zero and with the middle of its own phi there, so that sittings can be
-    compared."""
+    """Positions (N,) [rad] of link and motor. If a zero differs after a pause, each sitting is
+    shifted to begin with the motor at zero, and with the middle of its own phi there, so that
+    sittings can be compared."""
     q, theta = log.link_position[:, joint].copy(), np.empty_like(log.time_s)
     sittings = log.stretches(PAUSE_S)
     for rows in sittings:
@@ -174,8 +173,8 @@ def positions(log: MotionLog, joint: int) -> tuple[Vector, Vector]:
 
 
 def _theta(log: MotionLog, rows: slice, joint: int) -> Vector:
-    """Measured, or integrated; where the motor was to stand without the mean velocity, for an
-    uncalibrated bias adds 15 mrad in 40 s, and 0 where the rest is no more than noise adds up."""
+    """Motor position, measured or integrated. If the motor stood, the mean velocity is subtracted,
+    as an uncalibrated bias adds 15 mrad in 40 s; motion within integrated noise becomes 0."""
     if log.motor_position is not None:
         return log.motor_position[rows, joint]
     velocity, time_s = log.motor_velocity[rows, joint], log.time_s[rows]

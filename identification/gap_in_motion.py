@@ -1,4 +1,4 @@
-"""The half-gap and the skew between the encoders, from a motion of motor and link."""
+"""Half-gap and skew between the encoders, from a motion of motor and link."""
 
 from dataclasses import dataclass, replace
 
@@ -20,14 +20,14 @@ from identification.gap_result import (
     smoothed,
 )
 
-_RARE = 0.03  # share of the time in motion; a border met more rarely is not believed
+_RARE = 0.03  # share of the time in motion; a border met more rarely is not trusted
 _RESTS = 50  # fewest samples
-_ROTORS = 0.75  # of all friction, where nothing is known: half of it or all
-_WIDE = 0.5  # half the interval over alpha, at most
-_MUTE = 0.01  # [Nm]: no gear carries less; what says so has another unit
-_APART, _PLACES = 0.08, 24  # [rad] between places of a map, and their number at most
-_LARGEST = 0.015  # [rad] from end to end of a map
-_UNSURE = 0.1  # of what the gear bends: friction does not quite keep its size
+_ROTORS = 0.75  # rotor's share of all friction, if unknown: half to all
+_WIDE = 0.5  # largest half-interval over alpha
+_MUTE = 0.01  # [Nm], the least that a gear carries; less is in another unit
+_APART, _PLACES = 0.08, 24  # spacing of the places of a map [rad], and their largest number
+_LARGEST = 0.015  # largest range of a map [rad]
+_UNSURE = 0.1  # error of the bending: friction is not quite constant
 _SCATTERED = ("scatter of phi at the borders", "interval of alpha")
 
 
@@ -41,14 +41,14 @@ def from_motion(
     gear: float = 0.0,
     torque: Vector | None = None,
 ) -> GapResult:
-    """phi = c + c' t +- alpha - skew * velocity - kappa tau + what repeats with a turn of either
-    encoder, of the samples at which phi rests; the half-gap where there were `enough` crossings.
+    """Half-gap from phi = c + c' t +- alpha - skew * velocity - kappa tau + harmonics of both
+    encoders, at the samples where phi rests; given only with `enough` crossings.
 
-    Where a torque is known, the error is a map over the link's position, and kappa what phi shows
-    of it, as far as that is surer than what is usual.
+    If a torque is known, the harmonics become a map over the link's position, and kappa is the
+    gear's own as far as phi determines it better than the usual value.
 
-    gear: turns of the motor for one of the link, 0 where it is not known; torque (N,) [Nm] of the
-    motor, by which a usual gear bends (kappa tau): without it that is taken for gap.
+    gear: turns of the motor per turn of the link, 0 if unknown; torque (N,) [Nm] of the motor, by
+    which a usual gear bends (kappa tau): without it the bending is taken for gap.
     """
     speed = smoothed(theta_dot, 3)
     fast = float(np.percentile(np.abs(speed), 95.0))
@@ -70,8 +70,8 @@ def from_motion(
     if torque is None or (found.limit is not None and found.limit.name not in _SCATTERED):
         return found
     if found.limit is None and seen.size < _MUTE:
-        mute = Limit("what a gear carries at least, over its torque", _MUTE / max(seen.size, 1e-4),
-                     1.0, "", "that is not this motor's, or has another unit")  # fmt: skip
+        mute = Limit("least torque of a gear over the measured one", _MUTE / max(seen.size, 1e-4),
+                     1.0, "", "it is not this motor's, or has another unit")  # fmt: skip
         return refused(found, GapVerdict.UNCLEAR, [mute])
     closer = _mapped(name, seen, q[rests], repeats.columns[rests], enough)
     if found.limit is not None or not closer.usable:
@@ -83,29 +83,29 @@ def from_motion(
 def _load(
     torque: Vector, q: Vector, speed: Vector, rests: NDArray[np.bool_]
 ) -> tuple[Vector, float]:
-    """Torque (N,) [Nm] that the gear carries, the motor's without an offset and without its own
-    friction, and how far that may be off."""
-    torque, way = smoothed(torque, 3), np.sign(speed)
-    columns = np.stack([np.ones_like(q), way, speed, q - q.mean()], axis=1)
+    """Torque (N,) [Nm] that the gear carries: the motor's without offset and without its own
+    friction; and the error of that."""
+    torque, direction = smoothed(torque, 3), np.sign(speed)
+    columns = np.stack([np.ones_like(q), direction, speed, q - q.mean()], axis=1)
     found, *_ = np.linalg.lstsq(columns[rests], torque[rests], rcond=None)
     friction = max(float(found[1]), 0.0)
-    return torque - _ROTORS * friction * way, (1.0 - _ROTORS) * friction
+    return torque - _ROTORS * friction * direction, (1.0 - _ROTORS) * friction
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """Rests of phi in motion, (M,) each; phi without what a usual gear bends."""
+    """Samples at which phi rests in motion, (M,) each; phi without the bending of a usual gear."""
 
     time_s: Vector
     phi: Vector
     speed: Vector
     load: Vector
     off: float
-    """that the load may be off by [Nm]"""
+    """error of the load [Nm]"""
 
     @property
     def size(self) -> float:
-        """Median of the load's size [Nm]."""
+        """Median magnitude of the load [Nm]."""
         return float(np.median(np.abs(self.load)))
 
 
@@ -122,7 +122,7 @@ class _Fit:
 
 
 def _mapped(name: str, seen: _Seen, q: Vector, repeats: Matrix, enough: int) -> GapResult:
-    """Result with a map of errors over q (M,) and with the gear's own compliance."""
+    """Result with an error map over q (M,), and with the gear's own compliance."""
     count = int(np.clip(round(float(np.ptp(q)) / _APART), 3, _PLACES))
     places = np.linspace(q.min(), q.max(), count)
     hats = [np.interp(q, places, row) for row in np.eye(count)[1:]]
@@ -139,7 +139,8 @@ def _mapped(name: str, seen: _Seen, q: Vector, repeats: Matrix, enough: int) -> 
     size = float(np.ptp(columns @ fit.solution[4:]))
     found = replace(found, reason=f"{found.reason}; without errors of {1e3 * size:.2g} mrad that "
                     "repeat with the position")  # fmt: skip
-    map_ = Limit("these errors", 1e3 * size, 1e3 * _LARGEST, "mrad", "no encoder's: by hand")
+    too_large = "too large for encoders: measure the gap by hand"
+    map_ = Limit("these errors", 1e3 * size, 1e3 * _LARGEST, "mrad", too_large)
     return refused(found, GapVerdict.UNCLEAR, [map_]) if found.limit is None else found
 
 
@@ -163,7 +164,7 @@ def _fitted(seen: _Seen, further: Matrix) -> _Fit:
 
 
 def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEAR) -> GapResult:
-    """Result of a fit; unseen: what the gear may have bent otherwise [rad]; most: scatter over
+    """Result of a fit; unseen: unknown bending of the gear [rad]; most: largest scatter over
     alpha."""
     alpha = abs(float(fit.solution[2]))
     crossings = int(np.count_nonzero(np.diff(fit.side)))
@@ -188,7 +189,7 @@ def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEA
               "an elastic gear, or encoders with errors that repeat otherwise than 1 or 2 x per "
               "turn"),
         Limit(_SCATTERED[1], 1e3 * found.confidence, 1e3 * _WIDE * alpha, "mrad",
-              "gears bend by as much as this gap, or the current has another unit: by hand"),
+              "gears bend as much as this gap, or the current has another unit: measure by hand"),
     ]  # fmt: skip
     found = refused(found, GapVerdict.UNCLEAR, limits)
     few = Limit("crossings still missing", float(enough - crossings), 0.0, "", "move it longer")
@@ -196,7 +197,7 @@ def _judged(name: str, fit: _Fit, unseen: float, enough: int, most: float = CLEA
 
 
 def _robust(columns: Matrix, x: Vector) -> Vector:
-    """Least squares, then once more without what lies far off."""
+    """Least squares, then once more without outliers."""
     solution, *_ = np.linalg.lstsq(columns, x, rcond=None)
     left = np.abs(x - columns @ solution)
     near = left <= 3.0 * 1.4826 * np.median(left) + 1e-12
@@ -205,7 +206,7 @@ def _robust(columns: Matrix, x: Vector) -> Vector:
 
 
 def _block_errors(columns: Matrix, left: Vector, time_s: Vector) -> Vector:
-    """Standard errors from blocks of half a second, within which samples are alike."""
+    """Standard errors from blocks of half a second, within which samples are correlated."""
     starts = np.flatnonzero(np.diff((time_s - time_s[0]) // 0.5, prepend=-1.0))
     sums = np.add.reduceat(left[:, None] * columns, starts, axis=0)
     inverse = np.linalg.pinv(columns.T @ columns)

@@ -9,16 +9,16 @@ import numpy as np
 from common.arrays import Vector
 from identification.encoder_errors import Harmonic
 
-ENCODERS = 3e-5  # [rad]: what no scatter shows of them
+ENCODERS = 3e-5  # [rad], their error that no scatter shows
 SMALLEST = 0.001
-"""A half-gap below this [rad] is none: encoders and the gear's own bending are of that size."""
+"""A half-gap below this [rad] is none: encoders' errors and the gear's own bending are as large."""
 CROSSINGS = 15
-"""Differences between plateaus below which no figure is given."""
+"""Number of changes between plateaus below which no value is given."""
 CLEAR = 0.15
-"""Scatter of the plateaus, as a share of alpha, beyond which they are no borders."""
+"""Scatter of the plateaus, as a share of alpha, beyond which they are not borders."""
 ONE_BORDER = "only one border was met, or there is no gap: move the link by hand"
 
-_SAME = 1e-9  # [rad]: closer ones are one value of an encoder, rounded otherwise
+_SAME = 1e-9  # [rad]; closer values are the same value of an encoder, rounded differently
 
 
 class GapVerdict(StrEnum):
@@ -37,8 +37,8 @@ class GapVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GapResult:
-    """Result for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`. What
-    was refused keeps its figure as `estimate`, to be shown, never used."""
+    """Result for one joint. half_gap is NaN unless the verdict is `clear`; it is 0 for `none`. A
+    refused value is kept as `estimate`, to be shown, never used."""
 
     joint: str
     verdict: GapVerdict
@@ -49,16 +49,16 @@ class GapResult:
     confidence: float = float("nan")
     """Half width of the 95 % interval of alpha [rad]"""
     estimate: float = float("nan")
-    """alpha [rad] as it would be, where the verdict refuses it"""
+    """alpha [rad] that the verdict refused"""
     limit: "Limit | None" = None
     """Limit that the estimate exceeded"""
     compliance: float = float("nan")
-    """of the gear [rad/Nm], by a hand that pressed now more, now less"""
+    """of the gear [rad/Nm], from a hand that pressed with different forces"""
     crossings: int = 0
     skew_s: float = float("nan")
-    """Delay of the link encoder behind the motor's [s]; NaN where it does not show"""
+    """Delay of the link encoder behind the motor's [s]; NaN if it does not show"""
     harmonics: tuple[Harmonic, ...] = ()
-    """Errors of the encoders that repeat with a turn, as motion shows them"""
+    """Encoder errors that repeat with each turn, as the motion shows them"""
     coulomb: float = float("nan")
     """Friction inside the gap [Nm], from ramps only"""
     stiffness: float = float("nan")
@@ -66,13 +66,13 @@ class GapResult:
 
     @property
     def usable(self) -> bool:
-        """True where `half_gap` may go into a configuration."""
+        """True if `half_gap` may be used in a configuration."""
         return self.verdict in (GapVerdict.CLEAR, GapVerdict.NONE)
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Limit of a figure that a gap to be believed keeps, and what usually breaks it."""
+    """Limit that a credible gap keeps, and the usual cause if it does not."""
 
     name: str
     value: float
@@ -82,7 +82,7 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """False also where the figure is not a number."""
+        """True if the value is within its limit; False for NaN."""
         return self.value <= self.most
 
     def __str__(self) -> str:
@@ -91,8 +91,8 @@ class Limit:
 
 
 def refused(found: GapResult, verdict: GapVerdict, limits: Sequence[Limit]) -> GapResult:
-    """`found` where it keeps all limits; else its figure as an estimate, with the first limit that
-    it breaks."""
+    """`found` if it keeps all limits; else its value as an estimate, with the first one
+    exceeded."""
     broken = next((limit for limit in limits if not limit.kept), None)
     if broken is None:
         return found
@@ -107,14 +107,14 @@ def spread(values: Vector) -> float:
 
 
 def resolution(values: Vector) -> float:
-    """Step of an encoder, the smallest between two of its values; 0 of one value."""
+    """Resolution of an encoder, the smallest step between two of its values; 0 for only one."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > _SAME]
     return float(steps.min()) if len(steps) else 0.0
 
 
 def smoothed(values: Vector, width: int) -> Vector:
-    """Mean over `width` samples around each; the ends repeat."""
+    """Moving average over `width` samples; the values at the ends are repeated."""
     if width < 2:
         return values
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")

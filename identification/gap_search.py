@@ -1,9 +1,9 @@
-"""Search for the gap of one joint without a hand: which strokes its motor makes next, and where.
+"""Search for the gap of one joint without a hand: the strokes that its motor makes next, and where.
 
-A generator asks for strokes and is sent their log, so that a live arm and a simulation of many arms
-run the same search. It begins with few strokes through the gap that the configuration guesses,
-goes further while the link does not come along, moves to where gravity really changes side where
-the URDF was wrong about that, and ends with strokes that show the gap as exactly as may be.
+A generator requests strokes and is sent their log, so that a live arm and simulations of many arms
+run the same search. It begins with few strokes through the gap guessed by the configuration, widens
+them while the link does not follow, moves to where gravity really changes sign if the URDF was
+wrong about that, and ends with strokes that show the gap as precisely as possible.
 """
 
 from collections.abc import Callable, Generator
@@ -19,21 +19,21 @@ from identification.stroke_samples import balance
 from identification.strokes import STROKES
 
 SPEED = 0.03
-"""of the motor at the link [rad/s], at most"""
-_SLOW = 0.015  # [rad/s], where a gap is crossed within a second
-_SLOWEST, _PERIOD_S = 0.007, 0.01  # [rad/s] for a longer period: between two samples it goes on
+"""Largest speed of the motor at the link [rad/s]."""
+_SLOW = 0.015  # [rad/s], for gaps that else are crossed within a second
+_SLOWEST, _PERIOD_S = 0.007, 0.01  # [rad/s] for longer periods, between which it moves on
 _NARROW = 0.015  # [rad] of half-gap
 _SCOUTS = 2
-_BEYOND = 0.03  # [rad] beyond the gap, so that the link comes along
+_BEYOND = 0.03  # [rad] beyond the gap, so that the link follows
 WIDEST = 0.13
-"""Largest half-gap that is looked for [rad]."""
-_TURNS = 1.1  # of the motor while it carries its link: its encoder's errors show
+"""Largest half-gap that is searched for [rad]."""
+_TURNS = 1.1  # of the motor while it carries its link, to show its encoder's errors
 FURTHEST = 0.15
-"""Way that the link is carried for that, at most [rad]."""
-_NEAR = 0.01  # [rad] of the balance: nearer need no strokes be
+"""Largest distance that the link is carried for that [rad]."""
+_NEAR = 0.01  # [rad] from the balance; strokes need not be closer
 _MOVES = 3
-_AGAIN = 2  # times as many strokes, once, where they left alpha unclear
-_OFF = 0.3  # [rad]: further from the URDF's balance there is none
+_AGAIN = 2  # factor on the number of strokes, once, if they leave alpha unclear
+_OFF = 0.3  # [rad], largest distance of the balance from the URDF's
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Strokes:
     about: float
     """Link position of that pose [rad]"""
     way: float
-    """of the motor from end to end [rad]"""
+    """distance of the motor from end to end [rad]"""
     speed: float
     """[rad/s]"""
     count: int
@@ -51,7 +51,7 @@ class Strokes:
 
 Search = Generator[Strokes, MotionLog, GapResult]
 Gravity = Callable[[Vector], float]
-"""Gravity of one joint by the URDF [Nm], in a pose (n,) [rad]."""
+"""Gravity torque of one joint by the URDF [Nm], in a pose (n,) [rad]."""
 
 
 def search(
@@ -64,10 +64,10 @@ def search(
     room: tuple[float, float],
     period_s: float = _PERIOD_S,
 ) -> Search:
-    """Search for the gap of `joint`; guess: half-gap [rad] to begin with; start: link position
-    [rad] at which gravity changes side by the URDF; room: link positions [rad] within which it is
-    to stay; period_s: between two samples of the logs, [s]: the motor turns slower where it is
-    long. Returns the result."""
+    """Search for the gap of `joint`. guess: initial half-gap [rad]; start: link position [rad] at
+    which gravity changes sign by the URDF; room: range of link positions [rad] to stay within;
+    period_s: sampling period of the logs [s]; a long one slows the motor down. Returns the
+    result."""
     half, about, moves = max(guess, 0.002), start, 0
     fastest = float(np.clip(SPEED * _PERIOD_S / period_s, _SLOWEST, SPEED))
 
@@ -106,8 +106,8 @@ def search(
 
 
 def _balance(log: MotionLog, joint: int, torque_constant: float, gravity: Gravity) -> float:
-    """Link position [rad] at which the load that the motor really holds changes side, by the slope
-    of the URDF's gravity; NaN where there is no gravity to speak of."""
+    """Link position [rad] at which the load that the motor really holds changes sign, by the slope
+    of the URDF's gravity; NaN if gravity is negligible."""
     pose, step = log.link_position.mean(axis=0), np.zeros(log.n)
     step[joint] = 0.01
     slope = (gravity(pose + step) - gravity(pose - step)) / 0.02

@@ -11,16 +11,16 @@ from identification.body_rows import BodiesFit
 from identification.possible_bodies import prior
 
 _POSES = 200
-_CARRIES = 2.0  # times what gravity may be off by the URDF: of less, no share is unlikely
+_CARRIES = 2.0  # least ratio of gravity to its prior error, from which on its scale is meaningful
 
 
 @dataclass(frozen=True, slots=True)
 class GravityErrors:
     """Errors of gravity at each joint (n,) over poses within the limits."""
 
-    share: Vector  # standard deviation after the fit, as a share of before
+    share: Vector  # standard deviation after the fit, over that before
     before: Vector  # standard deviation before the fit [Nm]
-    scale: Vector  # gravity found over that by the URDF; 1 where the latter is little
+    scale: Vector  # gravity found over the URDF's; 1 where that is small
 
 
 def gravity_errors(
@@ -30,8 +30,8 @@ def gravity_errors(
     limits: tuple[Vector, Vector],
     fit: BodiesFit,
 ) -> GravityErrors:
-    """Errors by the nominal parameters (k, 10) of the bodies `massive` (k,), and by those found;
-    limits: lower and upper (n,) [rad]."""
+    """Errors with the nominal parameters (k, 10) of the bodies `massive` (k,), and with the fitted
+    ones; limits: lower and upper (n,) [rad]."""
     drawn = np.random.default_rng(0).uniform(*limits, (_POSES, model.n))
     none = np.zeros(model.n)
     Y = np.array([model.regressor(q, none, none)[:, massive] for q in drawn])

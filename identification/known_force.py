@@ -1,13 +1,13 @@
-"""Known force at the tool: how far off the newtons are, and torque constants that explain it.
+"""Known force at the tool: the error of its estimate, and torque constants that explain it.
 
-A residual is K_c times a current: with a constant that is k times the configured one, a force f at
-the tool shows r_i = (J^T f)_i / k_i, and up to e_i of it is friction that holds the motor. Of all
+A residual is K_c times a current: if a constant is k times the configured one, a force f at the
+tool shows r_i = (J^T f)_i / k_i, and up to e_i of it is friction that holds the motor. Over all
 poses but the last,
 
     k_i = sum tau_i r_i / sum r_i^2,    within  sum |r_i| e_i / sum r_i^2,    tau = J^T f
 
-and the last, the witness, must show the force better with them. Where one is off by more than MOST,
-it is more likely the mass, or where it hangs, and none is proposed.
+and the last one, the held-out witness, must show the force better with them. If one is off by more
+than MOST, the mass or its place is more likely wrong, and none is proposed.
 """
 
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from common.arrays import Matrix, Vector
 
 MOST: Final = 0.1
-"""Largest correction, and largest error of a constant that is believed, as a share."""
-_USUAL_N: Final = 100.0  # of a force beforehand
-_LEVER: Final = 2.0  # times its friction, from which a joint's torque says anything
+"""Largest correction, and largest error of a constant that is accepted, as a share."""
+_USUAL_N: Final = 100.0  # prior standard deviation of a force
+_LEVER: Final = 2.0  # least ratio of a joint's torque to its friction
 
 
 @dataclass(frozen=True, slots=True)
 class HeldPose:
-    """One pose: what the known force (3,) [N], along the root's axes, added to the residuals (n,)
-    [Nm], the friction in which that is uncertain (n,) [Nm], and J of the tool point (3, n)."""
+    """One pose: the known force (3,) [N] along the root's axes, what it added to the residuals (n,)
+    [Nm], the friction by which that is uncertain (n,) [Nm], and J of the tool point (3, n)."""
 
     force: Vector
     added: Vector
@@ -36,23 +36,23 @@ class HeldPose:
     J: Matrix
 
     def error_N(self, factor: Vector) -> float:
-        """Error of the force by residuals with torque constants that are so many times theirs (n,),
-        where the joints show it [N]."""
+        """Error of the force along directions that the joints show, from residuals times `factor`
+        (n,) [N]."""
         weight = 1.0 / np.square(self.friction)
         S = (self.J * weight) @ self.J.T
-        ways, _, _ = np.linalg.svd(S)
-        seen = np.sqrt(np.diag(ways.T @ np.linalg.inv(S + np.eye(3) / _USUAL_N**2) @ ways))
+        axes, _, _ = np.linalg.svd(S)
+        seen = np.sqrt(np.diag(axes.T @ np.linalg.inv(S + np.eye(3) / _USUAL_N**2) @ axes))
         found = np.linalg.solve(
             S + np.eye(3) / _USUAL_N**2, (self.J * weight) @ (factor * self.added)
         )
-        off = ways.T @ (found - self.force)
+        off = axes.T @ (found - self.force)
         return float(np.linalg.norm(off[seen < 0.5 * np.linalg.norm(self.force)]))
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Factors of the torque constants (n,) with their bounds, those that are proposed (1: none),
-    those that cannot be a constant's, and the witness's error with neither and with these [N]."""
+    """Factors of the torque constants (n,) with their bounds, the proposed ones (1: none), those
+    too large for a constant, and the witness's error with the present and the proposed ones [N]."""
 
     factor: Vector
     bound: Vector
@@ -63,14 +63,14 @@ class Correction:
 
     @property
     def witnessed(self) -> bool:
-        """True if the witness agrees: its error is less by a tenth."""
+        """True if the held-out error drops by more than a tenth."""
         return self.after_N < 0.9 * self.before_N
 
 
 def correct(poses: Sequence[HeldPose]) -> Correction:
-    """Correction from two poses and more; the last is the witness. A proposal is the nearest to the
-    present constant that the bounds allow; none is made where the joint shows less than its
-    friction, nor any where one would be more than MOST of it."""
+    """Correction from two or more poses; the last is held out. A proposal is the value within the
+    bounds that is nearest to the present constant; none is made for a joint that shows less than
+    its friction, nor any if one would exceed MOST."""
     r = np.array([pose.added for pose in poses[:-1]])
     tau = np.array([pose.J.T @ pose.force for pose in poses[:-1]])
     e = np.array([pose.friction for pose in poses[:-1]])

@@ -1,10 +1,10 @@
-"""Limit cycle of a position loop: joints that swing by themselves, at one frequency, in a log.
+"""Limit cycles of a position loop: joints that oscillate by themselves, at one frequency, in a log.
 
-A loop on the link's position swings to and fro through a gap whose link nothing holds: by as much
-as the gap is wide, and at a frequency that falls with the loop's gain. It shows as a steady line in
-the motor's velocity beside what was commanded, and link and rotor meet both borders of the gap
-with each swing. What rings after a reversal fades, or at one border; what an excitation commands
-lies below `LOWEST_HZ`.
+A loop on the link's position oscillates through a gap whose link nothing holds: by as much as the
+gap is wide, and at a frequency that falls with the loop's gain. It shows as a steady line in the
+spectrum of the motor velocity beside what was commanded, and link and rotor meet both borders of
+the gap in each swing. Ringing after a reversal decays, or stays at one border; what an excitation
+commands lies below `LOWEST_HZ`.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ LOWEST_HZ = 1.7
 WINDOW_S = 4.0
 _HOP = 0.5  # of a window
 _HIGHEST = 0.2  # of the sampling frequency
-_LINE = 3  # bins to either side that a steady line takes under Hann's window
-_SHARE = 0.6  # of the power above `LOWEST_HZ` that one line has
+_LINE = 3  # bins to either side that a steady line takes under a Hann window
+_SHARE = 0.6  # least share of the power above `LOWEST_HZ` in one line
 _SMALLEST = 0.001  # amplitude of the motor [rad at the link] that is worth reporting
-_FADED = 0.3  # of its amplitude within a window: that rings, and ends
+_FADED = 0.3  # least ratio of its amplitudes within a window: less is ringing, which ends
 _ACROSS = 0.6
-"""Swing of phi as a share of the half-gap: 1.2 and more where nothing disturbs it, 0.7 and more in
-an excitation; ringing after each reversal of one reached 0.5."""
-_STEADY = 0.2  # by which the frequency may wander from window to window
-_IN_A_ROW = 3  # windows: what repeats with an excitation is over by then
+"""Swing of phi as a share of the half-gap: 1.2 and more if nothing disturbs it, 0.7 and more in an
+excitation; ringing after each reversal of one reached 0.5."""
+_STEADY = 0.2  # relative change of frequency from window to window, at most
+_IN_A_ROW = 3  # consecutive windows: what repeats with an excitation is over by then
 _SPOILS = 0.4
-_LEAST = 0.001  # [rad]: of a joint without a gap, or with an unknown one
+_LEAST = 0.001  # [rad], half-gap of a joint without one, or with an unknown one
 _NONE = (0.0, 0.0)
 ENDING_SHARE = 0.25
 """Share of the present gain at which the cycle ends: `tests/bench/test_upright_arm.py`."""
@@ -37,32 +37,31 @@ ENDING_SHARE = 0.25
 
 @dataclass(frozen=True, slots=True)
 class LimitCycle:
-    """Joint that swings by itself."""
+    """Joint that oscillates by itself."""
 
     joint: str
     frequency_Hz: float
     amplitude: float
     """of the motor, at most [rad at the link]"""
     lasted_s: float
-    """in which it swung"""
+    """total duration"""
     share: float
     """of the log"""
 
     @property
     def spoils(self) -> bool:
-        """True where it swung for so long that the motion shows nothing else."""
+        """True if it lasted so long that the motion shows nothing else."""
         return self.share > _SPOILS
 
 
 def limit_cycles(
     log: MotionLog, commanded: Matrix | None = None, half_gap: Vector | None = None
 ) -> list[LimitCycle]:
-    """Joints that swing by themselves, those that swing furthest first.
+    """Joints that oscillate by themselves, largest amplitude first.
 
-    commanded (N, n): reference of the link positions [rad], where it is known; without it, a motion
-    that was commanded above `LOWEST_HZ` is taken for a cycle, too. half_gap (n,) [rad]: a joint
-    swings only if it crosses its gap; without it, what rings is taken for a cycle where it rings
-    all the time.
+    commanded (N, n): reference of the link positions [rad], if it is known; without it, motion that
+    was commanded above `LOWEST_HZ` counts as a cycle, too. half_gap (n,) [rad]: a joint counts only
+    if it crosses its gap; without it, ringing counts if it never ends.
     """
     width = round(WINDOW_S / log.period_s)
     if width < 8:
@@ -97,22 +96,21 @@ def limit_cycles(
 
 
 def _line(w: Vector, asked: Vector, period_s: float) -> tuple[float, float]:
-    """Frequency [Hz] and amplitude [rad] of the line that carries a window of velocities (N,)
-    [rad/s] beside those `asked` for, both 0 where there is none."""
+    """Frequency [Hz] and amplitude [rad] of the line that dominates a window of velocities (N,)
+    [rad/s] beyond those `asked` for; both 0 without one."""
     w = w - asked
     spectrum = _spectrum(w)
     frequency = np.fft.rfftfreq(len(w), period_s)
     power = np.where(frequency >= LOWEST_HZ, spectrum**2, 0.0)
     k = int(np.argmax(np.where(frequency <= _HIGHEST / period_s, power, 0.0)))
     near, *overtones = (slice(max(m * k - _LINE, 0), m * k + _LINE + 1) for m in (1, 2, 3))
-    whole, line = float(power.sum()), float(power[near].sum())
-    # The borders of a gap, struck, add overtones.
+    total, line = float(power.sum()), float(power[near].sum())
+    # Impacts at the borders of a gap add overtones.
     line += sum(float(power[each].sum()) for each in overtones)
-    # What rises towards the lower end belongs to what is below it; what lags belongs to what was
-    # asked for.
+    # A rise towards the lower end belongs to motion below it; a lag belongs to what was asked for.
     if (
-        whole == 0.0
-        or line < _SHARE * whole
+        total == 0.0
+        or line < _SHARE * total
         or spectrum[k] < max(spectrum[k - 1], _spectrum(asked)[k])
     ):
         return _NONE
@@ -123,24 +121,24 @@ def _line(w: Vector, asked: Vector, period_s: float) -> tuple[float, float]:
 
 
 def _amplitude(x: Vector, hertz: float, period_s: float) -> float:
-    """Amplitude of the line near a frequency in a window (N,) [rad]."""
+    """Amplitude [rad] of the line near a frequency in a window (N,)."""
     k = round(hertz * len(x) * period_s)
     return 2.0 * float(_spectrum(x)[max(k - 1, 0) : k + 2].max()) / float(np.hanning(len(x)).sum())
 
 
 def _spectrum(w: Vector) -> Vector:
-    """Size of a window's Fourier transform, without its mean and trend."""
+    """Magnitude of a window's Fourier transform, without its mean and trend."""
     t = np.linspace(-1.0, 1.0, len(w))
     flat = w - np.polyval(np.polyfit(t, w, 1), t)
     return np.asarray(np.abs(np.fft.rfft(np.hanning(len(w)) * flat)))
 
 
 def _faintest(w: Vector, hertz: float, period_s: float) -> float:
-    """Amplitude of a line in the quarter of a window in which it is faintest, over that in which it
-    is strongest: what rings fades."""
-    whole, frequency = np.fft.rfft(w), np.fft.rfftfreq(len(w), period_s)
+    """Amplitude of a line in the quarter of a window in which it is weakest, over that in which it
+    is strongest: ringing decays."""
+    spectrum, frequency = np.fft.rfft(w), np.fft.rfftfreq(len(w), period_s)
     beside = (frequency < 0.6 * hertz) | (frequency > 1.6 * hertz)
-    alone = np.fft.irfft(np.where(beside, 0.0, whole), len(w))
+    alone = np.fft.irfft(np.where(beside, 0.0, spectrum), len(w))
     turning = alone * np.exp(-2j * np.pi * hertz * period_s * np.arange(len(w)))
     quarters = np.abs([part.mean() for part in np.array_split(turning, 4)])
     return float(quarters.min() / quarters.max())

@@ -1,13 +1,13 @@
-"""Error of a link's encoder that repeats with its turn, from a motion in which the gear carries.
+"""Error of a link encoder that repeats with its turn, from a motion in which the gear carries.
 
     phi = q - theta = c + c' t + side alpha - kappa tau_M - skew q_dot + sum over orders of
           cosine_k cos(k a) + sine_k sin(k a)  [+ the motor's, likewise]
 
-at rests of phi, that is at a border of the gap; a is the angle of the encoder. What gravity bends
+at rests of phi, that is at a border of the gap; a is the encoder's angle. Bending by gravity
 repeats with the turn, too: hence the column of the torque. A joint that turns by less than
 `LEAST_TURN` shows too little of a turn to separate its harmonics from a straight line. Over less
-than a turn one harmonic takes the place of others, and is wrong where the joint has not been: as
-far as it differs there from a fit with more of them.
+than a turn one harmonic is confused with others, and wrong where the joint has not been: by as much
+as it differs there from a fit with more of them.
 """
 
 from collections.abc import Sequence
@@ -23,15 +23,15 @@ from identification.motion_log import MotionLog
 
 ORDERS = (1, 2)
 LEAST_TURN = SHOWN
-"""Share of a turn that the link must have made for each order."""
+"""Share of a period of each order that the link must have turned."""
 BESIDE = (1, 2, 3)
-"""Orders of the other fit."""
-_HALF = 0.5  # of the correction, that it may be off by within the limits
+"""Orders of the fit for comparison."""
+_HALF = 0.5  # largest error of the correction within the limits, as a share of it
 SMALLEST = 0.0001
-"""Amplitude [rad] that is worth a correction."""
+"""Least amplitude [rad] that is worth a correction."""
 MOST_LEFT = 0.8
 """Largest share of the scatter on held-out motion that a correction may leave."""
-_NO_LOAD = 0.1  # [Nm]: what less than this bends is no error
+_NO_LOAD = 0.1  # [Nm]; what less bends is negligible
 _SEPARATES = 1.5
 _RESTS = 500
 _PLACES = 100
@@ -40,7 +40,7 @@ _HELD_OUT = 0.3
 
 @dataclass(frozen=True, slots=True)
 class LinkEncoder:
-    """Harmonics of one link's encoder as (order, cosine, sine) [rad], empty where none is worth a
+    """Harmonics of one link encoder as (order, cosine, sine) [rad], empty if none is worth a
     correction, with the reason."""
 
     joint: str
@@ -49,7 +49,7 @@ class LinkEncoder:
     left: float = float("nan")
     """Scatter of phi at the borders on held-out motion, over that without the harmonics"""
     interval: float = float("nan")
-    """Most that the correction may be off within the joint's limits [rad]"""
+    """Largest error of the correction within the joint's limits [rad]"""
 
     @property
     def amplitude(self) -> float:
@@ -65,11 +65,11 @@ def link_encoder(
     torque_constant: float,
     limits: tuple[float, float],
 ) -> LinkEncoder:
-    """Error of one link's encoder; offset [rad]: of its angle, `link_offset`; gear: turns of the
-    motor for one of the link; limits [rad]: between which a correction has to be right."""
+    """Error of one link encoder; offset [rad]: of its angle, `link_offset`; gear: turns of the
+    motor per turn of the link; limits [rad]: range in which a correction has to be right."""
     name = log.joints[i]
     if log.motor_position is None:
-        return LinkEncoder(name, (), "no motor position, against which the link's is compared")
+        return LinkEncoder(name, (), "no motor position to compare the link's with")
     q, theta, speed = log.link_position[:, i], log.motor_position[:, i], log.motor_velocity[:, i]
     turned = float(np.ptp(np.percentile(q, [1.0, 99.0]))) / (2.0 * np.pi)
     orders = [order for order in ORDERS if order * turned >= LEAST_TURN]
@@ -103,8 +103,8 @@ def link_encoder(
 def _within(
     found: LinkEncoder, others: Sequence[tuple[int, float, float]], visited: Vector, reach: Vector
 ) -> LinkEncoder:
-    """`found` with its interval, or refused where angles in reach (M,) [rad] were visited too
-    little; others: harmonics of the fit with more of them."""
+    """`found` with its interval, or refused if it is too uncertain at the angles `reach` (M,)
+    [rad], given those `visited`; others: harmonics of the fit for comparison."""
     here, there = (
         np.stack([(own := _at(found.harmonics, a)) - _at(others, a), own]) for a in (visited, reach)
     )
@@ -112,8 +112,8 @@ def _within(
     if differ <= _HALF * much:
         return replace(found, interval=differ)
     turned = float(np.ptp(visited)) / (2.0 * np.pi)
-    about = (f"{turned:.2f} of a turn shows no harmonic: {1e3 * much:.2g} +- {1e3 * differ:.2g} "
-             "mrad within the limits: move the joint further")  # fmt: skip
+    about = (f"{turned:.2f} of a turn does not show the harmonics: {1e3 * much:.2g} +- "
+             f"{1e3 * differ:.2g} mrad within the limits: move the joint further")  # fmt: skip
     return LinkEncoder(found.joint, (), about, found.left, differ)
 
 
@@ -124,7 +124,7 @@ def _at(harmonics: Sequence[tuple[int, float, float]], angle: Vector) -> Vector:
 
 
 def _pairs(orders: Sequence[int], solution: Vector) -> tuple[tuple[int, float, float], ...]:
-    """Harmonics of these coefficients (2 k, perhaps more)."""
+    """Harmonics from these coefficients (2 k, perhaps more)."""
     pairs = solution[: 2 * len(orders)].reshape(-1, 2).tolist()
     return tuple((k, c, s) for k, (c, s) in zip(orders, pairs, strict=True))
 
@@ -140,8 +140,8 @@ def _turns(angle: Vector, orders: Sequence[int]) -> Matrix:
 
 
 def _hidden(torque: Vector, rubs: Vector, columns: Matrix) -> bool:
-    """True where a part of the torque (M,) repeats with the turn like these columns, and its rest
-    beside friction, which `rubs` (M,) +-1, is too little to show how the gear bends."""
+    """True if a part of the torque (M,) repeats with the turn like these columns, and the rest,
+    besides friction with the sign `rubs` (M,), is too little to show how the gear bends."""
     X = np.concatenate([np.ones((len(torque), 1)), rubs[:, None], columns], axis=1)
     solution = np.linalg.lstsq(X, torque, rcond=None)[0]
     repeats, left = columns @ solution[2:], torque - X @ solution
@@ -151,7 +151,7 @@ def _hidden(torque: Vector, rubs: Vector, columns: Matrix) -> bool:
 def _judged(
     name: str, orders: Sequence[int], columns: Matrix, phi: Vector, known: int
 ) -> LinkEncoder:
-    """Harmonics, fitted to the first part of the rests and tried on the last; then to all."""
+    """Harmonics fitted to all rests, if a fit to the first part holds on the last."""
     cut = round((1.0 - _HELD_OUT) * len(phi))
     first, last = slice(0, cut), slice(cut, len(phi))
     with_them, side = _fitted(columns, phi)
@@ -169,7 +169,7 @@ def _judged(
 
 
 def _fitted(columns: Matrix, phi: Vector) -> tuple[Vector, NDArray[np.float64]]:
-    """Coefficients of the columns and of the side of the gap, and the side (M,), +-1."""
+    """Coefficients of the columns and of the gap's side, and that side (M,), +-1."""
     level = 0.5 * float(np.percentile(phi, 2.0) + np.percentile(phi, 98.0))
     side = np.where(phi > level, 1.0, -1.0)
     solution = np.zeros(columns.shape[1] + 1)
@@ -183,7 +183,7 @@ def _fitted(columns: Matrix, phi: Vector) -> tuple[Vector, NDArray[np.float64]]:
 
 
 def _tried(columns: Matrix, phi: Vector, first: slice, last: slice) -> float:
-    """Scatter [rad] of the errors in the last rows of a fit to the first."""
+    """Scatter [rad] of the errors in the last rows, by a fit to the first."""
     solution = np.linalg.lstsq(columns[first], phi[first], rcond=None)[0]
     left = phi[last] - columns[last] @ solution
     return 1.4826 * float(np.median(np.abs(left - np.median(left))))

@@ -1,4 +1,4 @@
-"""Logs that no arm can have produced: wrong units, swapped joints, encoders that clip or wrap."""
+"""Checks for logs that no arm can produce: wrong units, swapped joints, clipped encoders."""
 
 import numpy as np
 
@@ -10,17 +10,17 @@ from identification.motion_log import MotionLog
 _MOVED = 0.1  # [rad]: less motion than this shows little
 _STUCK = 0.1  # share of the moving time at one extreme position
 _FURTHEST = 4.0 * np.pi  # [rad], two turns: no arm is excited further
-_SLOWEST_S = 0.08  # between samples; the residual's filter, K of 25 per second, takes no more
-_BRIDGED_S = 0.15  # a longer hole is no part of any way
-_MILLI = 15.0  # times the largest current: no peak, but a unit
-_STANDS = 1e-6  # of the link's motion, or the velocity is no measurement
-_SCALE = 0.1  # by which a motor's velocity and position may differ: filters, coarse steps
-_SCALE_S = 0.5  # over which they are compared: delays do not matter, nor does noise
-_ADVANCE = 0.02  # [rad] in that time: slower, the steps of a velocity may
+_SLOWEST_S = 0.08  # between samples, at most, for the residual's filter, K of 25 /s
+_BRIDGED_S = 0.15  # a longer gap between samples ends a stretch
+_MILLI = 15.0  # times the largest current: a wrong unit rather than a peak
+_STANDS = 1e-6  # least motion by velocity over the link's: less is no measurement
+_SCALE = 0.1  # relative difference of a motor's velocity and position: filters, resolution
+_SCALE_S = 0.5  # over which they are compared, so that delays and noise do not matter
+_ADVANCE = 0.02  # [rad] in that time; slower, the velocity's resolution may matter
 
 
 def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
-    """Raises LogError with everything that is wrong; max_current (n,) [A]."""
+    """Raise LogError with everything that is wrong; max_current (n,) [A]."""
     wrong: list[str] = []
     if log.period_s > _SLOWEST_S:
         wrong.append(f"samples come every {1e3 * log.period_s:.3g} ms, at most "
@@ -29,7 +29,7 @@ def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
     for i, name in enumerate(log.joints):
         peak = float(np.abs(log.current[:, i]).max())
         if peak > 1.5 * max_current[i]:
-            # A motion takes a part of what the drive gives, down to a tenth and less.
+            # Small currents are not suspicious: a motion may take a tenth of the drive's, or less.
             why = ("unit wrong by 1000 (mA, or permille)?" if peak > _MILLI * max_current[i]
                    else "is `max_current_A` its peak current, and the current in A?")  # fmt: skip
             wrong.append(f"current of {name} reaches {peak:.4g} A, its drive gives "
@@ -41,7 +41,7 @@ def refuse_implausible(log: MotionLog, max_current: Vector) -> None:
 
 def _flat(log: MotionLog, position: Vector) -> Vector:
     """Positions (N,) [rad] without the mean of each stretch, between which the link moves unseen,
-    and without the trend of all, which an unknown bias of the velocity adds."""
+    and without the common trend, which an unknown bias of the velocity adds."""
     flat, t = position.copy(), log.time_s.copy()
     for rows in log.stretches(_BRIDGED_S):
         flat[rows] -= flat[rows].mean()
@@ -71,8 +71,8 @@ def _encoders(log: MotionLog, i: int) -> list[str]:
 
 
 def _scale(log: MotionLog, i: int, link: float) -> list[str]:
-    """Velocity of a motor that is not the change of its position; link: motion of its link over
-    that by the velocity, which shows whose scale is wrong."""
+    """Message about a motor's velocity that is not the change of its position; link: motion of its
+    link over that by the velocity, which shows whose scale is wrong."""
     if log.motor_position is None:
         return []
     by_position = _advances(log, log.motor_position[:, i])
@@ -89,21 +89,22 @@ def _scale(log: MotionLog, i: int, link: float) -> list[str]:
 
 
 def _integral(log: MotionLog, i: int) -> Vector:
-    """Position (N,) [rad] of a motor by its velocity."""
+    """Position (N,) [rad] of a motor, integrated from its velocity."""
     v, steps = log.motor_velocity[:, i], np.diff(log.time_s, prepend=log.time_s[0])
     return np.asarray(np.cumsum(0.5 * (v + np.concatenate([v[:1], v[:-1]])) * steps))
 
 
 def _advances(log: MotionLog, position: Vector) -> float:
-    """Mean way [rad] of a position in `_SCALE_S`, beside that of a constant velocity."""
+    """Mean change [rad] of a position in `_SCALE_S`, beyond that at constant velocity."""
     width = max(round(_SCALE_S / log.period_s), 1)
-    whole = [position[rows] for rows in log.stretches(_BRIDGED_S)]
-    ways = np.concatenate([part[width:] - part[:-width] for part in whole])
-    return float(np.abs(ways - ways.mean()).mean()) if len(ways) else 0.0
+    parts = [position[rows] for rows in log.stretches(_BRIDGED_S)]
+    changes = np.concatenate([part[width:] - part[:-width] for part in parts])
+    return float(np.abs(changes - changes.mean()).mean()) if len(changes) else 0.0
 
 
 def _apart(name: str, q: Vector, theta: Vector) -> list[str]:
-    """Link and motor (N,) [rad] that do not move alike, or that move further than an arm does."""
+    """Message about link and motor (N,) [rad] that do not move alike, or move too far for an
+    arm."""
     moved = float(np.ptp(q))
     ratio = moved / float(np.ptp(theta))
     if not 0.5 < ratio < 2.0:
@@ -119,7 +120,7 @@ def _apart(name: str, q: Vector, theta: Vector) -> list[str]:
 
 
 def too_far(name: str, moved: float) -> str:
-    """Reason why a way [rad] is in another unit, or ""."""
+    """Message about a distance [rad] that must be in another unit, or ""."""
     if moved <= _FURTHEST:
         return ""
     return (f"{name} moves by {moved:.3g} rad, an arm by at most {_FURTHEST:.3g}: are positions in "

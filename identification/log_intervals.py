@@ -1,7 +1,7 @@
-"""Momentum won, impulses, velocities and gap state in each interval of a log.
+"""Momentum increments, impulses, velocities and gap state in each interval of a log.
 
-Alignment, model and motor position are those of the estimator's tick, so that what is identified is
-what is used.
+Alignment, model and motor position are those of the estimator's tick, so that parameters are
+identified as they are used.
 """
 
 import itertools
@@ -25,8 +25,8 @@ from identification.motion_log import PAUSE_S, SHORTEST, MotionLog
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.int64] | slice
 
-_BOTH = (1.5, 3.0)  # half-gaps that phi spans where it met both borders, and kept its zero
-_CARRIES = 0.05  # of the largest torque
+_BOTH = (1.5, 3.0)  # range of phi [half-gaps] if it met both borders and kept its zero
+_CARRIES = 0.05  # share of the largest torque
 _SOFTEST = 0.005  # [rad/Nm]
 _ALL = slice(None)
 _WINDOW_S = 4.0  # of motion, in which an integrated theta drifts by less than a gap
@@ -34,16 +34,16 @@ _WINDOW_S = 4.0  # of motion, in which an integrated theta drifts by less than a
 
 @dataclass(frozen=True, slots=True)
 class Intervals:
-    """Row k is one interval; matrices (N, n), means of both ends unless stated otherwise."""
+    """Intervals of a log, one per row; matrices (N, n), means of both ends unless stated."""
 
     time_s: Vector
     """(N,), of its end"""
     dt: Vector
     """(N,) [s]"""
     first: Mask
-    """(N,) the first of a stretch without missing samples"""
+    """(N,) True for the first interval after missing samples"""
     inertial: Matrix
-    """(Delta(M q_dot) - dt beta) / dt [Nm]: what moves the links beside gravity"""
+    """(Delta(M q_dot) - dt beta) / dt [Nm]: what moves the links, gravity included"""
     current: Matrix
     """[A]"""
     gravity: Matrix
@@ -55,14 +55,14 @@ class Intervals:
     theta_ddot: Matrix
     """Delta theta_dot / dt [rad/s2]"""
     advance: Matrix
-    """of theta in the interval, integrated or measured [rad]"""
+    """change of theta in the interval, integrated or measured [rad]"""
     measured: bool
     """whether `advance` was measured"""
     ends: Matrix
-    """(N, 5, n) at the end: `Alignment.aligned`, theta 0 where it was not measured"""
+    """(N, 5, n) at the end: `Alignment.aligned`, theta 0 if it was not measured"""
     asked: Matrix
-    """Acceleration that the drives were asked for: change of the setpoint that they took over in
-    it [rad/s2]; 0 where the log has no setpoints"""
+    """Acceleration that the drives were asked for: change of the setpoint that they adopted in it
+    [rad/s2]; 0 if the log has no setpoints"""
 
     @property
     def period_s(self) -> float:
@@ -71,9 +71,9 @@ class Intervals:
 
 
 def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Intervals:
-    """Bring the samples to common instants, and take differences and means.
+    """Intervals of a log: samples at common instants, their differences and means.
 
-    Raises LogError where no stretch of the log is long enough.
+    Raises LogError if no stretch of the log is long enough.
     """
     parts = [
         _stretch(log.select(rows), model, settings)
@@ -81,9 +81,7 @@ def intervals(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inte
         if rows.stop - rows.start >= SHORTEST
     ]
     if not parts:
-        raise LogError(
-            f"samples are missing everywhere in the log: no stretch of {SHORTEST} in a row"
-        )
+        raise LogError(f"samples are missing throughout the log: no {SHORTEST} are consecutive")
     names = [f.name for f in fields(Intervals) if f.name != "measured"]
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return Intervals(measured=parts[0].measured, **joined)
@@ -129,7 +127,8 @@ def _stretch(log: MotionLog, model: Model, settings: EstimatorSettings) -> Inter
         advance=change[:, 4] if measured else span * mean[:, 3],
         measured=measured,
         ends=ends[1:, :5],
-        # What is sent after a SYNC acts at once or from the next on, and shows in the sample after.
+        # A setpoint sent after a SYNC acts at once or from the next one on, and shows one sample
+        # later.
         asked=np.diff(setpoint, axis=0)[1:-1] / span,
     )
 
@@ -141,18 +140,18 @@ class Located:
     gap: Mask
     """At both ends of the interval: the gear carried nothing"""
     unclear: Mask
-    """It may have carried, or not"""
+    """Undecided: the gear may have carried, or not"""
     phi: Matrix
     """At the end [rad]"""
     late: Vector
-    """Delay of each link encoder behind the motor's (n,) [s]; 0 where that does not show"""
+    """Delay of each link encoder behind the motor's (n,) [s]; 0 if it does not show"""
 
 
 def play(rows: Intervals, late: Vector) -> Vector:
-    """Motion (n,) [rad] of link and rotor against each other within a few seconds, as it usually
-    is: both borders of the gap, and what encoders add beside being late (n,) [s]. What the gear
-    bends, in proportion to the torque that moves and holds the link, is no play; nor is it where a
-    gap goes along with that, which jumps as the torque changes sign."""
+    """Usual motion (n,) [rad] of link and rotor against each other within a few seconds: both
+    borders of the gap, and encoder errors except the delays `late` (n,) [s]. Bending of the gear,
+    in proportion to the torque that moves and holds the link, is excluded; the jump of a gap as
+    that torque changes sign is not taken for bending."""
     theta = rows.ends[:, 4] if rows.measured else np.cumsum(rows.advance, axis=0)
     parts = _windows(rows)
     apart = _unbent(rows.ends[:, 0] - theta + late * rows.ends[:, 1], rows.inertial, parts)
@@ -161,8 +160,8 @@ def play(rows: Intervals, late: Vector) -> Vector:
 
 
 def _windows(rows: Intervals) -> list[NDArray[np.int64]]:
-    """Rows of windows of some `_WINDOW_S`, in each of which theta has one zero: an integrated one
-    loses it where a sample is missing, a measured one where the arm was left alone."""
+    """Rows of windows of about `_WINDOW_S`, in each of which theta has one zero: an integrated one
+    loses it where a sample is missing, a measured one after a pause."""
     paused = np.diff(rows.time_s, prepend=rows.time_s[0]) > PAUSE_S
     lost = np.flatnonzero(paused if rows.measured else rows.first)
     return [
@@ -174,14 +173,14 @@ def _windows(rows: Intervals) -> list[NDArray[np.int64]]:
 
 
 def _unbent(apart: Matrix, torque: Matrix, parts: Sequence[Rows]) -> Matrix:
-    """apart (N, n) [rad] without what the gears bend by torque (N, n) [Nm], found in windows."""
+    """apart (N, n) [rad] without the gears' bending by torque (N, n) [Nm], fitted in windows."""
     bend = [_compliance(a, t, parts) for a, t in zip(apart.T, torque.T, strict=True)]
     return apart + np.array(bend) * torque
 
 
 def _compliance(apart: Vector, torque: Vector, parts: Sequence[Rows]) -> float:
-    """Bending of the gear [rad/Nm], from apart [rad] and torque (N,) [Nm] of windows in each of
-    which theta has a zero and a drift of its own."""
+    """Compliance of the gear [rad/Nm], from apart [rad] and torque (N,) [Nm] of windows in each of
+    which theta has its own zero and drift."""
     sides = np.sign(torque) * (np.abs(torque) > _CARRIES * np.abs(torque).max())
     columns, levels = [], []
     for part in parts:
@@ -196,16 +195,16 @@ def _compliance(apart: Vector, torque: Vector, parts: Sequence[Rows]) -> float:
 
 
 def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Located:
-    """Gap state of each interval, by phi itself where theta is measured and phi met both borders.
-    Elsewhere by the estimator's own judgement (`MotorPosition`) with the friction and rotor of `t`;
-    it may take long to find the middle of the gap of a joint that carries little."""
+    """Gap state of each interval, by phi itself if theta is measured and phi met both borders; else
+    by the estimator's own logic (`MotorPosition`) with the friction and rotor of `t`, which may
+    take long to find the middle of the gap of a joint that carries little."""
     gap, phi, torque = _judged(rows, t, settings)
     late = np.zeros(t.n)
     unclear = ~gap & (np.abs(phi) < 0.85 * t.half_gap)
     if rows.measured:
-        # Whatever the encoders' zeros are, the middle of the gap lies between the borders: what is
-        # beyond them is bent, and more so on the side that carries more. By the motor's torque, as
-        # the model's may be that of other masses.
+        # Whatever the encoders' zeros, the middle of the gap lies between its borders. Bending
+        # moves these, further on the side that carries more; it is removed by the motor's torque,
+        # as the model's masses may be wrong.
         apart = rows.ends[:, 0] - rows.ends[:, 4]
         low, high = np.percentile(_unbent(apart, torque, [_ALL]), [1.0, 99.0], axis=0)
         for i in range(t.n):
@@ -227,8 +226,8 @@ def locate(rows: Intervals, t: Transmission, settings: EstimatorSettings) -> Loc
 def _judged(
     rows: Intervals, t: Transmission, settings: EstimatorSettings
 ) -> tuple[Mask, Matrix, Matrix]:
-    """Gap state and phi by the motor position that the estimator would have followed, and torque
-    [Nm] that the motor passes on to the gear."""
+    """Gap state and phi by the motor position that the estimator would have tracked, and torque
+    [Nm] that the motor transmits to the gear."""
     position = MotorPosition(t, settings.gap, rows.measured)
     engaged, theta = np.empty(rows.q.shape, dtype=np.bool_), np.empty_like(rows.q)
     rub = coulomb_viscous(t.motor_coulomb, t.motor_viscous, rows.theta_dot, t.sign_width)
@@ -247,7 +246,7 @@ def _judged(
 
 
 def around(rows: Intervals, marked: Mask, seconds: float) -> Mask:
-    """(N,) rows that lie within so many seconds of a marked one."""
+    """Rows (N,) within so many seconds of a marked one."""
     width = 2 * round(seconds / rows.period_s) + 1
     return np.convolve(marked, np.ones(width), mode="same") > 0.5
 
@@ -259,8 +258,8 @@ def memory(rows: Intervals, gain: float) -> float:
 
 
 def low_pass(values: Matrix, rows: Intervals, gain: float) -> Matrix:
-    """Rows (N, ...) [Nm] through the residual's filter (13), r_dot = K (values - r), begun at the
-    first value of each stretch. Everything that a regression compares goes through it alike."""
+    """Rows (N, ...) [Nm] after the residual's filter (13), r_dot = K (values - r), started from the
+    first value of each stretch. Everything that a regression compares is filtered alike."""
     back = memory(rows, gain)
     forward = 1.0 - back
     out = np.empty_like(values)

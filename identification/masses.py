@@ -1,8 +1,8 @@
 """Masses, centres and inertias of the joints' bodies, by least squares on the residual.
 
 Motion determines only some combinations of the parameters (the base parameters); the others stay as
-near to the URDF as bodies that can exist allow: `possible_bodies`. All joints are fitted at once,
-and the friction of each anew: `body_motion`.
+near to the URDF as physically possible bodies allow: `possible_bodies`. All joints are fitted
+together, each with a friction of its own: `body_motion`.
 """
 
 from dataclasses import dataclass, replace
@@ -42,19 +42,19 @@ from identification.regression import GAIN, HELD_OUT, NORMAL_95
 from identification.touches import near
 
 SHORTEST_S = 20.0
-"""Least motion [s] unless less is asked for."""
+"""Least motion [s], unless less is requested."""
 _ROUNDS = 3
-_WORSE = 1.02  # times |r| by the URDF, held out, that is not good: less is noise
-_NOTHING = 0.001  # of Coulomb friction, by which |r| may grow, too
-_NO_FIT = 1.1  # times the same, where nothing is better and the URDF's masses stay
-_WORTH, _AS_SURE = 0.9, 0.5  # times the same of some joint: beyond two intervals, or none
-_UNKNOWN = 0.5  # of what gravity may be off by the URDF, that may be left over all poses
+_WORSE = 1.02  # times the held-out |r| by the URDF, from which on a fit is worse: less is noise
+_NOTHING = 0.001  # of Coulomb friction, by which |r| may grow in any case
+_NO_FIT = 1.1  # the same, if nothing is better and the URDF's masses stay
+_WORTH, _AS_SURE = 0.9, 0.5  # the same of some joint: if masses changed clearly, or not
+_UNKNOWN = 0.5  # of gravity's error by the URDF, that may remain over all poses
 _MATTERS = 0.1  # of Coulomb friction: gravity that is known so well needs no motion
-_UNLIKELY = 3.0  # times as much gravity as by the URDF, or as little: no masses are off so far
+_UNLIKELY = 3.0  # factor on the URDF's gravity, up or down, that masses cannot explain
 
 
 class MassesVerdict(StrEnum):
-    """Verdict on one joint; unless all are `good`, all keep their masses."""
+    """Verdict on one joint; unless all are `good`, all joints keep their masses."""
 
     GOOD = "good"
     AS_GOOD = "the URDF is as good"
@@ -69,24 +69,23 @@ class MassesVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassesFit:
-    """Result for one joint: rms of |r| [Nm] on motion that was not fitted, by the URDF's bodies and
-    by those found, with friction fitted alike."""
+    """Result for one joint: rms of |r| [Nm] on held-out motion, by the URDF's bodies and by those
+    found, with friction fitted alike."""
 
     joint: str
     verdict: MassesVerdict
     reason: str
-    """Explanation with the figures; empty where it is good."""
+    """Explanation with the figures; empty if it is good."""
     body: BodyInertia | None
-    """None where the URDF has no mass between this joint and the next"""
+    """None if the URDF has no mass between this joint and the next"""
     by_urdf: float
     by_this: float
     errors: Vector | None = None
-    """Standard errors (10,) of the body's parameters, with those of the URDF where no motion shows
-    more"""
+    """Standard errors (10,) of the body's parameters, by the URDF where motion shows no more"""
 
     @property
     def good(self) -> bool:
-        """True where masses found, or the URDF's, are right."""
+        """True if the masses found, or the URDF's, are right."""
         return self.verdict in (MassesVerdict.GOOD, MassesVerdict.AS_GOOD)
 
 
@@ -101,11 +100,11 @@ class Masses:
     touched: tuple[str, ...]
     """Joints that a person touched"""
     discarded_s: float
-    """discarded because of these touches [s]"""
+    """time discarded because of these touches [s]"""
     late: Vector
-    """Delay of each link encoder behind the motor's (n,) [s]; 0 where that does not show"""
+    """Delay of each link encoder behind the motor's (n,) [s]; 0 if it does not show"""
     offset: Vector
-    """Torque (n,) [Nm] that the current shows all the time, and nothing takes; 0 of none"""
+    """Constant torque (n,) [Nm] in the current that nothing explains; 0 without one"""
 
     @property
     def usable(self) -> bool:
@@ -124,33 +123,32 @@ def identify_masses(
 ) -> Masses:
     """Bodies of all joints from contact-free motion.
 
-    model: by the URDF alone; transmission: half-gaps as identified, and friction to begin with;
-    max_current (n,) [A]; limits: lower and upper (n,) [rad], between which gravity is to be known.
-    Raises LogError for a log of less than `shortest_s`.
+    model: by the URDF alone; transmission: identified half-gaps, and initial friction; max_current
+    (n,) [A]; limits: lower and upper (n,) [rad], between which gravity has to be known. Raises
+    LogError for a log of less than `shortest_s`.
     """
     width = transmission.sign_width
     motion = body_motion(log, model, settings, max_current, width, shortest_s)
     by_urdf = model.parameters()
-    massive = np.flatnonzero(by_urdf[:, 0] > 0.0)  # what has no mass in the URDF gets none
+    massive = np.flatnonzero(by_urdf[:, 0] > 0.0)  # links without mass in the URDF get none
     nominal = np.array([possible(row) for row in by_urdf[massive]])  # (k, 10)
     bodies = motion.regressor[:, :, massive].reshape(len(motion.rows.dt), log.n, -1)
     shift = bodies @ (nominal - by_urdf[massive]).ravel()
-    whole, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
+    all_rows, period_s = np.ones(len(bodies), dtype=np.bool_), motion.rows.period_s
 
     def rounds(offset: Mask) -> tuple[list[JointRows], BodiesFit, Mask, Transmission]:
-        """Rows and fit; each round sees the gap with the friction of the one before, and what it
-        could not explain."""
+        """Rows and fit; each round locates the gap with the friction of the previous one, and
+        leaves out what that could not explain."""
         t, touched = transmission, np.zeros_like(motion.cut)
         for _ in range(_ROUNDS):
             joints = rows_of_joints(motion, bodies, t, settings, touched, offset)
             joints = [replace(one, torque=one.torque - shift[:, i]) for i, one in enumerate(joints)]
-            fit = fitted(joints, whole, nominal, period_s)
-            touched = motion.touched(joints, *unbent(joints, whole, nominal, period_s))
+            fit = fitted(joints, all_rows, nominal, period_s)
+            touched = motion.touched(joints, *unbent(joints, all_rows, nominal, period_s))
             t = with_friction(t, fit.friction)
         return joints, fit, touched, t
 
-    # A current that is off all the time looks like gravity, and the other way round: only motion
-    # that was not fitted separates them.
+    # A constant current offset looks like gravity, and vice versa: held-out motion separates them.
     none, every = np.zeros(log.n, dtype=np.bool_), np.ones(log.n, dtype=np.bool_)
     joints, fit, touched, known = rounds(none)
     left = _rms(_held_out(joints, nominal, period_s)[1])
@@ -189,7 +187,7 @@ def _reasons(
     t: Transmission,
     gravity: GravityErrors,
 ) -> list[Reason]:
-    """Why joints cannot be judged by how well they fit; `good` where nothing is against it."""
+    """Reasons why joints cannot be judged by their fit; `good` where there is none."""
     left = np.stack(
         [one.left(fit.difference, x) for one, x in zip(joints, fit.friction, strict=True)], axis=1
     )
@@ -207,17 +205,16 @@ def _reasons(
         elif about := wider(float(moved[i]), float(t.half_gap[i])):
             found.append((MassesVerdict.WRONG_GAP, about))
         elif i in pairs:
-            about = (f"the residual follows the motion of {log.joints[pairs[i]]}, and the other "
-                     "way round: give positions and currents of the joints, not of the "
-                     "motors")  # fmt: skip
+            about = (f"its residual follows the motion of {log.joints[pairs[i]]}, and vice versa: "
+                     "give positions and currents of the joints, not of the motors")  # fmt: skip
             found.append((MassesVerdict.COUPLED, about))
         elif share > _UNKNOWN and before > _MATTERS * coulomb[i]:
             about = (f"the motion leaves {share:.0%} of gravity's possible error within the "
-                     f"limits, {before:.2g} Nm: let it and those behind it move "
+                     f"limits, {before:.2g} Nm: let this joint and those behind it move "
                      "further")  # fmt: skip
             found.append((MassesVerdict.NOT_EXCITED, about))
         elif before > _MATTERS * coulomb[i] and not 1.0 < _UNLIKELY * scale < _UNLIKELY**2:
-            about = (f"the motor carries {scale:.2g} times the gravity by the URDF: check sign and "
+            about = (f"the motor carries {scale:.2g} times the URDF's gravity: check sign and "
                      "unit of the current, and `torque_constant`")  # fmt: skip
             found.append((MassesVerdict.WRONG_GRAVITY, about))
         else:
@@ -235,8 +232,8 @@ def _judged(
     coulomb: Vector,
     least: float,
 ) -> list[MassesFit]:
-    """Fits with their verdicts, by the errors at the end of the motion, which was not fitted, and
-    by those at its beginning; coulomb (n,) [Nm]; least: times |r| by the URDF that is worth it."""
+    """Fits with their verdicts, from the errors on the end of the motion by a fit to the rest, and
+    on its beginning likewise; coulomb (n,) [Nm]; least: times |r| by the URDF, to be worth it."""
     by_urdf, by_this = _held_out(joints, nominal, period_s)
     worth = bool((_rms(by_this) < least * _rms(by_urdf)).any())
     most, fits = _WORSE if worth else _NO_FIT, []
@@ -247,8 +244,8 @@ def _judged(
         if verdict is MassesVerdict.GOOD and worse.any():
             k, verdict = int(np.argmax(worse)), MassesVerdict.WORSE
             reason = (f"|r| {by_this[k, i]:.3g} Nm, by the URDF {by_urdf[k, i]:.3g}, on the "
-                      f"{('last', 'first')[k]} third of the motion by a fit to the rest: a longer "
-                      "motion (`--seconds`) that leads everywhere")  # fmt: skip
+                      f"{('last', 'first')[k]} third of the motion by a fit to the rest: run a "
+                      "longer motion (`--seconds`) over the whole range")  # fmt: skip
         elif verdict is MassesVerdict.GOOD and not worth:
             verdict = MassesVerdict.AS_GOOD
         fits.append(
@@ -265,8 +262,8 @@ def _rms(parts: Matrix) -> Vector:
 
 
 def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tuple[Matrix, Matrix]:
-    """rms [Nm] of the residual by nominal bodies and by found ones, (2, n): of the end of the
-    motion by a fit to the rest, and of its beginning."""
+    """rms [Nm] of the residual by nominal bodies and by found ones, (2, n) each: on the end of the
+    motion by a fit to the rest, and on its beginning likewise."""
     size = len(joints[0].torque)
     place = np.arange(size) / size
     by_nominal, by_found = [], []
@@ -282,9 +279,10 @@ def _held_out(joints: list[JointRows], nominal: Matrix, period_s: float) -> tupl
 
 
 def _errors(nominal: Matrix, fit: BodiesFit) -> Matrix:
-    """Standard errors (k, 10) by what no column explains, the pull, and what motion leaves of
-    centres that are off: of motion H, pull P, C = 1 / (H + P) and centres' change S, those of
-    C (t H + P) C and (1 - C H) S. The first lasts t times as long as the filter's noise."""
+    """Standard errors (k, 10) by what no column explains, the prior, and what motion leaves of
+    displaced centres: with motion H, prior P, C = 1 / (H + P) and the centres' displacements S,
+    those of C (t H + P) C and (1 - C H) S. The first lasts t times as long as the filter's
+    noise."""
     inverse = np.linalg.inv(fit.information)
     lasting = (LASTING_S / CORRELATED_S - 1.0) * fit.of_motion
     covariance = inverse @ (fit.information + lasting) @ inverse
@@ -295,6 +293,6 @@ def _errors(nominal: Matrix, fit: BodiesFit) -> Matrix:
 
 
 def _determined(nominal: Matrix, fit: BodiesFit) -> int:
-    """Number of directions of the parameters that motion determines better than the pull does."""
+    """Number of directions of the parameters that motion determines better than the prior does."""
     root = np.linalg.cholesky(np.linalg.inv(prior(nominal)))
     return int(np.count_nonzero(np.linalg.eigvalsh(root.T @ fit.of_motion @ root) > 1.0))

@@ -1,4 +1,4 @@
-"""Log of samples that every step of the identification reads."""
+"""Log of samples that every identification step reads."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ from common.arrays import Matrix, Vector
 from common.errors import LogError, ShortLogError
 
 SHORTEST = 100
-"""Samples below which nothing can be identified."""
+"""Least number of samples for any identification."""
 PAUSE_S = 1.0
-"""Interval after which the motor may stand elsewhere, and an encoder have another zero [s]."""
+"""Interval after which the motor may stand elsewhere, and an encoder may have another zero [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class MotionLog:
     motor_velocity: Matrix
     """[rad/s]"""
     motor_position: Matrix | None = None
-    """[rad], where the drives have it"""
+    """[rad], if the drives report it"""
     setpoint: Matrix | None = None
-    """Target velocity of each sample's tick, which drives get with the next SYNC [rad/s]; None
-    where it is not in the log"""
+    """Target velocity of each sample's tick, which drives get with the next SYNC [rad/s]; None if
+    it is not in the log"""
 
     def __post_init__(self) -> None:
         size, n = len(self.time_s), len(self.joints)
@@ -79,11 +79,11 @@ class MotionLog:
 
     @property
     def measured_s(self) -> float:
-        """Duration without what is missing [s]."""
+        """Duration without gaps between samples [s]."""
         return sum(float(self.time_s[s.stop - 1] - self.time_s[s.start]) for s in self.stretches())
 
     def select(self, rows: slice | NDArray[np.bool_]) -> "MotionLog":
-        """A stretch of the log, or rows of it."""
+        """Selected samples of the log: a time range or a boolean mask."""
         position, setpoint = (
             None if values is None else values[rows]
             for values in (self.motor_position, self.setpoint)

@@ -1,11 +1,11 @@
-"""Torque that a motor reports over the one that its own loop was asked for: a range of its feedback
-that is another than configured, which shows at any joint, also where gravity does not act.
+"""Ratio of the torque that a motor reports to the one that its own loop was asked for: it shows a
+wrong range of the feedback, at any joint, also where gravity does not act.
 
     asked = stiffness (p - q) + damping (u - q_dot),  p += u T;    reported = ratio asked + constant
 
-Friction, whose direction turns, is what it works against. All errors are those of `asked`, which
-is therefore fitted by `reported`. In which part of a period the setpoint in force was taken
-up is not known: by one of the tick before and of two before, the ratio lies between both.
+Friction, which changes direction, is the load. All errors are attributed to `asked`, which is
+therefore fitted by `reported`. In which part of a period the setpoint in force was adopted is
+unknown: the ratio lies between those by the setpoints of the last tick and of the one before.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ _LEAST_R2 = 0.9
 def reported_by_asked(
     log: MotionLog, joint: int, stiffness: float, damping: float, Nm_per_A: float
 ) -> tuple[float, float]:
-    """Ratio, and how far it may be off; NaN and infinity where the motion does not show it."""
+    """Ratio, and its error; NaN and infinity if the motion does not show it."""
     if log.setpoint is None:
         return np.nan, np.inf
     q, v, u = log.link_position[:, joint], log.motor_velocity[:, joint], log.setpoint[:, joint]

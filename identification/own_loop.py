@@ -1,14 +1,15 @@
-"""Rotors of drives that step: current of whole periods, by the velocity loop that is in the log.
+"""Rotor inertias for drives that step: mean current of whole periods, by the velocity loop in the
+log.
 
-A drive that takes a setpoint u as a step spends the current of an acceleration at once, and much of
-it is over when it is sampled. How much, its own loop says: of the velocity's error e = u - v,
+A drive that takes a setpoint u as a step applies the current of an acceleration at once, and much
+of it is over when it is sampled. How much, its own loop shows: of the velocity error e = u - v,
 
     current = k_p e + k_i integral(e) dt                     (fitted, with the current's filter)
     e(t) = e_1 + (e_0 - e_1) (exp(-w t) - E) / (1 - E),      E = exp(-w T), w = K_c k_p / (B + M)
 
-falls in a period T from e_0, just after the step, to e_1 at the sample. What its mean is above what
-was sampled is added, and B fitted anew. The links, behind gap and gear, are seen by a motor as half
-of what they are, more or less: half of what B gains is its standard error.
+falls in a period T from e_0, just after the step, to e_1 at the sample. The excess of its mean over
+the sample is added, and B fitted again. To its motor a link, behind gap and gear, appears as about
+half its inertia: half of the increase of B is its standard error.
 """
 
 from collections.abc import Callable
@@ -25,7 +26,7 @@ from identification.motion_log import SHORTEST, MotionLog
 LEAST_R2 = 0.9
 """Share of a current's variance that its loop must explain."""
 _LATER = 2  # samples from the tick of a setpoint to the end of the period in which it acts
-_SLOW_S = 3.0  # what changes more slowly is not compared: positions drift
+_SLOW_S = 3.0  # slower changes are not compared: positions drift
 _SEEN = 0.5  # share of a link's inertia that moves with its rotor within a period
 _ROUNDS = 3
 _SLOWEST, _FASTEST = 5.0, 1000.0  # w [rad/s]
@@ -40,10 +41,10 @@ def rotors_of_whole_periods(
     delay_s: float,
     refit: Callable[[Intervals], Vector],
 ) -> Vector:
-    """Rotor inertias (n,) [kg m2]; NaN where the current does not follow such a loop.
+    """Rotor inertias (n,) [kg m2]; NaN if the current does not follow such a loop.
 
-    fitted: by the sampled current; links: inertias seen by the joints (n,) [kg m2]; delay_s: of the
-    drives' current filter; refit: B (n,) of other intervals.
+    fitted: by the sampled current; links: inertias of the links about the joints (n,) [kg m2];
+    delay_s: of the drives' current filter; refit: B (n,) of other intervals.
     """
     rotors = fitted
     for _ in range(_ROUNDS):
@@ -54,7 +55,7 @@ def rotors_of_whole_periods(
 
 
 def _missed(log: MotionLog, per_current: Vector, delay_s: float) -> tuple[Matrix, Vector]:
-    """Mean current of each interval (N, n) above the sampled one [A], and the least R2 of each
+    """Mean current of each interval (N, n) beyond the sampled one [A], and the least R2 of each
     joint's loop over the stretches of the log."""
     parts, r2 = [], np.ones(log.n)
     for rows in log.stretches():
@@ -82,16 +83,16 @@ def _of_joint(log: MotionLog, i: int, per_current: float, delay_s: float) -> tup
         mean, seen = _shares(w, period, delay_s)
         A = np.column_stack([_quick(e_1 + seen * (e_0 - e_1), period), _quick(integral, period)])
         gains = np.linalg.lstsq(A, measured, rcond=None)[0]
-        left, whole = float(np.var(measured - A @ gains)), float(np.var(measured))
-        r2 = 1.0 - left / max(whole, 1e-12)
+        left, total = float(np.var(measured - A @ gains)), float(np.var(measured))
+        r2 = 1.0 - left / max(total, 1e-12)
         added = gains[0] * (mean - seen) * (e_0 - e_1)
         w = float(np.clip(gains[0] * per_current, _SLOWEST, _FASTEST))
     return added, r2
 
 
 def _shares(w: float, period: float, delay_s: float) -> tuple[float, float]:
-    """Mean over a period, and what a current filter shows at its end, of an error that falls from
-    1 to 0 by exp(-w t)."""
+    """Mean over a period of an error that falls from 1 to 0 by exp(-w t), and its value at the end
+    behind a current filter."""
     x, end = w * period, np.exp(-w * period)
     mean = 1.0 / x - end / (1.0 - end)
     if delay_s <= 0.0:

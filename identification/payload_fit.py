@@ -1,9 +1,9 @@
 """Mass and centre of a load in the hand, by least squares on the residual of the model without it.
 
-A point mass m at c adds torques that are linear in m and m c, but for its m c c^T, which is small
-and taken from the fit before. Fitted along are friction and rotor of each joint, as a load changes
-friction, too, and the errors of the arm's own bodies, as a load of which 2 % of the shoulder's
-torque are a tenth would else be reported with an error far below that.
+A point mass m at c adds torques linear in m and m c, except for its m c c^T, which is small and
+taken from the previous fit. Friction and rotor of each joint are fitted, too, as a load changes
+friction; and so are the errors of the arm's own bodies: else a load of which 2 % of the shoulder's
+torque are a tenth would be reported with an error far below that.
 """
 
 from dataclasses import dataclass, replace
@@ -29,14 +29,14 @@ SHORTEST_S = 8.0
 """Least motion [s]."""
 _ROUNDS = 4
 _LINEAR = 4  # parameters: m and m c
-_SIGNIFICANT = 4.0  # standard errors that a mass is from nothing
+_SIGNIFICANT = 4.0  # standard errors from zero
 _MASS_SHARE = 0.1
 _MASS_KG = 0.005
 _PLACE_M = 0.03
-_STOOD = "the joints hardly moved: a hand that turns and is led about shows its load"
+_STOOD = "the joints hardly moved: let them turn the hand and move it about"
 _HIDDEN = (
-    "the joints that moved cannot separate mass and place of a load: where others can turn the "
-    "hand, let them (`limits`); else weigh it, and give it by `contactctl payload KG --com X Y Z`"
+    "the joints that moved cannot separate mass and place of a load: let others turn the hand "
+    "(`limits`), or weigh the load and announce it by `contactctl payload KG --com X Y Z`"
 )
 
 
@@ -75,13 +75,13 @@ def identify_payload(
 ) -> PayloadFit:
     """Load in the hand during a motion without contact; model: that of the empty hand.
 
-    max_current (n,) [A]; bodies_unsure: share by which what the joints move may be off. Raises
+    max_current (n,) [A]; bodies_unsure: relative error of the bodies that the joints move. Raises
     LogError for a log of less than `SHORTEST_S`.
     """
     width = transmission.sign_width
     motion = body_motion(log, model, settings, max_current, width, SHORTEST_S)
     of_hand = motion.regressor[:, :, model.hand_joint]
-    whole, touched = np.ones(len(of_hand), dtype=np.bool_), np.zeros_like(motion.cut)
+    all_rows, touched = np.ones(len(of_hand), dtype=np.bool_), np.zeros_like(motion.cut)
     period_s, load = motion.rows.period_s, np.zeros(PARAMETERS)
     arm, before = _bodies(motion.regressor, model, bodies_unsure)
     asked = np.concatenate([of_hand[:, :, :_LINEAR], arm], axis=2)
@@ -90,11 +90,11 @@ def identify_payload(
         joints = rows_of_joints(motion, asked, transmission, settings, touched, no_offset)
         bent = of_hand[:, :, _LINEAR:] @ load[_LINEAR:]
         joints = [replace(one, torque=one.torque - bent[:, i]) for i, one in enumerate(joints)]
-        found, information = _solved(joints, whole, period_s, before)
+        found, information = _solved(joints, all_rows, period_s, before)
         if found is None:
             break
         load = point_mass(float(found[0]), found[1:_LINEAR] / found[0])
-        friction = [Normal(one, whole).friction(found) for one in joints]
+        friction = [Normal(one, all_rows).friction(found) for one in joints]
         touched = motion.touched(joints, found, friction)
         transmission = with_friction(transmission, friction)
     discarded_s = float(motion.rows.dt @ near(motion.rows, touched))
@@ -121,8 +121,8 @@ def identify_payload(
 
 
 def _bodies(regressor: Matrix, model: Model, unsure: float) -> tuple[Matrix, Matrix]:
-    """Torques of the arm's own bodies (N, n, 10 k), and the information (4 + 10 k, ...) that there
-    is of load and bodies before any motion: none of the load."""
+    """Regressor of the arm's own bodies (N, n, 10 k), and the prior information (4 + 10 k, ...) on
+    load and bodies: none on the load."""
     parameters = model.parameters()
     massive = np.flatnonzero(parameters[:, 0] > 0.0)
     known = prior(np.array([possible(row) for row in parameters[massive]]))
@@ -135,7 +135,7 @@ def _bodies(regressor: Matrix, model: Model, unsure: float) -> tuple[Matrix, Mat
 def _solved(
     joints: list[JointRows], chosen: Mask, period_s: float, before: Matrix
 ) -> tuple[Vector | None, Matrix]:
-    """m, m c [kg, kg m] and errors of bodies, by the chosen rows; None where these do not determine
+    """m, m c [kg, kg m] and errors of bodies, by the chosen rows; None if these do not determine
     the load; and the information (4 + 10 k, ...)."""
     normals = [Normal(one, chosen) for one in joints]
     found = np.zeros(len(before))
@@ -162,7 +162,7 @@ def _errors(
         return float("inf"), float("inf")
     one, other = (_mass_and_place(half) for half in halves if half is not None)
     apart = 0.5 * np.abs(one - other)
-    # c = (m c) / m: what m is off moves it, too.
+    # c = (m c) / m: an error of m moves it, too.
     covariance = np.linalg.inv(information)[:_LINEAR, :_LINEAR]
     slope = np.hstack([-found[1:_LINEAR, None] / found[0], np.eye(3)]) / found[0]
     place = slope @ covariance @ slope.T

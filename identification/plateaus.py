@@ -1,4 +1,4 @@
-"""The half-gap, from a link that is led by hand from border to border while its motor stands."""
+"""Half-gap from a link that is led by hand from border to border while its motor stands."""
 
 import itertools
 from collections.abc import Mapping
@@ -24,14 +24,14 @@ from identification.gap_result import (
     spread,
 )
 
-_CREEP = 0.01  # [rad/s] that no bias of a velocity explains
+_CREEP = 0.01  # [rad/s], more than the bias of a velocity
 _SURE = 3.0  # standard errors by which a border loads the motor
-_ALIKE = 0.35  # of the load at the other border; a motor takes a while to forget that
-_HIDDEN = 3.0  # times the load of a hand on the motor, at most: its friction holds the rest
-_BACK = 0.2  # of the load one way, that the other has to be
+_ALIKE = 0.35  # of the load at the other border, which a motor forgets slowly
+_HIDDEN = 3.0  # largest ratio of a hand's load to that on the motor, whose friction holds the rest
+_BACK = 0.2  # least load in one direction, over that in the other
 _PRESSED_S = 0.1
 _NO_TORQUE = "the motor's torque is the same throughout: it does not show which ends are borders"
-_STEP = 0.4  # of an encoder: two rests are off by less against each other, nineteen times of twenty
+_STEP = 0.4  # of an encoder's resolution: 95 % of the differences between two rests are below
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Plateaus:
 
 
 def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
-    """Rests of the link at either end of phi's range, one for each visit."""
+    """Rests of the link at either end of phi's range, one per visit."""
     period = float(np.median(np.diff(time_s)))
     smooth = smoothed(q, round(0.05 / period))
     speed = np.abs(np.gradient(smooth, time_s))
@@ -64,7 +64,7 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
         if uppers and uppers[-1] == upper:
             levels[-1] = np.concatenate([levels[-1], phi[run]])
             continue
-        # That of a sample: the mean may lie in a pause of the log.
+        # The time of a sample: the mean may lie in a pause of the log.
         times.append(float(time_s[(run.start + run.stop) // 2]))
         levels.append(phi[run])
         uppers.append(upper)
@@ -75,7 +75,7 @@ def find_plateaus(time_s: Vector, q: Vector, phi: Vector) -> Plateaus:
 def from_plateaus(
     name: str, time_s: Vector, q: Vector, theta: Vector, mean_velocity: float, torque: Vector
 ) -> GapResult:
-    """Half-gap from the differences between successive plateaus: 2 alpha, whatever drifts slowly.
+    """Half-gap from the differences between successive plateaus: 2 alpha, regardless of slow drift.
 
     torque (N,) [Nm] of the motor, which a border loads and a hand that stops short of it does not;
     a constant part of it does not matter.
@@ -98,14 +98,14 @@ def from_plateaus(
         return GapResult(joint=name, verdict=GapVerdict.FEW, reason=about, estimate=estimate,
                    crossings=crossings)  # fmt: skip
     half = 0.5 * np.abs(np.diff(found.level))
-    # Drift adds to the ways up what it takes from the ways down.
+    # Drift adds to the upward differences what it takes from the downward ones.
     up = found.upper[1:]
     alpha = 0.5 * float(np.median(half[up]) + np.median(half[~up]))
     left = np.where(up, half - np.median(half[up]), half - np.median(half[~up]))
     # Of single plateaus: each difference has two.
     scatter = np.sqrt(2.0) * 1.4826 * float(np.median(np.abs(left)))
     confidence = 0.9 * scatter / np.sqrt(crossings) * float(student.ppf(0.975, crossings - 2))
-    # Rests that do not scatter read the same step of an encoder each time.
+    # Rests that do not scatter read the same count of an encoder each time.
     step = _STEP * max(resolution(q), resolution(theta))
     confidence = ENCODERS + float(np.hypot(confidence, step))
     about = f"{crossings} crossings, plateaus scatter by {1e3 * scatter:.2g} mrad"
@@ -123,8 +123,8 @@ def from_plateaus(
 
 
 def _from_both_sides(none: GapResult, time_s: Vector, torque: Vector) -> GapResult:
-    """`none` where the motor (torque (N,) [Nm]) held the link back to and fro: a link that gravity
-    holds at one border, pressed towards it and released, moves as a rigid one does."""
+    """`none` if the motor (torque (N,) [Nm]) held the link in both directions: a link that gravity
+    holds at one border, pressed towards it and released, moves as one without a gap does."""
     if not np.ptp(torque) > 0.0:
         return _doubted(none, GapVerdict.UNCLEAR, _NO_TORQUE)
     width = max(round(_PRESSED_S / float(np.median(np.diff(time_s)))), 1)
@@ -140,7 +140,7 @@ def _from_both_sides(none: GapResult, time_s: Vector, torque: Vector) -> GapResu
 
 
 def _doubted(found: GapResult, verdict: GapVerdict, why: str) -> GapResult:
-    """`found` with its figure as an estimate; that of no dead zone is none."""
+    """`found` with its value as an estimate; without a dead zone there is none."""
     return replace(found, verdict=verdict, half_gap=np.nan, estimate=found.half_gap or np.nan,
                    reason=f"{found.reason}; {why}")  # fmt: skip
 
@@ -148,19 +148,19 @@ def _doubted(found: GapResult, verdict: GapVerdict, why: str) -> GapResult:
 def _straightened(
     found: GapResult, bent: Bending | None, pressed: Mapping[str, Vector]
 ) -> GapResult:
-    """`found` without what the gear bends, where that is known better than it matters; else with
-    that in its interval, or with what gears bend where they are `pressed` so much."""
+    """`found` without the bending of the gear, if that is known better than it matters; else with
+    that in its interval, or with what gears usually bend when `pressed` so much."""
     loads = [float(loads.mean()) for loads in pressed.values()]
     load = max(*loads, 0.0) if loads else float("inf")
     if bent is None:
         unseen = (USUAL + 2.0 * USUALLY) * load if loads else 0.0
         return replace(found, confidence=found.confidence + unseen)
     gives = found.half_gap - bent.half_gap
-    # Friction hid what the hand pressed with, or a controller that took it over late.
+    # Friction hid the force of the hand, or the controller responded late.
     strange = not STIFFEST < bent.compliance < SOFTEST
     if strange or bent.confidence > max(CLEAR * bent.half_gap, 0.5 * SMALLEST):
         least = USUAL * load if strange and loads else 0.0
-        # A line through next to no torque ends anywhere; no gear does.
+        # A line through very small torques may end anywhere; gears do not bend so much.
         unknown = min(max(abs(gives), least) + bent.confidence, _HIDDEN * SOFTEST * load)
         return replace(found, confidence=found.confidence + unknown,
                        reason=f"{found.reason}; of alpha the gear may have bent "
@@ -172,9 +172,9 @@ def _straightened(
 
 
 def _judged(found: GapResult, scatter: float, doubt: str, loaded: bool) -> GapResult:
-    """`found` as it is if its borders are two, and both `loaded` the motor."""
+    """`found` unchanged if it has two borders, and both `loaded` the motor."""
     most = 1e3 * CLEAR * found.half_gap
-    cause = "preload, an elastic gear, or you pressed now more, now less"
+    cause = "preload, an elastic gear, or uneven pressing"
     limit = Limit("scatter of the plateaus", 1e3 * scatter, most, "mrad", cause)
     answer = refused(found, GapVerdict.UNCLEAR, [limit])
     if answer.limit is not None:
@@ -191,17 +191,17 @@ def _judged(found: GapResult, scatter: float, doubt: str, loaded: bool) -> GapRe
 
 
 def _pressed(time_s: Vector, phi: Vector, torque: Vector, found: Plateaus) -> dict[str, Vector]:
-    """Torque [Nm] by which a border loads the motor, beyond that inside the gap, at each rest at
-    the upper and at the lower end; empty where the motor never was inside."""
+    """Load of a border on the motor [Nm], beyond the torque inside the gap, at each rest at the
+    upper and at the lower end; empty if the motor was never inside."""
     low, high = np.percentile(phi, [2.0, 98.0])
     free = np.abs(phi - 0.5 * (low + high)) < 0.25 * (high - low)
     if not free.any():
         return {}
-    # A motor takes over late, and its friction drifts: each rest is compared with the ways before
-    # and after it.
-    ways = np.searchsorted(found.time_s, time_s[free])
+    # A motor responds late, and its friction drifts: each rest is compared with the crossings
+    # before and after it.
+    crossing = np.searchsorted(found.time_s, time_s[free])
     inside = np.array([
-        torque[free][ways == k].mean() if (ways == k).any() else np.nan
+        torque[free][crossing == k].mean() if (crossing == k).any() else np.nan
         for k in range(len(found.time_s) + 1)
     ])  # fmt: skip
     before, after = inside[:-1], inside[1:]
@@ -219,7 +219,7 @@ def _doubtful_border(sides: Mapping[str, Vector]) -> tuple[str, bool]:
     or "" if both load the motor alike (`_pressed`): a link ahead of it (phi > 0) is held back, one
     behind it pushed. With it, whether that end loaded the motor at all.
 
-    The share of a load that the motor's friction takes is unknown here: of a good arm that is
+    The share of a load that the motor's friction takes is unknown here: even on a good arm that is
     pressed alike, one end may load the motor six times as much as the other.
     """
     if not sides:

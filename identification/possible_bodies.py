@@ -1,12 +1,13 @@
-"""Least squares over the parameters of bodies that can exist, pulled towards those of the URDF.
+"""Least squares over the parameters of physically possible bodies, with a prior at those of the
+URDF.
 
-The pull is the log-determinant divergence of pseudo-inertias (Lee, Wensing, Park 2020),
+The prior is the log-determinant divergence of pseudo-inertias (Lee, Wensing, Park 2020),
 
     D(P, P0) = tr(P0^-1 P) - log det(P0^-1 P) - 4                       of each body,
 
 which is convex in the parameters, does not depend on units or frames, and grows without bound
-towards a body that cannot exist. So it is both the pull and the constraint P > 0: Newton's method
-solves it, and no semidefinite program is needed (decision 0054).
+towards an impossible body. So it is both the prior and the constraint P > 0: Newton's method solves
+it, and no semidefinite program is needed (decision 0054).
 """
 
 from itertools import combinations_with_replacement
@@ -17,14 +18,14 @@ from common.arrays import Matrix, Vector
 from estimator.body_inertia import PARAMETERS, parameters_of, pseudo_inertia
 
 USUAL = 0.2
-"""Share by which a URDF's bodies are usually off: one standard deviation."""
+"""Usual relative error of a URDF's bodies: one standard deviation."""
 PULL = 0.25 / USUAL**2
-"""Weight of D: a mass that is off by that, tensor and all, costs what one standard deviation does
-(D is 4 x^2 / 2 for a share of x)."""
+"""Weight of D: a mass that is off by that, with its tensor, costs what one standard deviation does
+(D is 4 x^2 / 2 for a relative error x)."""
 _OFF_CENTER = 0.02
-"""Distance along each axis by which a URDF's centres are usually off [m]: one standard deviation.
-The pull of a slender body has less."""
-_THINNEST = 0.002  # [m]: radius of gyration that the URDF's point masses and rods get
+"""Usual error of a URDF's centres of mass along each axis [m]: one standard deviation. The prior of
+a slender body has less."""
+_THINNEST = 0.002  # [m], least radius of gyration, for the URDF's point masses and rods
 _STEPS = 300
 _DONE = 1e-6  # of the sum of squares, whose unit is one standard deviation
 _SHORTEST = 1e-6
@@ -32,8 +33,8 @@ _BASIS = np.array([pseudo_inertia(row) for row in np.eye(PARAMETERS)])
 
 
 def possible(parameters: Vector) -> Vector:
-    """Ten parameters nearest to those of the URDF, (10,), of a body that can exist: points, rods
-    and tensors that were rounded to nothing get a little size."""
+    """Ten parameters (10,) of the possible body nearest to that of the URDF: points, rods and
+    tensors that were rounded to zero get a small size."""
     P = pseudo_inertia(parameters)
     m, c = P[3, 3], P[:3, 3] / P[3, 3]
     values, axes = np.linalg.eigh(P[:3, :3] - m * np.outer(c, c))
@@ -43,8 +44,9 @@ def possible(parameters: Vector) -> Vector:
 
 
 def pulled_fit(square: Matrix, product: Vector, nominal: Matrix) -> tuple[Matrix, Matrix]:
-    """Parameters (k, 10) that minimise d' H d / 2 - b' d + PULL sum D, d the difference to nominal
-    (k, 10), `possible` ones; and the Hessian there, (10 k, 10 k): the inverse of their covariance.
+    """Parameters (k, 10) that minimise d' H d / 2 - b' d + PULL sum D, d the difference from
+    nominal (k, 10), `possible` ones; and the Hessian there, (10 k, 10 k): the inverse of their
+    covariance.
 
     square: H (10 k, 10 k), product: b (10 k,), of the least squares in standard deviations.
     """
@@ -55,20 +57,20 @@ def pulled_fit(square: Matrix, product: Vector, nominal: Matrix) -> tuple[Matrix
         gradient, hessian = _derivatives(found, nominal, square, product, inverse)
         step = -np.linalg.solve(hessian, gradient)
         falls = float(-gradient @ step)
-        length, way = 1.0, step.reshape(nominal.shape)
-        tried = _value(found + way, nominal, square, product, inverse)
+        length, change = 1.0, step.reshape(nominal.shape)
+        tried = _value(found + change, nominal, square, product, inverse)
         while tried > value - 0.1 * length * falls and length > _SHORTEST:
             length *= 0.5
-            tried = _value(found + length * way, nominal, square, product, inverse)
+            tried = _value(found + length * change, nominal, square, product, inverse)
         if falls < _DONE or length <= _SHORTEST:  # converged, to rounding
             break
-        found, value = found + length * way, tried
+        found, value = found + length * change, tried
     _, hessian = _derivatives(found, nominal, square, product, inverse)
     return found, hessian
 
 
 def prior(nominal: Matrix) -> Matrix:
-    """Inverse covariance (10 k, 10 k) of what is known without any motion."""
+    """Inverse covariance (10 k, 10 k) before any motion."""
     k = nominal.size
     none = np.zeros((k, k))
     inverse = _inverted(nominal)
@@ -78,15 +80,15 @@ def prior(nominal: Matrix) -> Matrix:
 def off_center(parameters: Vector) -> Matrix:
     """Changes of ten parameters (10, 9) by a centre that is as far off along each axis as that of a
     URDF usually is, and by the squares and products of these distances."""
-    P, ways = pseudo_inertia(parameters), np.zeros((3, 4, 4))
-    ways[[0, 1, 2], [0, 1, 2], 3] = _OFF_CENTER
-    changes = [way @ P + P @ way.T for way in ways]
-    changes += [a @ P @ b.T + b @ P @ a.T for a, b in combinations_with_replacement(ways, 2)]
+    P, shifts = pseudo_inertia(parameters), np.zeros((3, 4, 4))
+    shifts[[0, 1, 2], [0, 1, 2], 3] = _OFF_CENTER
+    changes = [shift @ P + P @ shift.T for shift in shifts]
+    changes += [a @ P @ b.T + b @ P @ a.T for a, b in combinations_with_replacement(shifts, 2)]
     return np.stack([parameters_of(change) for change in changes], axis=1)
 
 
 def _inverted(parameters: Matrix) -> Matrix:
-    """(k, 4, 4) inverse of each pseudo-inertia."""
+    """Inverse (k, 4, 4) of each pseudo-inertia."""
     return np.linalg.inv(np.array([pseudo_inertia(row) for row in parameters], dtype=np.float64))
 
 

@@ -13,20 +13,20 @@ from identification.sticking import sticking_share
 from identification.touches import touches
 
 GAIN = 25.0
-"""K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that a light rotor's inertia comes
-out 15 to 30 % low; with 8, gravity and acceleration can no longer be separated."""
+"""K_r [1/s]. The paper's 100 passes so much noise of theta_ddot that the inertia of a light rotor
+comes out 15 to 30 % low; with 8, gravity and acceleration cannot be separated any more."""
 NORMAL_95 = 1.96
 """Standard errors in half of a 95 % interval."""
 HELD_OUT = 0.3
-"""Share of the motion, at its end, that R2 is measured on and the coefficients are not fitted to.
-The coefficients that are answered are fitted to all of it."""
+"""Share of the motion, at its end, on which R2 is measured with coefficients fitted to the rest.
+The coefficients returned are fitted to all of it."""
 LASTS_S = 0.3
-"""Length of the means by which R2 is measured: masses, springs and hoses act as long as the motion
-does, while noise, and a gap that no encoder shows, leave a torque and take it back."""
+"""Averaging time for R2: masses, springs and hoses act as long as the motion lasts, while noise,
+and a gap that no encoder shows, average out."""
 BLOCK_S = 1.0
 IMPACT_S = 0.05
-"""Before and after rotor and link meet, or part. They bounce faster than drives sample,
-and the rotor of a light joint comes out 6 % too small where that counts."""
+"""Time before and after rotor and link meet, or part, that does not count: they bounce faster than
+drives sample, and the rotor of a light joint would come out 6 % too small."""
 
 COLUMNS = (
     *("K_theta_s", "K_theta_v", "B"),
@@ -37,22 +37,22 @@ COLUMNS = (
 _ENGAGED, _LINK, _RELATIVE, _SPRING = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 9)
 LOAD = slice(9, 10)
 LOAD_SURE = 0.03
-"""Standard error of friction per transmitted torque above which it counts as unknown."""
-_LOADED = 0.1  # of Coulomb friction: less gravity shows no share of load
+"""Standard error of load friction above which it counts as unknown."""
+_LOADED = 0.1  # of Coulomb friction: a smaller variation of gravity does not show load friction
 _SLOW = 0.1  # [rad/s] up to which friction may be more than Coulomb's, as Stribeck's is
-_OFFSET = 1  # of the nuisance
-_WORTH = 0.005  # of R2 on held-out motion, for which a doubtful pair of columns is taken in
-_LEAVES = 0.95  # of what is not explained there, which a share of load must better
+_OFFSET = 1  # column of the nuisance
+_WORTH = 0.005  # gain of held-out R2 for which a doubtful pair of columns is used
+_LEAVES = 0.95  # factor on what is not explained there, for which load friction is used
 _APART = 10.0  # condition number up to which the gap separates the two link frictions
 _REWEIGHTED = 20
-_GAP_SHARE = 0.02  # of the time, below which the gap shows nothing
+_GAP_SHARE = 0.02  # least share of the time in the gap that shows anything
 
 
 @dataclass(frozen=True, slots=True)
 class Regression:
     """Measurements and columns of the least squares, all filtered alike: r_nl (N, n) [Nm], columns
-    (N, n, 10) and nuisance columns (N, n, 3), friction of slow motion (N, n), and what drives were
-    asked for (N, n) [rad/s2]."""
+    (N, n, 10), nuisance columns (N, n, 3), friction of slow motion (N, n), and accelerations that
+    drives were asked for (N, n) [rad/s2]."""
 
     r_nl: Matrix
     columns: Matrix
@@ -63,7 +63,7 @@ class Regression:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Fit of one joint, by `COLUMNS`; columns that were not used are zero with an error of NaN."""
+    """Fit of one joint, by `COLUMNS`; unused columns are zero with an error of NaN."""
 
     coefficients: Vector
     errors: Vector
@@ -71,33 +71,33 @@ class Solution:
     condition: float
     """Condition number of the three columns that count while engaged"""
     gravity: float
-    """Share of the model's gravity in the motor's torque, by its constant: 1 where they agree"""
+    """Share of the model's gravity in the motor's torque, by its constant: 1 if they agree"""
     offset: float
-    """Torque [Nm] that the current shows all the time, and nothing takes"""
+    """Constant torque [Nm] in the current that nothing explains"""
     touched: Mask
-    """(N,) True where something else than friction acted"""
+    """(N,) True where something other than friction acted"""
     stiction: float
     """Share of the Coulomb friction that sticks, and its standard error"""
     stiction_error: float
     falls: Vector
     """Change of the coefficients beside friction that falls with speed"""
     load_bound: float
-    """Upper end of the 95 % interval of friction per transmitted torque, used or not"""
+    """Upper end of the 95 % interval of load friction, used or not"""
     left: Vector
-    """(N,) [Nm] that this friction does not explain, and how much each row counts, (N,)"""
+    """(N,) [Nm] that this friction does not explain, and the weight of each row, (N,)"""
     weight: Vector
 
 
 def regression(
     rows: Intervals, t: Transmission, where: Located, held: Matrix, gain: float = GAIN
 ) -> Regression:
-    """(8)-(10) with DESIGN's corrections: friction columns carry a minus, springs start at the
-    border, and every column passes the filter of r_nl. Beyond the paper, Coulomb friction grows
+    """(8)-(10) as corrected in docs/estimator.md: friction columns carry a minus, springs start at
+    the border, and every column passes the filter of r_nl. Beyond the paper, Coulomb friction grows
     with the torque that the gear transmits to the link.
 
-    held (N, n): z - s(theta_dot) of `sticking.held`. The nuisance is what errors of the masses, an
-    offset of the current and stiction add: a share of gravity, as far as the motor carries it, a
-    constant and what is held after a reversal. Friction and rotor are not to answer for them.
+    held (N, n): z - s(theta_dot) of `sticking.held`. The nuisance columns absorb errors of masses,
+    an offset of the current, and stiction, so that friction and rotor do not: a share of gravity,
+    as far as the motor carries it, a constant, and what is held after a reversal.
     """
     phi, apart = where.phi, where.gap.astype(np.float64)
     together = 1.0 - apart
@@ -139,11 +139,11 @@ def solve_joint(
     unknown: Matrix,
 ) -> Solution:
     """Coefficients of joint i. cut (N, n): samples whose current was at its limit; spoilt (N,):
-    those near a touch, which are not fitted; unknown (N, n): how far what is held near rest is not
-    known, 0 to 1.
+    those near a touch, which are not fitted; unknown (N, n): uncertainty of what is held near rest,
+    0 to 1.
 
-    Columns of the gap are used where the joint was in its gap; those of K_phi, the spring and load
-    only if motion that was not fitted is explained better, that of load if its share is sure, too.
+    Columns of the gap are used if the joint was in its gap; those of K_phi, the spring and load
+    only if they improve the fit on held-out motion, that of load only if its share is sure, too.
     """
     y, A, N = found.r_nl[:, i], found.columns[:, i], found.nuisance[:, i]
     gap = where.gap[:, i]
@@ -159,7 +159,7 @@ def solve_joint(
     if half_gap > 0.0:
         candidates.append(_SPRING)
     r2 = _held_out(A, N, y, weight, used, train)
-    # A gear bends by what gravity is: its spring would take the place of a wrong torque constant.
+    # A gear bends in proportion to gravity: its spring would stand in for a wrong torque constant.
     _, beside = _lsq(A, N, y, weight, used)
     for pair in candidates:
         more = used.copy()
@@ -168,8 +168,8 @@ def solve_joint(
             used, r2 = more, better
     more = used.copy()
     more[LOAD] = True
-    # Its share is small beside the rest of the motion, and shows in what that leaves, where a gear
-    # that differs for driving and being driven leaves a share of gravity.
+    # Load friction is small, and shows in what the other columns leave, where a gear that differs
+    # between driving and being driven leaves a share of gravity.
     without, left_over = (
         1.0 - _held_out(A, N, y, weight, which, train, gravity=True) for which in (used, more)
     )
@@ -184,7 +184,7 @@ def solve_joint(
     falling, _ = _lsq(A, np.column_stack([N, found.slow[:, i]]), y, weight, used)
     left = _unexplained(A, N, y, weight, used)
     touched = touches(rows, left, clean, float(coefficients[0]))
-    # Once more with the rows near rest, which all others had to do without.
+    # Fitted again with the rows near rest, which were left out so far.
     _, nuisance = _lsq(A, N, y, weight, used)
     stiction, stiction_error = sticking_share(
         y - A @ coefficients - N[:, :2] @ nuisance[:2],
@@ -201,13 +201,13 @@ def solve_joint(
 
 
 def weights_of(rows: Intervals, i: int, where: Located, cut: Mask, rest: Vector) -> Vector:
-    """Weight of each row (N,), 0 to 1: less by `rest` (N,), where Coulomb friction may have any
-    value; not around a meeting of rotor and link; not while the current is cut off; not while the
+    """Weight of each row (N,), 0 to 1: reduced by `rest` (N,), where Coulomb friction may have any
+    value; 0 around a meeting of rotor and link, while the current is at its limit, and while the
     filter remembers any of these."""
     gap = where.gap[:, i]
     met = where.unclear[:, i] | np.diff(gap, prepend=gap[0])
-    # The link's velocity is a difference of positions: it spreads an impact, beside which friction
-    # in the gap is nothing, as far as it reaches.
+    # The link's velocity is a difference of positions: over its span it spreads an impact, compared
+    # with which friction in the gap is negligible.
     spread = around(rows, met, (SAMPLES - 1) * rows.period_s)
     shaken = around(rows, met, IMPACT_S) & ~gap
     doubt = np.maximum(rest, spread | shaken | cut | rows.first)
@@ -224,12 +224,12 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[V
     scale = np.sqrt(np.square(X).mean(axis=0))
     scale[scale < 1e-12] = np.inf
     lower = np.where(np.arange(X.shape[1]) < used.sum(), 0.0, -np.inf)
-    # As many rows as columns have the same solution: X = Q R, R from the eigenvectors of X^T X.
+    # Reduced to as many rows as columns: X = Q R, R from the eigenvectors of X^T X.
     values, vectors = np.linalg.eigh((X / scale).T @ (X / scale))
     kept = values > 1e-12 * values[-1]
     R = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
     b = vectors[:, kept].T @ ((X / scale).T @ (y * weight)) / np.sqrt(values[kept])
-    with np.errstate(invalid="ignore"):  # of a joint that stood, whose columns are next to nothing
+    with np.errstate(invalid="ignore"):  # a joint that stood has columns of about 0
         solution = lsq_linear(R, b, (lower, np.inf)).x / scale
     full = np.zeros(A.shape[1])
     full[used] = solution[: used.sum()]
@@ -237,8 +237,8 @@ def _lsq(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> tuple[V
 
 
 def _unexplained(A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask) -> Vector:
-    """Remainder of y after the fit of least absolute deviations (by reweighting): unlike that of
-    least squares it does not bend towards a touch, which would hide there."""
+    """Remainder of y after a fit of least absolute deviations (by reweighting): unlike that of
+    least squares it does not bend towards a touch, which would then hide."""
     smallest = 1e-3 * float(np.abs(y).max()) + 1e-12
     left, steep = y, np.ones_like(y)
     for _ in range(_REWEIGHTED):
@@ -252,8 +252,8 @@ def _held_out(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, train: Mask, *,
     gravity: bool = False, mean: int = 1,
 ) -> float:  # fmt: skip
-    """R2 of the friction alone, (14), on rows that were not fitted, in means of so many; an offset
-    of the current is no fault of it, nor, with `gravity`, is a share of that."""
+    """R2 of the friction alone, (14), on held-out rows averaged over `mean`; an offset of the
+    current does not count against it, nor, with `gravity`, a share of gravity."""
     w2, rest = np.square(weight[~train]), y[~train]
     if w2.sum() < 10.0 or weight[train].sum() < 10.0:
         return float("-inf")
@@ -271,8 +271,8 @@ def _held_out(
 def solve(
     A: Matrix, N: Matrix, y: Vector, weight: Vector, used: Mask, time_s: Vector
 ) -> tuple[Vector, Vector, float]:
-    """Coefficients (10,), standard errors, NaN of columns that are not used, and the condition
-    number while engaged, of the whole motion."""
+    """Coefficients (10,), their standard errors, NaN for unused columns, and the condition number
+    while engaged, from the whole motion."""
     errors = np.full(A.shape[1], np.nan)
     X = np.hstack([A[:, used], N]) * weight[:, None]
     scale = np.sqrt(np.square(X).mean(axis=0))
@@ -282,7 +282,7 @@ def solve(
         return np.zeros(A.shape[1]), errors, float("inf")
     coefficients, _ = _lsq(A, N, y, weight, used)
     X = X[:, seen] / scale[seen]
-    # What is left is alike for long, so rows are not independent: take blocks (sandwich).
+    # Residuals are correlated over time: standard errors are from blocks (sandwich estimator).
     inverse = np.linalg.pinv(X.T @ X)
     left = (y * weight - X @ (inverse @ (X.T @ (y * weight))))[:, None] * X
     block = (time_s // BLOCK_S).astype(np.int64)

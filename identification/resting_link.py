@@ -1,4 +1,4 @@
-"""Position of a link at rest, and the way that a person pushes it."""
+"""Position of a link at rest, and the direction in which a person pushes it."""
 
 import numpy as np
 
@@ -7,22 +7,22 @@ from common.arrays import Vector
 _REST_S = 0.2
 _STILL = 0.0005  # [rad]
 MOVED = 0.001
-"""Way [rad] by which a link is clearly pushed: less than the play of most gears."""
+"""Distance [rad] by which a link is clearly pushed: less than the play of most gears."""
 
 
 def resting_samples(period_s: float) -> int:
-    """Samples of a link that stands, with which what is seen of it begins."""
+    """Number of samples of a link at rest with which an observation begins."""
     return max(2, round(_REST_S / period_s))
 
 
 def stands(positions: Vector, least: int) -> bool:
-    """True for at least so many positions (N,) [rad] of a link that stands."""
+    """True for at least `least` positions (N,) [rad] of a link at rest."""
     return len(positions) >= least and float(np.ptp(positions)) < _STILL
 
 
 def departure(seen: Vector, period_s: float) -> tuple[float, float]:
-    """Position of a link at rest and how far away it is held [rad], from the positions seen (N,)
-    [rad], which begin at rest and end while it is held; 0 where it is not clearly to one side."""
+    """Position of a link at rest, and how far from there it is held [rad], from positions (N,)
+    [rad] that begin at rest and end while it is held; 0 if it is not clearly to one side."""
     few = resting_samples(period_s)
     rest = float(np.median(seen[:few]))
     away = seen[-few:] - rest

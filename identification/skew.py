@@ -1,8 +1,8 @@
 """Skew of a log's columns: velocities and currents that are late, or early, against positions.
 
-A velocity is the change of its position, so v(t + d) = p'(t), and to first order v - p' = -d p''.
-Currents are late by what fits them best to the links' torques, friction and rotors; one for all
-joints, as a message carries them together.
+A velocity is the derivative of its position, so v(t + d) = p'(t), and to first order v - p' = -d
+p''. The delay of currents is the one that fits the links' torques, friction and rotors best; it is
+common to all joints, as a message carries them together.
 """
 
 from dataclasses import dataclass, replace
@@ -19,38 +19,38 @@ from identification.motion_log import MotionLog
 from identification.torque_columns import torque_parts
 
 LONGEST_S: Final = 0.015
-"""Skew beyond this is none."""
-_ROWS: Final = 20_000  # of a log, that are looked at
-_SMOOTH_S: Final = 0.03  # half of a window
+"""Largest skew: a larger one is not a skew."""
+_ROWS: Final = 20_000  # rows of a log that are used
+_SMOOTH_S: Final = 0.03  # half a window
 _ROUNDS: Final = 3
 _STEP_S: Final = 0.001
 _GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
-_LEAST_S: Final = (0.0015, 0.002)  # of a velocity, of a current: less is left
-_LEAST: Final = 1e-3  # acceleration that shows any [rad/s2]
-_BETTER: Final = 0.97  # of the squares, at the joint between the others
+_LEAST_S: Final = (0.0015, 0.002)  # least correction of a velocity, of a current
+_LEAST: Final = 1e-3  # least acceleration that shows a skew [rad/s2]
+_BETTER: Final = 0.97  # factor on the squared residuals, of the median joint, for a correction
 
 
 @dataclass(frozen=True, slots=True)
 class Skew:
-    """Lateness behind the positions [s], negative where early; 0 where none shows."""
+    """Delays behind the positions [s], negative if early; 0 if none shows."""
 
     velocity: Vector
     """(n,) of the motors'"""
     current: float
 
     def notes(self, joints: tuple[str, ...]) -> tuple[str, ...]:
-        """Sentence about what was found, or none."""
+        """Message about the skew found, or none."""
         late = [f"motor_velocity of {joint} {1e3 * by:+.1f} ms"
                 for joint, by in zip(joints, self.velocity, strict=True) if by]  # fmt: skip
         late += [f"currents {1e3 * self.current:+.1f} ms"] if self.current else []
-        return (f"columns are late: {', '.join(late)} behind the positions: taken off",
+        return (f"columns lag behind the positions, which was corrected: {', '.join(late)}",
                ) if late else ()  # fmt: skip
 
 
 def without_skew(
     log: MotionLog, model: Model, settings: EstimatorSettings
 ) -> tuple[MotionLog, Skew]:
-    """The log with its columns at the times of its positions, and what was taken off."""
+    """The log with its columns at the times of its positions, and the skew that was corrected."""
     seen = log.select(slice(0, _ROWS))
     skew = Skew(np.array([_of_velocity(seen, i) for i in range(log.n)]), 0.0)
     rows = intervals(_shifted(seen, skew), model, settings)
@@ -75,7 +75,7 @@ def _shifted(log: MotionLog, skew: Skew) -> MotionLog:
 
 
 def _of_velocity(log: MotionLog, i: int) -> float:
-    """Lateness [s] of the velocity of joint i."""
+    """Delay [s] of the velocity of joint i."""
     position = log.link_position if log.motor_position is None else log.motor_position
     period, late = log.period_s, 0.0
     width = max(5, 2 * round(_SMOOTH_S / period) + 1)
@@ -100,7 +100,7 @@ def _of_velocity(log: MotionLog, i: int) -> float:
 
 
 def _of_currents(rows: Intervals) -> float:
-    """Lateness [s] of the currents of all joints."""
+    """Delay [s] of the currents of all joints."""
     tried = np.arange(-LONGEST_S, LONGEST_S + 0.5 * _STEP_S, _STEP_S)
     found, gains = [], []
     for i in range(rows.current.shape[1]):

@@ -1,5 +1,5 @@
-"""Share of a joint's Coulomb friction that sticks: near rest it keeps its value of the last motion
-instead of following the velocity as smooth friction does. See `estimator.stiction`.
+"""Stiction share of a joint's Coulomb friction: the part that near rest keeps its value of the last
+motion instead of following the velocity, as smooth friction does. See `estimator.stiction`.
 
     r_nl + tau_mu + B theta_ddot = -stiction K_theta_s (z - s(theta_dot))                  engaged
 """
@@ -17,10 +17,10 @@ SURE = 0.1
 
 
 def held(rows: Intervals, sign_width: float) -> tuple[Matrix, Matrix]:
-    """z - s(theta_dot), means of both ends of each interval, and how far z may be off; (N, n).
+    """z - s(theta_dot), means of both ends of each interval, and the uncertainty of z; (N, n).
 
-    The friction that the estimator assumes to be held near rest, with stiction and K_theta_s of 1,
-    and one pre-sliding.
+    This is the friction that the estimator assumes to be held near rest, for a stiction and
+    K_theta_s of 1, and a single pre-sliding distance.
     """
     n = rows.q.shape[1]
     operator = Stiction(n, (_PRESLIDING, _PRESLIDING), np.ones(n), np.ones(n))
@@ -37,8 +37,8 @@ def held(rows: Intervals, sign_width: float) -> tuple[Matrix, Matrix]:
 
 
 def _displacement(rows: Intervals) -> Matrix:
-    """Displacement of the rotors in each interval (N, n) [rad]. Integrated, a bias would move them
-    at rest: where both creep, rotor and link are one."""
+    """Displacement of the rotors in each interval (N, n) [rad]. A bias, integrated, would move them
+    at rest: where both creep, rotor and link count as one."""
     if rows.measured:
         return rows.advance
     clearly = np.maximum(np.abs(rows.theta_dot), np.abs(rows.q_dot)) > CREEP
@@ -49,7 +49,7 @@ def sticking_share(
     left: Vector, held: Vector, weight: Vector, time_s: Vector
 ) -> tuple[float, float]:
     """Share that explains `left` (N,) [Nm] by `held` (N,) [Nm], within 0 ... 1, and its standard
-    error from blocks of a second; NaN and infinite where nothing was held."""
+    error from blocks of a second; NaN and infinite if nothing was held."""
     x, y = weight * held, weight * left
     square = float(x @ x)
     if square < 1e-12:

@@ -1,12 +1,12 @@
 """Fit of a joint's gap to strokes of its motor:
 
     phi = q - theta = c + c' t - side alpha - kappa tau       where the gear carries
-    tau = tau_M - friction of the rotor as it is inside the gap, each way
+    tau = tau_M - friction of the rotor as it is inside the gap, in that direction
 
-side is that of the torque: +1 where the motor pushes its link up. The bending of the gear, kappa
-tau, is separated from the gap by the torque, which rises from nothing as the motor runs into a
-border; so alpha comes out as it is at zero torque. Errors of the motor's encoder that repeat with
-its turn are columns of the fit where the motor turns far enough to show them.
+side is the sign of the torque: +1 if the motor pushes its link up. The bending of the gear, kappa
+tau, is separated from the gap by the torque, which rises from zero as the motor runs into a border;
+so alpha is that at zero torque. Errors of the motor encoder that repeat with its turn are columns
+of the fit if the motor turns far enough to show them.
 """
 
 from collections.abc import Callable
@@ -20,37 +20,36 @@ from identification.encoder_errors import SHOWN, Harmonic, turns
 from identification.gap_result import ENCODERS
 from identification.stroke_samples import Samples, free_torque
 
-_BLOCK_S = 0.2  # samples of a plateau that count as one
-_STEP = 0.3  # of an encoder, by which the mean over a way may be off
-_LATE_S = 0.002  # by which the current may be later than the positions, unseen
-_PERIOD_S = 0.01  # of the log, of whose samples at the borders no more than a few are averages
-_UNSURE = 0.1  # of what the gear bent: friction does not quite keep its size
+_BLOCK_S = 0.2  # block of a plateau whose samples count as one
+_STEP = 0.3  # of an encoder's resolution, as the error of a mean over a stroke
+_LATE_S = 0.002  # delay of the current behind the positions that remains unseen
+_PERIOD_S = 0.01  # period of the log up to which sampling adds no error
+_UNSURE = 0.1  # error of the bending, as friction is not quite constant
 
 
 @dataclass(frozen=True, slots=True)
 class StrokeFit:
-    """alpha by strokes, and the terms of its interval."""
+    """alpha by strokes, and the parts of its interval."""
 
     alpha: float
     compliance: float
     """[rad/Nm]"""
     bent: float
-    """[rad], of what phi spans on either side"""
+    """bending [rad], as part of the range of phi on either side"""
     error: float
     """standard error of alpha [rad]"""
     scatter: float
     rarer: float
-    """share of the border that was met less"""
+    """share of the border that was met more rarely"""
     harmonics: tuple[Harmonic, ...]
     coulomb: float
     """of the rotor [Nm]"""
     unsure: float
-    """[rad] of what the gear bent, where that friction is not known, or the torque does not show
-    what it bends"""
+    """error of the bending [rad], if that friction is unknown, or the torque does not show it"""
     hidden: float
     """[rad]: `_hidden`"""
     noise: float
-    """of the torque over what it pushes its link with at the weaker border"""
+    """of the torque, over that with which it pushes its link at the weaker border"""
 
     @property
     def confidence(self) -> float:
@@ -63,10 +62,8 @@ class StrokeFit:
 def fitted(
     seen: Samples, drift: float, middle: float, half: float, gear: float, *, integrated: bool
 ) -> StrokeFit | None:
-    """Fit of all strokes, begun from drift [rad/s], middle and half of the range of phi [rad];
-    None where the gear carried nothing at one of the borders. gear and integrated as of
-    `from_strokes`.
-    """
+    """Fit of all strokes, started from drift [rad/s], middle and half of the range of phi [rad];
+    None if the gear carried nothing at a border. gear, integrated: as for `from_strokes`."""
     center = middle + drift * seen.time_s
     alpha, fit = half, None
     for _ in range(6):
@@ -75,7 +72,7 @@ def fitted(
         rows = _carried(seen, seen.phi - center, alpha, load, off)
         if rows is None:
             break
-        # As far as theta drifts, phi does: the motor's place is given by the middle of the gap.
+        # theta drifts as phi does: the motor's position is related to the middle of the gap.
         rows = replace(rows, theta=rows.theta + np.interp(rows.time_s, seen.time_s, center))
         fit, center = _solved(seen, rows, gear, off, integrated=integrated)
         fit = replace(fit, coulomb=float(np.median(free)))
@@ -87,7 +84,7 @@ def fitted(
 
 @dataclass(frozen=True, slots=True)
 class _Carried:
-    """Rows in which the gear carried: blocks of plateaus, and samples of the ways into them."""
+    """Rows in which the gear carried: blocks of plateaus, and samples of the motion into them."""
 
     time_s: Vector
     phi: Vector
@@ -98,7 +95,7 @@ class _Carried:
     stroke: Vector
     direction: Vector
     noise: float
-    """of the torque over its mean at the weaker border; infinite where it pushes the wrong way"""
+    """of the torque, over its mean at the weaker border; infinite if that has the wrong sign"""
 
 
 def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float) -> _Carried | None:
@@ -111,7 +108,7 @@ def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float)
     noise = 1.4826 * float(np.median(np.abs(np.diff(seen.torque)))) / np.sqrt(2.0)
     enough = 0.3 * np.where(side > 0.0, usual[1.0], usual[-1.0])
     into = seen.late & ~plateau & outer & (side == seen.direction)
-    # What a link that falls through its gap seems to load, friction being no better known, is none.
+    # A link that falls through its gap seems to load the motor, as far as friction is not known.
     into &= load * side > np.maximum(enough, max(4.0 * noise, off))
     block = np.round(seen.time_s / _BLOCK_S)
     keys = np.where(plateau, block, -1.0 - np.arange(len(phi)))
@@ -137,11 +134,11 @@ def _carried(seen: Samples, phi: Vector, alpha: float, load: Vector, off: float)
 def _solved(
     seen: Samples, rows: _Carried, gear: float, off: float, *, integrated: bool
 ) -> tuple[StrokeFit, Vector]:
-    """The fit, and the middle of the gap (N,) over the samples' time.
+    """Fit, and middle of the gap (N,) over the samples' time.
 
-    off: what the rotor's friction may be other than was taken off the load [Nm]. The gear bends by
-    that one way as the motor goes up, the other way as it goes down; where the motor lets its link
-    down, too, that is not alpha.
+    off: error of the rotor friction that was subtracted from the load [Nm]. The gear bends by that
+    in one direction as the motor goes up, in the other as it goes down; if the motor also lets its
+    link down, that can be separated from alpha.
     """
     origin = _origin(rows.time_s, rows.stroke, integrated=integrated)
     repeats = turns(np.zeros_like(rows.theta), rows.theta, gear)
@@ -150,7 +147,7 @@ def _solved(
     plain = origin(rows.time_s)
     rubs = rows.direction[:, None] if off > 0.0 else np.empty((len(rows.theta), 0))
     X = np.column_stack([-rows.side, -rows.load, plain, harmonic, rubs])
-    # A gear's compliance is known that far: it decides where the torque shows little.
+    # The prior of a gear's compliance decides where the torque shows little.
     weak = 1e-4  # [rad]: scatter of phi that goes with it
     prior = np.zeros((2 if off > 0.0 else 1, X.shape[1]))
     prior[0, 1] = weak / USUALLY
@@ -168,7 +165,7 @@ def _solved(
     variances = np.max([_sandwich(X, left, of, inverse) for of in clusters], axis=0)
     variance = float(variances[0])
     scatter = float(np.sqrt(np.square(left).mean()))
-    # What the prior leaves open.
+    # Uncertainty that the prior leaves.
     variance += inverse[0, 0] * weak**2
     load = float(np.median(np.abs(rows.load)))
     upper = float((rows.side > 0.0).mean())
@@ -193,18 +190,18 @@ def _solved(
 
 
 def _hidden(seen: Samples) -> float:
-    """Error of alpha that no sample shows [rad]: the motor goes on between two samples, and between
-    the current's instant and theirs; and encoders count steps."""
+    """Error of alpha that no sample shows [rad]: the motor moves on between two samples, and
+    between the instants of the current and of the samples; and encoders have a resolution."""
     speed = float(np.median(np.abs(np.gradient(seen.theta, seen.time_s))))
     period = float(np.median(np.diff(seen.time_s)))
-    # A motor at one speed reads evenly, too: an encoder's step shows where it stays for samples.
+    # A motor at constant speed has equal steps, too: a resolution shows only if values repeat.
     step = seen.resolution if seen.resolution > 1.5 * speed * period else 0.0
     return speed * (_LATE_S + max(period - _PERIOD_S, 0.0)) + _STEP * step
 
 
 def _origin(time_s: Vector, stroke: Vector, *, integrated: bool) -> Callable[[Vector], Matrix]:
-    """Columns of the middle of phi over time: a constant and a line; for a sum of velocities, whose
-    errors add up, a polygon with as many corners as every other stroke."""
+    """Columns of the middle of phi over time: a constant and a line; for an integrated velocity,
+    whose errors add up, a polygon with a corner for every other stroke."""
     count = len(np.unique(stroke)) // 2 + 1
     if not integrated or count < 3:
         return lambda t: np.stack([np.ones_like(t), t - float(time_s.mean())], axis=1)
@@ -214,7 +211,7 @@ def _origin(time_s: Vector, stroke: Vector, *, integrated: bool) -> Callable[[Ve
 
 
 def _sandwich(X: Matrix, left: Vector, of: Vector, inverse: Matrix) -> Vector:
-    """Variances of the coefficients, rows of one cluster being alike."""
+    """Variances of the coefficients, with rows correlated within each cluster."""
     names, place = np.unique(of, return_inverse=True)
     sums = np.zeros((len(names), X.shape[1]))
     np.add.at(sums, place.ravel(), left[:, None] * X)

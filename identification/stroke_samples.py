@@ -10,15 +10,15 @@ from common.arrays import Matrix, Vector
 from identification.gap_result import resolution, smoothed
 
 FASTEST = 0.045
-"""[rad/s]: beyond, impacts and the swing of the link are not slow any more."""
-_BEGIN_S = 0.15  # of a stroke: the motor's friction turns round
-_FEWEST = 5  # samples, each way
+"""[rad/s]: at higher speeds impacts and swinging of the link matter."""
+_BEGIN_S = 0.15  # of a stroke, in which the motor's friction reverses
+_FEWEST = 5  # samples, in each direction
 _FEWEST_FREE = 5  # samples inside the gap
 _FEWEST_WARM = 6  # strokes
 _FEWEST_TURNS = 3  # strokes
-_LEAST, _MOST = 0.5, 0.9  # of all friction: surely the rotor's, and at most shown to be
+_LEAST, _MOST = 0.5, 0.9  # of all friction: surely the rotor's, and the most shown as such
 _WITHIN = 0.8  # of the half-gap
-_SHOWN = 1.0  # [rad], over which gravity would be more than friction
+_SHOWN = 1.0  # [rad], within which gravity must exceed friction to show
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,19 +32,19 @@ class Samples:
     direction: Vector
     """of the motor, +-1"""
     follows: Vector
-    """speed of phi over the motor's: 0 where the link comes along, -1 where it stays"""
+    """speed of phi over the motor's: 0 if the link follows, -1 if it stays"""
     stroke: NDArray[np.int64]
     late: NDArray[np.bool_]
-    """Not in the beginning of a stroke"""
+    """Not at the beginning of a stroke"""
     resolution: float
     """of the coarser encoder [rad]"""
     turns: Matrix
-    """Rows of time, phi, torque the motor's way and stroke, from its turn on, while its link stays
-    (M, 4)"""
+    """Rows of time, phi, torque in the motor's direction and stroke, from its reversal on, while
+    its link stays (M, 4)"""
 
 
 def stroking(theta_dot: Vector) -> bool:
-    """True where a motor turned at one slow speed whenever it turned, as for `from_strokes`."""
+    """True if a motor turned at one slow speed whenever it turned, as for `from_strokes`."""
     speed = np.abs(smoothed(theta_dot, 9))
     fast = float(np.percentile(speed, 90.0))
     moving = speed[speed > 0.3 * fast]
@@ -69,7 +69,7 @@ def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: 
     for a, b in itertools.pairwise([0, *edges.tolist(), len(v)]):
         if not direction[a] or b - a < least:
             continue
-        # A stroke that a lost sample cut in two goes on.
+        # A stroke that a lost sample cut in two is continued.
         before = rows[-1][-1] if rows else None
         goes_on = before is not None and direction[before] == direction[a]
         stroke.append(np.full(b - a, stroke[-1][-1] + (not goes_on) if rows else 0))
@@ -100,7 +100,7 @@ def steady(time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: 
 
 
 def whole_strokes(seen: Samples) -> list[NDArray[np.int64]]:
-    """Rows of each stroke that ends at a turn: the last may go back to the middle only."""
+    """Rows of each stroke that ends at a reversal: the last may only return to the middle."""
     rows = [np.flatnonzero(seen.stroke == k) for k in range(int(seen.stroke[-1]) + 1)]
     short = len(rows) > 1 and len(rows[-1]) < 0.7 * max(len(own) for own in rows)
     return rows[:-1] if short else rows
@@ -109,8 +109,8 @@ def whole_strokes(seen: Samples) -> list[NDArray[np.int64]]:
 def balance(
     time_s: Vector, q: Vector, theta: Vector, theta_dot: Vector, torque: Vector, slope: float
 ) -> float:
-    """Link position [rad] at which the load of a log of strokes would be nothing, where it grows
-    by `slope` [Nm/rad]; NaN where so little gravity does not show beside friction."""
+    """Link position [rad] at which the load in a log of strokes would be zero, if it grows by
+    `slope` [Nm/rad]; NaN if so little gravity does not show beside friction."""
     held = held_by(steady(time_s, q, theta, theta_dot, torque), slope)
     if held is None or abs(slope) * _SHOWN < held.friction:
         return float("nan")
@@ -119,8 +119,8 @@ def balance(
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Torque of the motor while its link came along: a line over the link's position, and friction
-    of motor and link."""
+    """Torque of the motor while its link followed: a line over the link's position, and
+    friction."""
 
     at: float
     """middle of the positions [rad]"""
@@ -132,8 +132,8 @@ class Held:
 
 
 def held_by(seen: Samples, slope: float | None = None) -> Held | None:
-    """Torque that the motor held; None where it did not carry its link both ways. slope: of the
-    load over the link's position [Nm/rad], None where the torque shows it."""
+    """Torque that the motor held; None if it did not carry its link in both directions. slope: of
+    the load over the link's position [Nm/rad], None if it is to be fitted."""
     carried = seen.late & (np.abs(seen.follows) < 0.25)
     if min((carried & (seen.direction == way)).sum() for way in (-1.0, 1.0)) < _FEWEST:
         return None
@@ -150,9 +150,9 @@ def held_by(seen: Samples, slope: float | None = None) -> Held | None:
 
 
 def free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[Vector, float, float]:
-    """Torque (N,) of the motor inside the gap on its way up [Nm], which is that down but for its
-    sign, and changes as the motor warms; an offset of the current, which both ways have in common
-    [Nm]; and how far the first may be off: a link that fell through was not seen there."""
+    """Torque (N,) of the motor inside the gap on its way up [Nm], which is that down except for its
+    sign, and changes as the motor warms; an offset of the current, common to both directions [Nm];
+    and the error of the first, as a link that fell through the gap was not seen there."""
     even = np.ones_like(phi)
     inside = seen.late & (np.abs(phi) < 0.6 * alpha) & (seen.follows < -0.5)
     ways = [inside & (seen.direction == way) for way in (1.0, -1.0)]
@@ -163,14 +163,14 @@ def free_torque(seen: Samples, phi: Vector, alpha: float) -> tuple[Vector, float
     if inside.sum() >= _FEWEST_FREE:
         return float(np.median((seen.torque * seen.direction)[inside])) * even, 0.0, 0.0
     held = held_by(seen)
-    whole = held.friction if held is not None else 0.0
-    surely = float(np.clip(_turning(seen, phi, alpha), _LEAST * whole, _MOST * whole))
-    return 0.5 * (whole + surely) * even, 0.0, 0.5 * (whole - surely)
+    total = held.friction if held is not None else 0.0
+    surely = float(np.clip(_turning(seen, phi, alpha), _LEAST * total, _MOST * total))
+    return 0.5 * (total + surely) * even, 0.0, 0.5 * (total - surely)
 
 
 def _turning(seen: Samples, phi: Vector, alpha: float) -> float:
-    """Torque [Nm] that the motor took, in most strokes, before its link came along, in a gap so
-    narrow that friction still turns round there: what it rubs with is not less."""
+    """Torque [Nm] that the motor took, in most strokes, before its link followed, in a gap so
+    narrow that friction still reverses there: a lower bound of its friction."""
     time_s, phi_then, torque, stroke = seen.turns.T
     center = np.interp(time_s, seen.time_s, seen.phi - phi)
     inside = np.abs(phi_then - center) < _WITHIN * alpha
@@ -179,8 +179,7 @@ def _turning(seen: Samples, phi: Vector, alpha: float) -> float:
 
 
 def _warming(seen: Samples, inside: NDArray[np.bool_], offset: float) -> Vector:
-    """Change (N,) of the motor's friction over time [Nm], a line through that of the strokes; 0
-    where they are too few."""
+    """Change (N,) of the motor's friction over time [Nm], by a line over the strokes; 0 of few."""
     friction = (seen.torque - offset) * seen.direction
     strokes = [inside & (seen.stroke == k) for k in np.unique(seen.stroke[inside])]
     if len(strokes) < _FEWEST_WARM:

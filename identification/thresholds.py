@@ -1,7 +1,7 @@
 """Thresholds from contact-free motion, at a chosen rate of false alarms.
 
-Only of joints that moved. Stretches left out because they look like a touch are listed: without a
-person near the arm, the level has to bear them.
+Joints that did not move get none. Stretches left out because they look like a touch are listed: if
+no person was near the arm, the level has to cover them.
 """
 
 from collections.abc import Sequence
@@ -16,22 +16,22 @@ from common.errors import LogError
 from estimator.alarms import excess
 
 BLOCK_S = 1.0
-"""The largest |r| of each such block is one draw of an extreme-value distribution."""
+"""Length of a block; its largest |r| is one draw from an extreme-value distribution."""
 FEWEST_BLOCKS = 30
 FROZEN_AROUND_S = 0.5
-"""Time around a touch that it spoils, too."""
+"""Time around a touch that is excluded, too."""
 LEAST_TRAVEL = 0.05
-"""Least range of the link [rad], beyond its gap, for a level that holds in motion."""
-_GROSS = 5.0  # times the median block: a touch, however high the old threshold is
-_ALONE = 2.0  # times the rest: 59 joints of untouched logs reached that
+"""Least range of the link [rad], beyond its gap, for a level that is valid in motion."""
+_GROSS = 5.0  # times the median block is a touch, however high the old threshold
+_ALONE = 2.0  # times the rest, which 59 joints of untouched logs reached
 _MOST_TOUCHED = 0.2
 _MOSTLY = 0.5  # of the time
-_WORTH = 0.1  # share of the mean threshold that a part that grows with speed has to save
-_SPEEDS = np.linspace(0.0, 1.0, 21)  # shares of the level at rest that the largest speed adds
+_WORTH = 0.1  # share of the mean threshold that growth with speed has to save
+_SPEEDS = np.linspace(0.0, 1.0, 21)  # shares of the level at rest, added at the largest speed
 
 
 class LevelVerdict(StrEnum):
-    """Verdict on new levels: `good`, or the reason why the old ones stay."""
+    """Verdict on new levels: `good`, or the reason why the old ones are kept."""
 
     GOOD = "good"
     CEILING = "above the ceiling"
@@ -45,7 +45,7 @@ class LevelVerdict(StrEnum):
 @dataclass(frozen=True, slots=True)
 class LevelSettings:
     """Allowed false alarms per joint and hour, and bounds of the contact levels [Nm], floors and
-    ceilings (n,); half-gaps (n,) [rad]; whether a person confirmed every touch as theirs.
+    ceilings (n,); half-gaps (n,) [rad]; whether a person confirmed to have caused every touch.
 
     The collision level is at least `collision_factor` times the contact level.
     """
@@ -61,12 +61,12 @@ class LevelSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """Motion in which levels are learned, a row per tick.
+    """Motion from which levels are identified, a row per tick.
 
     time_s (N,) [s]; position of the links (N, n) [rad]; velocity of the motors (N, n) [rad/s];
-    residual (N, n) [Nm]; raised (N, n) [Nm]: what the thresholds were raised by near rest, without
-    their part that grows with speed; touched (N, n): the joint was past its contact level; unsure
-    (N,): ticks in which the residual was old, or began anew. Nothing is learned from either.
+    residual (N, n) [Nm]; raised (N, n) [Nm]: raise of the thresholds near rest, without their
+    growth with speed; touched (N, n): the joint exceeded its contact level; unsure (N,): ticks in
+    which the residual was old, or restarted. Neither of the latter two is used.
     """
 
     time_s: Vector
@@ -83,7 +83,7 @@ class Discarded:
     """Stretch that looked like a touch of one joint, and was left out."""
 
     at_s: float
-    """from the beginning of the motion"""
+    """from the start of the motion"""
     lasted_s: float
     largest: float
     """|r| of the joint [Nm]"""
@@ -94,10 +94,10 @@ class Discarded:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Range of a joint's motion that its level was learned from."""
+    """Range of a joint's motion from which its level was identified."""
 
     speed: float
-    """of the motor, largest but for one per cent of the time [rad/s]"""
+    """of the motor, 99th percentile [rad/s]"""
     lower: float
     """of the link [rad]"""
     upper: float
@@ -115,28 +115,28 @@ class LevelsResult:
     per_speed: float = 0.0
     """growth of both with the motor's speed [Nm s/rad]"""
     floored: bool = False
-    """the contact level is its floor: less was seen"""
+    """the contact level is its floor, as the motion needs less"""
     largest: float = float("nan")
-    """|r| without what the threshold was raised by now and then, in what was not frozen"""
+    """|r| beyond the temporary raise of the threshold, in the motion used"""
     used_s: float = 0.0
     seen: Seen = Seen(0.0, 0.0, 0.0)
     discarded: tuple[Discarded, ...] = ()
     alone_s: float = float("nan")
-    """Time [s] of a largest |r| beyond `_ALONE` times that of the rest: a touch, or rare"""
+    """Time [s] of a largest |r| beyond `_ALONE` times the rest, which is a touch, or rare"""
 
 
 def identify_levels(
     joints: tuple[str, ...], period_s: float, motion: Motion, settings: LevelSettings
 ) -> list[LevelsResult]:
-    """Two levels per joint, as `motion` has it. Raises LogError for numbers that are not finite."""
+    """Two levels per joint, from `motion`. Raises LogError for numbers that are not finite."""
     if not (np.isfinite(motion.residual).all() and np.isfinite(motion.raised).all()):
         raise LogError("a residual in the log is not a number")
     per_block = max(1, round(BLOCK_S / period_s))
     count = len(motion.residual) // per_block
-    whole = slice(0, count * per_block)
+    complete = slice(0, count * per_block)
     frozen = _around(np.logical_or.reduce(motion.touched, axis=1) | motion.unsure, period_s)
-    blocks = _beyond(motion)[whole].reshape(count, per_block, -1)
-    used = np.logical_and.reduce(~frozen[whole].reshape(count, per_block), axis=1)
+    blocks = _beyond(motion)[complete].reshape(count, per_block, -1)
+    used = np.logical_and.reduce(~frozen[complete].reshape(count, per_block), axis=1)
     maxima = blocks.max(axis=1)
     gross = np.zeros_like(maxima, dtype=np.bool_)
     if used.any():
@@ -145,9 +145,9 @@ def identify_levels(
         used &= ~np.logical_or.reduce(gross, axis=1)
     share = 1.0 - float(used.mean()) if count else 1.0
     looks_touched = motion.touched.copy()
-    looks_touched[whole] |= np.repeat(gross, per_block, axis=0)
+    looks_touched[complete] |= np.repeat(gross, per_block, axis=0)
     lists = [_stretches(motion, looks_touched[:, i], i, period_s) for i in range(len(joints))]
-    speeds = np.abs(motion.velocity)[whole].reshape(count, per_block, -1)
+    speeds = np.abs(motion.velocity)[complete].reshape(count, per_block, -1)
     found = []
     for i, name in enumerate(joints):
         one = _of_joint(name, i, blocks[used, :, i], speeds[used, :, i], share, settings)
@@ -158,8 +158,8 @@ def identify_levels(
 
 
 def _alone(maxima: Vector, used: NDArray[np.bool_]) -> float:
-    """Time [s] of the used block whose maximum is far beyond those of all (m,) but its neighbours,
-    else NaN."""
+    """Time [s] of the used block whose maximum is far beyond those of all others (m,) but its
+    neighbours, else NaN."""
     left = maxima * used
     k = int(np.argmax(left)) if used.any() else 0
     rest = np.delete(left, slice(max(k - 1, 0), k + 2)).max(initial=0.0)
@@ -167,9 +167,9 @@ def _alone(maxima: Vector, used: NDArray[np.bool_]) -> float:
 
 
 def _beyond(motion: Motion) -> Matrix:
-    """|r| beyond the raise (N, n) [Nm]; all of it at a joint that was raised most of the time, as
-    where its side of a gap never shows: the raise goes with the level that is in force, and would
-    hide what a lower one has to bear."""
+    """|r| beyond the raise (N, n) [Nm]. At a joint that was raised most of the time, for example
+    because its side of the gap never shows, it is all of |r|: the raise is proportional to the
+    level in force, and would hide what a lower one has to cover."""
     raised = np.where((motion.raised > 0.0).mean(axis=0) > _MOSTLY, 0.0, motion.raised)
     return excess(motion.residual, raised)
 
@@ -182,7 +182,7 @@ def _around(touched: NDArray[np.bool_], period_s: float) -> NDArray[np.bool_]:
 def _stretches(
     motion: Motion, touched: NDArray[np.bool_], i: int, period_s: float
 ) -> list[Discarded]:
-    """Touches of one joint, those that lie closer than what each of them spoils as one."""
+    """Touches of one joint; those closer than the time excluded around each count as one."""
     spoilt = _around(touched, period_s)
     edges = np.flatnonzero(np.diff(spoilt, prepend=False, append=False))
     found = []
@@ -203,8 +203,7 @@ def _seen(motion: Motion, i: int) -> Seen:
 def _doubted(
     one: LevelsResult, lists: Sequence[list[Discarded]], settings: LevelSettings, i: int
 ) -> LevelsResult:
-    """`one`, unless its joint did not move, or looked touched in one of several stretches without a
-    confirmation."""
+    """`one`, unless its joint did not move, or looked touched in several stretches, unconfirmed."""
     travel = one.seen.upper - one.seen.lower
     least = LEAST_TRAVEL + 2.0 * float(settings.half_gap[i])
     if travel < least:
@@ -226,10 +225,10 @@ def _doubted(
 def _of_joint(
     name: str, i: int, beyond: Matrix, speed: Matrix, frozen: float, settings: LevelSettings
 ) -> LevelsResult:
-    """Levels of what is beyond the raise [Nm] and speeds [rad/s], (blocks, ticks of a block)."""
+    """Levels from residual beyond the raise [Nm] and speed [rad/s], (blocks, ticks of a block)."""
     used_s = len(beyond) * BLOCK_S
     if frozen > _MOST_TOUCHED:
-        about = f"contacts froze {frozen:.0%} of the time: the arm was touched, or the old "
+        about = f"contacts exclude {frozen:.0%} of the time: the arm was touched, or the old "
         return LevelsResult(joint=name, verdict=LevelVerdict.TOUCHED, used_s=used_s,
                       reason=about + "thresholds are far too low")  # fmt: skip
     if len(beyond) < FEWEST_BLOCKS:
@@ -262,8 +261,8 @@ def _of_joint(
 
 def growth(beyond: Matrix, speed: Matrix, per_hour: float) -> float:
     """Growth of a level with speed [Nm s/rad] that makes its mean the lowest at this rate of false
-    alarms; 0 where that saves hardly anything. What is beyond the raise [Nm] and speeds [rad/s],
-    (blocks, ticks of a block)."""
+    alarms; 0 if that saves hardly anything. beyond: residual beyond the raise [Nm], speed [rad/s],
+    both (blocks, ticks of a block)."""
     reach = float(speed.max())
     if reach <= 0.0:
         return 0.0
@@ -278,13 +277,13 @@ def growth(beyond: Matrix, speed: Matrix, per_hour: float) -> float:
 
 
 def _level(maxima: Vector, per_hour: float) -> float:
-    """Level of so many false alarms, never below the largest seen, whatever the distribution is."""
+    """Level with this rate of false alarms, never below the largest value seen."""
     return max(gumbel_level(maxima, per_hour), 1.1 * float(maxima.max()))
 
 
 def gumbel_level(maxima: Vector, per_hour: float) -> float:
     """Level that the maximum of a block exceeds `per_hour` times an hour, by a Gumbel distribution
-    of the blocks' mean and deviation: u = mu - beta ln(-ln(1 - p)), p per block."""
+    with the blocks' mean and deviation: u = mu - beta ln(-ln(1 - p)), p per block."""
     beta = float(np.std(maxima, ddof=1)) * np.sqrt(6.0) / np.pi
     mu = float(np.mean(maxima)) - 0.5772156649 * beta
     p = min(per_hour * BLOCK_S / 3600.0, 0.5)

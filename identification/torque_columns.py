@@ -1,7 +1,7 @@
 """Currents of a log that are not those of its motion: exchanged between joints, or low-passed.
 
-Each is fitted as x = s tau + c sign(v) + d v + B a + b to a part of a log, and judged by the rest:
-else they come out as torque constants, masses and friction.
+Each is fitted as x = s tau + c sign(v) + d v + B a + b to a part of a log, and tested on the rest.
+Undetected, they would appear as wrong torque constants, masses and friction.
 """
 
 import itertools
@@ -18,18 +18,18 @@ from identification.log_intervals import Intervals, intervals, low_pass
 from identification.motion_log import MotionLog
 from identification.regression import HELD_OUT
 
-_ROWS: Final = 20_000  # of a log, that are looked at
+_ROWS: Final = 20_000  # rows of a log that are used
 _GAIN: Final = 30.0  # of the filter on both sides of a fit [1/s]
-_SLOW: Final = 0.05  # of the velocity: friction has its sign beyond
-_LAGS_S: Final = (0.02, 0.05, 0.1, 0.2)  # of low-passes of the first order
-_LONG_S, _SHOWN = 0.04, 1.5  # beyond, it is no filter of a drive, and no part of a period
-_CLEARLY, _LATER = 0.5, 0.45  # times the squares that are left: exchanged, after a lag
-_FITS: Final = 0.2  # of the variance: more is left of motion that the first part does not show
+_SLOW: Final = 0.05  # of the velocity, beyond which friction has its sign
+_LAGS_S: Final = (0.02, 0.05, 0.1, 0.2)  # of first-order low-passes
+_LONG_S, _SHOWN = 0.04, 1.5  # [s], periods; a longer lag is neither a drive's filter nor sampling
+_CLEARLY, _LATER = 0.5, 0.45  # factor on the squared residuals: if exchanged, after a lag
+_FITS: Final = 0.2  # of the variance; motion that differs from the first part leaves more
 
 
 def refuse_other_torques(log: MotionLog, model: Model, settings: EstimatorSettings) -> None:
-    """Raises LogError where two joints' currents fit clearly better when exchanged, or those of
-    most after a lag."""
+    """Raise LogError if the currents of two joints fit clearly better when exchanged, or those of
+    most joints after a lag."""
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
     there = np.ptp(rows.current, axis=0) > 0.0
     moved = [i for i in range(log.n) if there[i] and not unexcited(rows.theta_dot[:, i])]
@@ -64,7 +64,7 @@ def torque_parts(rows: Intervals, i: int) -> Matrix:
 
 
 def _left(columns: Matrix, x: Vector) -> float:
-    """Mean square of what columns (N, 5) leave of x (N,) in its last part, over its variance."""
+    """Mean square of the last part of x (N,) that columns (N, 5) leave, over the variance of x."""
     k = round((1.0 - HELD_OUT) * len(x))
     found, *_ = np.linalg.lstsq(columns[:k], x[:k], rcond=None)
     return float(np.square(x[k:] - columns[k:] @ found).mean() / max(np.var(x), 1e-12))

@@ -1,4 +1,4 @@
-"""Touches by a person in motion that was to be without contact: torque beyond friction."""
+"""Touches by a person in motion that is meant to be contact-free: torque beyond friction."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from common.arrays import Vector
 from identification.log_intervals import Intervals, Mask, around
 
 SUSTAINED_S = 0.1
-"""Impacts at the borders of a gap are shorter."""
+"""Least duration of a touch [s]; impacts at the borders of a gap are shorter."""
 AROUND_S = 0.5
 """Time around a touch that is discarded with it."""
 _FAR = 30.0  # times the usual scatter; contact-free motion of 80 joints reached 25
-_SHARE = 0.3  # of Coulomb friction, below which nothing is called a touch
+_SHARE = 0.3  # of Coulomb friction, the least that counts as a touch
 
 
 def touches(rows: Intervals, left: Vector, weight: Vector, coulomb: float) -> Mask:
-    """(N,) where one joint was touched. left (N,) [Nm]: what its fit does not explain; weight (N,):
-    how much each row counts; coulomb: its friction [Nm]."""
+    """Rows (N,) in which one joint was touched. left (N,) [Nm]: residual of its fit; weight (N,) of
+    each row; coulomb: its friction [Nm]."""
     counts = weight > 0.5
     if not counts.any():
         return counts
@@ -28,5 +28,5 @@ def touches(rows: Intervals, left: Vector, weight: Vector, coulomb: float) -> Ma
 
 
 def near(rows: Intervals, touched: Mask) -> Mask:
-    """(N,) samples so close to a touch of any joint, touched (N, n), that they are spoilt."""
+    """Rows (N,) excluded because they are close to a touch of any joint, touched (N, n)."""
     return around(rows, np.asarray(touched.any(axis=1)), AROUND_S)

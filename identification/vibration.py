@@ -1,8 +1,8 @@
-"""Vibration of a log's torques: what neither links, rotors nor friction explain, by its frequency.
+"""Vibration in a log's torques: what links, rotors and friction do not explain, by its frequency.
 
-Currents are fitted as x = s tau + c sign(v) + d v + B a + b. Where what is left has a peak beyond
-the frequencies of motion, and it is more than the friction, currents are low-passed below it,
-forwards and backwards, so without a delay.
+Currents are fitted as x = s tau + c sign(v) + d v + B a + b. If the remainder has a peak above the
+frequencies of motion that exceeds the friction, currents are low-passed below it, forwards and
+backwards, and so without a delay.
 """
 
 from dataclasses import replace
@@ -18,19 +18,19 @@ from identification.log_intervals import intervals, low_pass
 from identification.motion_log import MotionLog
 from identification.torque_columns import torque_parts
 
-_ROWS: Final = 10_000  # of a log, that are looked at
+_ROWS: Final = 10_000  # rows of a log that are used
 _GAIN: Final = 30.0  # of the filter on both sides of the fit [1/s]
-_LOWEST_HZ: Final = 4.0  # below, motion and friction are
+_LOWEST_HZ: Final = 4.0  # motion and friction are below
 _WINDOW_S: Final = 4.0
-_DROWNS: Final = 1.0  # of the friction
+_DROWNS: Final = 1.0  # ratio to the friction from which on vibration is filtered out
 _WIDE, _TONE = 0.3, 0.6  # octaves about its peak, and share of the power there
 
 
 def without_vibration(
     log: MotionLog, model: Model, settings: EstimatorSettings, constants: Vector
 ) -> tuple[MotionLog, tuple[str, ...]]:
-    """The log with quiet currents, and a sentence on what was in them, or none; constants (n,)
-    [Nm/A]."""
+    """The log with currents free of vibration, and a message on what was removed, if anything;
+    constants (n,) [Nm/A]."""
     rows = intervals(log.select(slice(0, _ROWS)), model, settings)
     rate_Hz = 1.0 / rows.period_s
     if rate_Hz < 4.0 * _LOWEST_HZ:

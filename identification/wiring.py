@@ -1,5 +1,5 @@
 """Check that motor velocity, link position and current of a joint agree in sign and scale, with
-each other and with the URDF's gravity. A wrong sign is positive feedback once the arm is moved."""
+each other and with the URDF's gravity. A wrong sign means positive feedback in motion."""
 
 import itertools
 from collections.abc import Mapping
@@ -15,42 +15,43 @@ from identification.wiring_strokes import LEAST_MOTION, PIECE, between, follows_
 
 SCALE_TOLERANCE = 0.05
 GRAVITY_TOLERANCE = 0.25
-# Of a ratio off 1 of torques reported and asked for, and how unsure it may be: less in sum than
-# 14 Nm are off 17.
+# Deviation from 1 of the ratio of reported to requested torque, and its largest error: in sum less
+# than that of 14 Nm read as 17.
 _RANGE_TOLERANCE, _RANGE_SURE = 0.1, 0.06
-_BOUNCES = 0.3  # of the motor's motion, by which a light link's may seem to be off
+_BOUNCES = 0.3  # relative deviation that a light link's motion may show
 _POSES = 200
-_PRODUCT = 0.02  # of two ratios, off 1, of gears that are swapped
-# Ratio off 1, and difference from way to way, beyond which a link may float and hide a wrong gear.
+_PRODUCT = 0.02  # deviation from 1 of the product of two ratios of swapped gears
+# Deviation of the ratio from 1, and its difference between strokes, beyond which a link may float
+# and hide a wrong gear.
 _SURE, _ALIKE = 0.025, 0.06
-_ALIKE_CURRENT = 0.7  # correlation of a current with the way that is asked for
+_ALIKE_CURRENT = 0.7  # correlation of a current with the motion that is asked for
 
 
 OTHER_WAY = (
-    "the link goes the other way than the motor: link_sign or motor_sign is -1 in its `wiring` "
-    "(motor_sign, where `identify zero` found the link's)"
+    "the link moves opposite to the motor: link_sign or motor_sign is wrong in its `wiring` "
+    "(motor_sign, if `identify zero` found the link's)"
 )
-# Samples by which ways are compared; share of its motor's way from which on a link moves; share of
-# the motor's way on which a link goes against it whose sign is wrong.
+# Samples per piece of motion; share of its motor's motion from which on a link moves; share of the
+# motor's motion against which a link with a wrong sign moves.
 _BLOCK, _MOVES, _AGAINST = 10, 0.3, 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WiringResult:
-    """Result of moving one joint to and fro; passed when nothing is wrong or undetermined."""
+    """Result of moving one joint to and fro; passed if nothing is wrong or undetermined."""
 
     joint: str
     problems: tuple[str, ...]
     undetermined: tuple[str, ...] = ()
-    """Required quantities that this motion does not show, with what to do"""
+    """Required quantities that this motion does not show, and what to do"""
     notes: tuple[str, ...] = ()
     """Checks that were not possible, with the reason"""
     follows: float = float("nan")
     """Link motion over motor motion while the gear is engaged: 1"""
     friction: float = float("nan")
-    """Half the difference of the torques both ways [Nm]; positive"""
+    """Half the difference of the torques in both directions [Nm]; positive"""
     held: float = float("nan")
-    """Their mean [Nm]: gravity by K_c * current"""
+    """Their mean [Nm]: gravity by K_c times current"""
     gravity: float = float("nan")
     """Gravity by the URDF [Nm]"""
 
@@ -60,8 +61,8 @@ class WiringResult:
 
 
 def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: float) -> WiringResult:
-    """Check of one joint, by a log in which only this joint was driven, slowly, both ways, through
-    its gap."""
+    """Check of one joint, from a log in which only this joint was driven, slowly, in both
+    directions, through its gap."""
     name = log.joints[joint]
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
     theta = np.cumsum(log.motor_velocity[:, joint] * steps)
@@ -94,9 +95,9 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
         )
     elif abs(follows - 1.0) > SCALE_TOLERANCE:
         undetermined.append(
-            f"the link moves {least:.3f} times as far as the motor reports one way, {most:.3f} "
-            "times another: it floats in its gap, which hides whether gear and scales are right; "
-            "once more, with a finger that slows the link a little or in a pose in which it weighs"
+            f"the link moves {least:.3f} to {most:.3f} times as far as the motor reports: it "
+            "floats in its gap, which hides whether gear and scales are right; repeat it, and "
+            "brake the link a little with a finger, or choose a pose in which gravity acts on it"
         )
     friction, held, gravity = _torques(log, joint, model, torque_constant, engaged)
     noise = _noise(torque_constant * log.current[:, joint])
@@ -108,7 +109,7 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
     elif friction < 2.0 * noise:
         notes.append("too little friction to see the sign of the current")
     allowed = GRAVITY_TOLERANCE * abs(gravity) + 0.3 * abs(friction)
-    # By a wrong motor_sign the current has the other sign, too.
+    # With a wrong motor_sign the current has the wrong sign, too.
     off = min(abs(held - gravity), abs(held + gravity) if follows < 0.0 else np.inf)
     if off > allowed:
         problems.append(
@@ -128,8 +129,8 @@ def check_wiring(log: MotionLog, joint: int, model: Model, torque_constant: floa
 
 
 def with_torque_range(found: WiringResult, ratio: float, error: float) -> WiringResult:
-    """Result with the range of the motor's torque, which no register of it says: what it reports
-    over what its loop was asked for, and how far that may be off."""
+    """Result with the range of the motor's torque, which no register reports. ratio: torque
+    reported over torque that its loop was asked for; error of that."""
     if error > _RANGE_SURE:
         note = "torque_max_Nm is not checked: friction and load move its torque by too little"
         return replace(found, notes=(*found.notes, note))
@@ -155,10 +156,10 @@ def swapped_pairs(follows: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def _did_not_turn(log: MotionLog, joint: int, turned: float, constant: float) -> WiringResult:
-    """Result for a motor that turned by so little [rad]: its drive, or what holds it."""
+    """Result for a motor that turned by so little [rad], by its drive or by what holds it."""
     about = f"the motor turned only {1e3 * turned:.2g} mrad at the link"
     if pressed := _held_by_friction(log, joint):
-        about += (f", but pressed with {in_Nm(constant * pressed)} the way of its setpoints: its "
+        about += (f", but pressed with {in_Nm(constant * pressed)} along its setpoints: its "
                   "drive obeys, and friction holds it, or a brake that is closed: raise the gains "
                   "of its velocity loop by the maker's tool (docs/porting.md, step 8)")  # fmt: skip
         return WiringResult(joint=log.joints[joint], problems=(), undetermined=(about,))
@@ -167,7 +168,7 @@ def _did_not_turn(log: MotionLog, joint: int, turned: float, constant: float) ->
 
 
 def _held_by_friction(log: MotionLog, joint: int) -> float:
-    """Current [A] with which a standing motor pressed the way of its setpoints; 0 if it did not."""
+    """Current [A] with which a standing motor pressed along its setpoints; 0 if it did not."""
     if log.setpoint is None or np.ptp(log.link_position[:, joint]) > LEAST_MOTION:
         return 0.0
     steps = np.diff(log.time_s, prepend=log.time_s[0])
@@ -178,15 +179,15 @@ def _held_by_friction(log: MotionLog, joint: int) -> float:
 
 
 def _current_stays(current: Vector) -> list[str]:
-    """A current that does not change while the motor turns to and fro."""
+    """Problem of a current that does not change while the motor turns to and fro."""
     if np.ptp(current) > 0.0:
         return []
-    return [f"the current read {current[0]:.3g} A all the time, also as the motor turned: its "
-            "object is a limit, a rated or another set value, no measurement"]  # fmt: skip
+    return [f"the current read {current[0]:.3g} A throughout, even while the motor turned: its "
+            "object is a limit, a rated or another set value, not a measurement"]  # fmt: skip
 
 
 def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
-    """The motor's own position against its velocity."""
+    """Problem of a motor position that disagrees with its velocity."""
     if log.motor_position is None:
         return []
     position = log.motor_position[:, joint] - log.motor_position[0, joint]
@@ -199,20 +200,20 @@ def _position_disagrees(log: MotionLog, joint: int, theta: Vector) -> list[str]:
 
 
 def _half_a_count(velocity: Vector) -> float:
-    """Share by which a steady velocity may be off: half of its count."""
+    """Largest relative error of a steady velocity by its resolution: half a count."""
     counts = np.diff(np.unique(velocity.round(6)))
     fast = float(np.percentile(np.abs(velocity), 90.0))
     return 0.5 * float(counts.min()) / fast if len(counts) and fast > 0.0 else 0.0
 
 
 def follows_both_ways(log: MotionLog, joint: int) -> bool:
-    """True where the motor went so far in both directions that its link came along."""
+    """True if the motor went so far in both directions that its link followed."""
     return {s.upward for s in strokes_in(log, joint) if s.carried} == {True, False}
 
 
 def scale_unsure(log: MotionLog, joint: int) -> bool:
-    """True where the link followed by a share that an encoder's error over so short a way, or a
-    link that bounces or floats, may make, or by another one each way: move it once more."""
+    """True if the link's ratio deviates by no more than an encoder error over so short a motion, or
+    a link that bounces or floats, may cause, or differs between directions: move it once more."""
     strokes = strokes_in(log, joint)
     least, most = between(strokes)
     off = abs(follows_by(strokes) - 1.0)
@@ -220,26 +221,26 @@ def scale_unsure(log: MotionLog, joint: int) -> bool:
 
 
 def in_Nm(torque: float) -> str:
-    """A torque [Nm] for people: what is below a mNm is none."""
+    """Torque [Nm] as text, rounded to a mNm."""
     return f"{round(torque, 3) + 0.0:.3g} Nm"
 
 
 def share_of_motor(log: MotionLog, joint: int) -> tuple[float, bool]:
     """Motion of the link over that of its motor, in a log that ends when they are too far apart;
-    True where it went the other way, and did not only fall back through its gap."""
+    True if it moved in the opposite direction, and did not just fall back through its gap."""
     steps = np.diff(log.time_s, prepend=log.time_s[0])
     theta = np.cumsum(log.motor_velocity[:, joint] * steps)[::_BLOCK]
-    turned, way = np.diff(theta), np.diff(log.link_position[::_BLOCK, joint])
-    whole = float(np.abs(turned).sum()) + 1e-12
-    against = way * np.sign(turned) < -_MOVES * np.abs(turned)
-    share = float(way @ np.sign(turned)) / whole
-    return share, bool(np.abs(turned[against]).sum() > _AGAINST * whole)
+    turned, moved = np.diff(theta), np.diff(log.link_position[::_BLOCK, joint])
+    total = float(np.abs(turned).sum()) + 1e-12
+    against = moved * np.sign(turned) < -_MOVES * np.abs(turned)
+    share = float(moved @ np.sign(turned)) / total
+    return share, bool(np.abs(turned[against]).sum() > _AGAINST * total)
 
 
 def _torques(
     log: MotionLog, joint: int, model: Model, torque_constant: float, engaged: NDArray[np.bool_]
 ) -> tuple[float, float, float]:
-    """Half the difference and the mean of the torques both ways, and the URDF's gravity [Nm]."""
+    """Half the difference, and mean, of the torques in both directions; the URDF's gravity [Nm]."""
     torque, velocity = torque_constant * log.current[:, joint], log.motor_velocity[:, joint]
     ways = [engaged & (velocity > 0.0), engaged & (velocity < 0.0)]
     if not all(way.any() for way in ways):
@@ -251,7 +252,7 @@ def _torques(
 
 
 def _most_gravity(model: Model, joint: int) -> float:
-    """Largest gravity of the joint over random poses, always the same, within its limits [Nm]."""
+    """Largest gravity of the joint over a fixed set of random poses within its limits [Nm]."""
     poses = np.random.default_rng(0).uniform(model.lower, model.upper, (_POSES, len(model.lower)))
     return float(max(abs(model.gravity(q)[joint]) for q in poses))
 

@@ -1,4 +1,4 @@
-"""Ways of a motor in the check of its wiring, and their pieces in which the gear carries."""
+"""Strokes of a motor in the check of its wiring, and their pieces in which the gear carries."""
 
 import itertools
 from dataclasses import dataclass
@@ -9,37 +9,37 @@ from common.arrays import Vector
 from identification.motion_log import MotionLog
 
 LEAST_MOTION = 0.005
-"""[rad] the motor must have turned."""
+"""[rad] that the motor must have turned."""
 PIECE = 0.012
-"""Less than the link is to move [rad]"""
-_WHOLE = 0.75  # of the same
-_FRAGMENT = 0.25  # of the longest way: a link that strikes its border halts the motor for a moment
-_MEASURED = 0.3  # of its way by velocity, that a motor's position shows; else it is another's
+"""Length of a piece [rad], less than the motion of the link"""
+_WHOLE = 0.75  # of the same, from which on a piece is complete
+_FRAGMENT = 0.25  # of the longest stroke: a link that strikes its border halts the motor briefly
+_MEASURED = 0.3  # least ratio of a motor's motion by position and velocity; else another's
 _STEADY = 0.08  # change of the ratio of link and motor while the gear carries
 
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """Piece of one way of the motor in which the gear carries: a link without load may bounce ahead
-    of the motor and wait for it, and friction may hold one that fell to the other border."""
+    """Piece of a stroke in which the gear carries: a link without load may bounce ahead of the
+    motor and wait for it, and friction may hold one that fell to the other border."""
 
     rows: slice
     turned: float
     """by the motor [rad], > 0"""
     way: float
-    """of the link in the direction of the motor [rad]"""
+    """motion of the link in the direction of the motor [rad]"""
     steady: bool
-    """The link moved alike in both halves"""
+    """The link moved by the same ratio in both halves"""
     upward: bool
 
     @property
     def carried(self) -> bool:
-        """True where the gear took the link along, whatever sign or scale is configured."""
+        """True if the gear moved the link along, whatever sign or scale is configured."""
         return self.steady and abs(self.way) > 0.5 * self.turned
 
 
 def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
-    """The last piece of `PIECE` that was carried of every way, or its end if none was."""
+    """Last piece of `PIECE` of every stroke in which the gear carried; its end without one."""
     q, velocity = log.link_position[:, joint], log.motor_velocity[:, joint]
     steps = np.diff(log.time_s, prepend=log.time_s[0] - log.period_s)
     fast = np.abs(velocity) > 0.5 * np.percentile(np.abs(velocity), 90.0)
@@ -57,12 +57,12 @@ def strokes_in(log: MotionLog, joint: int) -> list[Stroke]:
     longest = max((float(turned[-1]) for _, turned, _ in ways), default=0.0)
     strokes = []
     for a, turned, way in ways:
-        whole = float(turned[-1])
-        if whole < max(LEAST_MOTION, _FRAGMENT * longest):
+        total = float(turned[-1])
+        if total < max(LEAST_MOTION, _FRAGMENT * longest):
             continue
-        piece = min(0.5 * whole, PIECE)
+        piece = min(0.5 * total, PIECE)
         found = [_stroke(a, turned, way, end - piece, end, bool(direction[a] > 0.0))
-                 for end in np.arange(whole, piece, -0.5 * piece)]  # fmt: skip
+                 for end in np.arange(total, piece, -0.5 * piece)]  # fmt: skip
         strokes.append(next((s for s in found if s.carried), found[0]))
     return strokes
 
@@ -85,8 +85,8 @@ def _stroke(
 
 
 def between(strokes: list[Stroke]) -> tuple[float, float]:
-    """Least and largest motion of the link over that of the motor on whole ways on which the gear
-    carried; all of them where none was whole."""
+    """Least and largest motion of the link over that of the motor, in complete pieces in which the
+    gear carried; in all such pieces if none is complete."""
     carried = [s for s in strokes if s.carried]
     ratios = [s.way / s.turned for s in carried if s.turned > _WHOLE * PIECE]
     ratios = ratios or [s.way / s.turned for s in carried]
@@ -94,7 +94,7 @@ def between(strokes: list[Stroke]) -> tuple[float, float]:
 
 
 def follows_by(strokes: list[Stroke]) -> float:
-    """Motion of the link over that of the motor where the gear carried; NaN where it never did."""
+    """Motion of the link over that of the motor where the gear carried; NaN if it never did."""
     carried = [s for s in strokes if s.carried]
     turned = sum(s.turned for s in carried)
     return sum(s.way for s in carried) / turned if turned else float("nan")

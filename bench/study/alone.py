@@ -1,7 +1,7 @@
-"""Armed arms that learned what is no longer true, and what they do then, judged by the plant.
+"""Armed arms that learned what is no longer true, and their reaction, judged by the plant.
 
-One arm works, meets one change, and goes on without a person; `Watched` ticks it and notes motion
-that no person does work on, false contacts, touches and levels.
+An arm works, meets one change, and continues without a person. `Watched` ticks it and records
+motion that no person drives, false contacts, touches and levels.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,18 +23,18 @@ from daemon.modes.contact_reactions import AfterQuiet, ContactReaction
 from daemon.modes.table import GUIDED, Event, Mode
 
 WORK_S: Final = 240.0
-JUDGED_S: Final = 60.0  # of the work before, in which the level is taken
+JUDGED_S: Final = 60.0  # at the end of the work, in which the level is measured
 SOON_S: Final = 10.0
 LATE_S: Final = 120.0
 TOUCHES_S: Final = 75.0
-EVERY_S: Final = 15.0  # between two touches: doubt lasts until the joint passed there again
+EVERY_S: Final = 15.0  # between touches: doubt lasts until the joint has passed the place again
 TOUCH_S: Final = 0.5
 FADES_S: Final = 0.5
 AFTER_S: Final = 130.0
 LEVEL_S: Final = 40.0
-TIMES: Final = 2.0  # of the level in force before the change: a touch
+TIMES: Final = 2.0  # size of a touch, over the level in force before the change
 MOVES: Final = 0.02  # [rad/s]
-FAST: Final = 0.1  # of a joint that is touched in motion [rad/s], beyond its gap for ENGAGED_S
+FAST: Final = 0.1  # speed of a joint touched in motion [rad/s], engaged for ENGAGED_S
 ENGAGED_S: Final = 0.3
 GAINS: Final = (0.1, 5.0)
 START: Final = np.array([0.3, 0.3, 0.0, -0.8, -1.0, 0.0, 0.0])
@@ -47,22 +47,22 @@ class Job:
     seed: int
     kind: Kind
     reaction: ContactReaction = ContactReaction.ADMITTANCE  # to contact
-    light: bool = False  # it assists a hand, and has a guide
+    light: bool = False  # with assist and a guide
 
 
 @dataclass
 class Course:
     """Observations of one arm."""
 
-    alone_s: float = 0.0  # longest
-    alone_rad: float = 0.0  # furthest, in one contact
+    alone_s: float = 0.0  # longest motion without a person
+    alone_rad: float = 0.0  # largest, in one contact
     false: list[float] = field(default_factory=list)  # times of contacts [s]
     levels: list[float] = field(default_factory=list)  # in motion, of the changed joint [Nm]
     felt: list[float] = field(default_factory=list)  # delays of touches [s]; infinite: missed
     faults: int = 0
 
     def level(self) -> float:
-        """Median of `levels` [Nm], which begins anew."""
+        """Median of `levels` [Nm]; clears them."""
         median = float(np.median(self.levels)) if self.levels else np.nan
         self.levels.clear()
         return median
@@ -71,7 +71,7 @@ class Course:
 def arm_of(
     seed: int, contact: ContactReaction = ContactReaction.ADMITTANCE, *, light: bool = False
 ) -> tuple[Robot, world.Law, bool]:
-    """Robot of one arm, its law of friction, and whether it has its own gains."""
+    """Robot of one arm, its friction law, and whether it has its own gains."""
     robot = load_robot(ROMEO)
     c, rng = robot.configuration, np.random.default_rng((seed, 71))
     own = bool(rng.random() < 1 / 3)
@@ -100,7 +100,7 @@ def arm_of(
 
 
 class Watched:
-    """One arm at work, watched tick by tick."""
+    """One arm at work, observed tick by tick."""
 
     def __init__(self, robot: Robot, law: world.Law, seed: int, change: Change) -> None:
         subject = replace(world.subject(robot, law, seed), drift=0.0)
@@ -115,7 +115,7 @@ class Watched:
         self.on.start()
 
     def run(self, seconds: float) -> None:
-        """Tick for so long."""
+        """Tick for this time."""
         for _ in range(round(seconds / self.on.period_s)):
             self.step()
 
@@ -139,7 +139,7 @@ class Watched:
 
     def _judge(self, person: Vector) -> None:
         on, seen, mode = self.on, self.seen, self.on.mode
-        # Of the rotors: a link that falls through its gap is not moved by its drive.
+        # Speeds of the rotors: a link that falls through its gap is not moved by its drive.
         velocity = on.harness.plant.theta_dot
         speed, estimate = np.abs(velocity), on.estimate
         yields = mode in (Mode.ADMITTANCE, Mode.RETRACTING)
@@ -151,7 +151,7 @@ class Watched:
         alone = (speed > MOVES) & (person * velocity <= 0.0)
         alone &= yields and on.time_s > self._fades_s
         self._alone_s = np.where(alone, self._alone_s + on.period_s, 0.0)
-        # What is left of the speed with which it began sinks.
+        # The remainder of the initial speed decays.
         coasts = speed <= self._least + MOVES
         self._least = np.where(coasts, speed, np.where(self._least < MOVES, 0.0, self._least))
         self._alone_rad += np.where(alone & ~coasts, speed * on.period_s, 0.0)
@@ -164,7 +164,7 @@ class Watched:
         self._before = mode
 
     def _go_on(self) -> None:
-        """Arm again where the permission ended, and start again where the trajectory did."""
+        """Arm again after the permission ended, and start again after the trajectory did."""
         on, machine = self.on, self.on.tick.controller.machine
         if on.mode is Mode.TRACKING and not machine.armed:
             on.permit()
@@ -172,7 +172,7 @@ class Watched:
             on.tick.controller.request(Event.START, "the bench", on.time_s)
 
     def rest(self, seconds: float) -> None:
-        """Stand for so long, then go on."""
+        """Stand still for this time, then continue."""
         on = self.on
         on.tick.controller.request(Event.PAUSE, "the bench", on.time_s)
         self.rests = True
@@ -182,12 +182,12 @@ class Watched:
         on.tick.controller.request(Event.START, "the bench", on.time_s)
 
     def touches(self, torque: float) -> None:
-        """Touch the joint in motion again and again, for TOUCHES_S."""
+        """Touch the joint in motion repeatedly, for TOUCHES_S."""
         on, i, end = self.on, self.change.joint, self.on.time_s + TOUCHES_S
         while on.time_s < end:
             self.run(EVERY_S - TOUCH_S)
             waits = on.time_s + EVERY_S
-            engaged_s = 0.0  # a joint that crosses its gap, or lands, would miss it anyway
+            engaged_s = 0.0  # a touch while crossing the gap would be missed anyway
             while on.time_s < waits and engaged_s < ENGAGED_S:
                 self.step()
                 plant = on.harness.plant
@@ -197,7 +197,7 @@ class Watched:
                 self.seen.felt.append(self._touch(torque))
 
     def _touch(self, torque: float) -> float:
-        """One touch, against the motion; returns the time until it was felt [s]."""
+        """Touch once, against the motion; returns the delay of its detection [s]."""
         on, i = self.on, self.change.joint
         self.push[i] = -torque * np.sign(on.harness.plant.q_dot[i])
         felt = np.inf
@@ -212,8 +212,8 @@ class Watched:
 def course(
     job: Job, change: Change, *, happens: bool, always: bool = False
 ) -> tuple[Course, tuple[int, int], float]:
-    """One arm, with the change, without, or with it from the beginning (`always`); returns what was
-    seen, the false contacts of both moments, and the level at the end [Nm]."""
+    """One arm with the change, without it, or with it from the beginning (`always`); returns the
+    observations, the false contacts during and after the change, and the level at the end [Nm]."""
     robot, law, _ = arm_of(job.seed, job.reaction, light=job.light)
     watched = Watched(robot, law, job.seed, change)
     on, seen = watched.on, watched.seen

@@ -1,8 +1,8 @@
-"""Changes that a working arm meets beside pushes: what rubs, leans, pulls at a place, grows stiff,
-is put in the gripper, or is lost on the bus.
+"""Changes other than pushes that a working arm meets: rubbing, leaning, a pull at one place, stiff
+friction, a load in the gripper, or losses on the bus.
 
-Each is a torque on the links by the motion of the plant, an action on it, or samples that do not
-arrive; `there` says whether it is. All of them are below the stated level of their joint.
+Each is a torque on the links depending on the plant's motion, an action on the plant, or missing
+samples. All are below the stated level of their joint.
 """
 
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ Kind = Literal[
 ]  # fmt: skip
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 BY_PERSON: Final = frozenset({"rub", "rub one way", "rub with the motion", "lean"})
-"""A contact with these is none that is false."""
-LASTING: Final = frozenset({"friction", "rest"})  # What is never gone again.
+"""Kinds whose contacts are not false."""
+LASTING: Final = frozenset({"friction", "rest"})  # permanent changes
 
 SIZES: Final = (0.2, 0.9)  # of the stated level
 TIMES_S: Final = (60.0, 420.0)
 LEANS_S: Final = (60.0, 1200.0)
 RESTS_S: Final = (120.0, 300.0)
-FACTORS: Final = (0.5, 2.0)  # Friction after a step, over that which was identified.
-GROWN: Final = 1.5  # Friction after a rest, over that before it, but not beyond FACTORS.
+FACTORS: Final = (0.5, 2.0)  # friction after a step, over the identified one
+GROWN: Final = 1.5  # friction after a rest, over that before, within FACTORS
 LOST: Final = 0.01  # of the samples of each joint
-SPRING_RAD: Final = 0.15  # from where a spring begins to where it pulls most
+SPRING_RAD: Final = 0.15  # from where a spring begins to pull to its largest force
 JOINTS: Final = (0, 1, 2, 3)
 SMOOTH: Final = 0.02  # [rad/s]
 
@@ -41,12 +41,12 @@ class Change:
 
     kind: Kind
     joint: int
-    torque: float  # signed, at most [Nm]; friction: its factor
+    torque: float  # signed maximum [Nm]; for friction, its factor
     seconds: float
     place: float = 0.0  # of a spring, from the middle of the joint's swing [rad]
 
     def torques(self, velocity: Vector, q: Vector, middle: Vector) -> Vector:
-        """Torque (n,) [Nm] of what rubs, leans or pulls, by the links' motion."""
+        """Torque (n,) [Nm] of rubbing, leaning or pulling, from the links' motion."""
         i, out = self.joint, np.zeros(len(q))
         along = float(np.tanh(velocity[i] / SMOOTH))
         match self.kind:
@@ -60,15 +60,15 @@ class Change:
             case "lean":
                 out[i] = self.torque
             case "spring":
-                way = np.sign(self.torque) * (middle[i] + self.place - q[i])
-                out[i] = self.torque * float(np.clip(way / SPRING_RAD, 0.0, 1.0))
+                stretch = np.sign(self.torque) * (middle[i] + self.place - q[i])
+                out[i] = self.torque * float(np.clip(stretch / SPRING_RAD, 0.0, 1.0))
             case _:
                 pass
         return out
 
 
 def draw(kind: Kind, c: Configuration, seed: int) -> Change:
-    """One of this kind; of the same seed always the same."""
+    """Change of this kind, reproducible by its seed."""
     rng = np.random.default_rng((seed, 70))
     joint = int(rng.choice(JOINTS))
     level = c.joints[joint].thresholds.contact
@@ -83,7 +83,7 @@ def draw(kind: Kind, c: Configuration, seed: int) -> Change:
 
 
 def begin(change: Change, on: ArmInTheLoop) -> None:
-    """Begin a change that is no torque."""
+    """Begin a change that is not a torque."""
     n, plant = len(on.drives.names), on.harness.plant
     if change.kind in LASTING:
         identified = on.tick.estimator.transmission.engaged_coulomb
@@ -99,14 +99,14 @@ def begin(change: Change, on: ArmInTheLoop) -> None:
 
 
 def end(change: Change, on: ArmInTheLoop) -> None:
-    """End it, unless it lasts."""
+    """End the change, unless it is permanent."""
     if change.kind == "load":
         on.harness.plant.carry(0.0)
     on.drives.lost[:] = False
 
 
 def lose(change: Change, on: ArmInTheLoop, rng: np.random.Generator) -> None:
-    """Lose the samples of this tick."""
+    """Lose samples of this tick."""
     if change.kind == "losses":
         on.drives.lost[:] = rng.random(len(on.drives.names)) < LOST
 

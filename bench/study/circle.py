@@ -1,4 +1,4 @@
-"""A circle that a hand draws with the tool of a simulated arm, and the force that it costs."""
+"""Circle that a hand draws with the tool of a simulated arm, and the force that it needs."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,18 +20,18 @@ NAMES: Final = {True: "assist", False: "no assist"}
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """One circle, a row for each tick from where the arm yields: tool [m], in its plane, about its
-    middle; force [N]."""
+    """One circle, a row per tick from when the arm yields: tool [m] in its plane, centred; force
+    [N]."""
 
     place: Matrix
     force: Vector
 
 
 def plane(on: ArmInTheLoop) -> Matrix:
-    """The two directions (2, 3) in which the tool is moved most easily."""
+    """The two directions (2, 3) in which the tool moves most easily."""
     J = on.robot.model.tool_jacobian(on.harness.plant.q)
-    _, ways = np.linalg.eigh((J * on.tick.controller.motion.gains.value) @ J.T)
-    easiest: Matrix = ways.T[:0:-1]
+    _, axes = np.linalg.eigh((J * on.tick.controller.motion.gains.value) @ J.T)
+    easiest: Matrix = axes.T[:0:-1]
     return easiest
 
 
@@ -58,7 +58,7 @@ def draw_circle(on: ArmInTheLoop) -> Circle:
 
 
 def circles(seed: int, work_s: float, path: Path) -> dict[str, dict[str, float]]:
-    """The same circle with and without the arm's assist after so long a work, as a PNG; returns
+    """The same circle with and without assist, after `work_s` of work, drawn to a PNG; returns
     force [N] and radius [m] of each."""
     robots = {name: robot_of(assists=assists) for assists, name in NAMES.items()}
     period_s = robots["assist"].configuration.period_s

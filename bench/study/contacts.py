@@ -1,4 +1,4 @@
-"""Count of true contacts against detected ones, joint by joint. Pure."""
+"""Count of true against detected contacts, joint by joint. Pure functions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 
 from common.arrays import Matrix, Vector
 
-FADE_S = 0.3  # After a release the residual still fades, and the link swings back through its gap.
+FADE_S = 0.3  # After a release the residual decays, and the link swings back in its gap.
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +18,7 @@ class Stretch:
     begin: int
     end: int
     sign: int
-    peak: float  # largest size
+    peak: float  # largest magnitude
 
 
 @dataclass(slots=True)
@@ -28,11 +28,11 @@ class Count:
     detected: int = 0
     missed: int = 0
     false: int = 0
-    delays_s: list[float] = field(default_factory=list)  # from `level` on; negative: before
+    delays_s: list[float] = field(default_factory=list)  # after reaching `level`, or before (< 0)
 
 
 def stretches(signal: Vector) -> list[Stretch]:
-    """All stretches (ticks,) of one sign; where it is zero there is none."""
+    """All stretches (ticks,) of one sign; zeros belong to none."""
     sign = np.sign(signal).astype(int)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], sign, [0])))).tolist()
     return [
@@ -45,13 +45,13 @@ def stretches(signal: Vector) -> list[Stretch]:
 def count_joint(
     torque: Vector, thresholded: Vector, level: float, period_s: float, fade_s: float = FADE_S
 ) -> Count:
-    """Contacts of one joint: true external torque (ticks,), thresholded residual (ticks,), both
-    [Nm].
+    """Contacts of one joint, from its true external torque (ticks,) and thresholded residual
+    (ticks,), both [Nm].
 
     A contact, a stretch of torque of one sign, is detected if the residual shows that sign before
-    it ends. It is missed if not, though it reaches `level` [Nm]; a smaller one need not be
+    it ends. It is missed if not, although it reaches `level` [Nm]; a smaller one need not be
     detected. A detection is false if it begins neither in a contact of its sign nor within `fade_s`
-    of one.
+    after one.
     """
     count = Count()
     fade = round(fade_s / period_s)

@@ -1,13 +1,13 @@
-"""Courses: what an arm is asked to do for minutes, one kind of motion after the other.
+"""Courses: motions of an arm for minutes, one kind after the other.
 
     sinusoids       all joints at once, with a soft start
     point to point  poses of the workspace, with rests between
     creep           to and fro at 0.02 rad/s
     reversals       one joint at a time to and fro, the others holding
-    holding         nothing
+    holding         none
 
-A course is a table of q_d and its velocity, a row for each tick; each part begins and ends at rest,
-where the part before left the arm.
+A course is a table of q_d and its velocity, a row per tick. Each part begins and ends at rest, and
+begins where the previous one ended.
 """
 
 from collections.abc import Callable
@@ -38,7 +38,7 @@ class Room:
 
     @classmethod
     def of(cls, c: Configuration) -> "Room":
-        """That of an arm's limits."""
+        """Range within an arm's limits."""
         return cls(
             np.array([joint.limits.lower for joint in c.joints]) + CLEARANCE,
             np.array([joint.limits.upper for joint in c.joints]) - CLEARANCE,
@@ -53,7 +53,7 @@ class Room:
 
 
 Part = Callable[[Room, Vector, float, np.random.Generator], Course]
-"""(room, pose where it begins (n,), seconds, rng) -> course"""
+"""(room, initial pose (n,), seconds, rng) -> course"""
 
 
 def holding(room: Room, start: Vector, seconds: float, rng: np.random.Generator) -> Course:
@@ -64,12 +64,12 @@ def holding(room: Room, start: Vector, seconds: float, rng: np.random.Generator)
 
 
 def move(room: Room, start: Vector, end: Vector) -> Course:
-    """From rest to rest, all joints at once: q = start + way (10 u^3 - 15 u^4 + 6 u^5)."""
-    way = end - start
-    seconds = max(0.5, float(np.max(1.875 * np.abs(way) / room.fastest)))
+    """From rest to rest, all joints at once: q = start + distance (10 u^3 - 15 u^4 + 6 u^5)."""
+    distance = end - start
+    seconds = max(0.5, float(np.max(1.875 * np.abs(distance) / room.fastest)))
     u = np.minimum(room.times(seconds + room.period_s) / seconds, 1.0)[:, np.newaxis]
     shape, slope = u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * (u * (1.0 - u)) ** 2 / seconds
-    return Course(start + way * shape, way * slope)
+    return Course(start + distance * shape, distance * slope)
 
 
 def sinusoids(room: Room, start: Vector, seconds: float, rng: np.random.Generator) -> Course:
@@ -100,7 +100,7 @@ def point_to_point(room: Room, start: Vector, seconds: float, rng: np.random.Gen
 
 
 def creep(room: Room, start: Vector, seconds: float, rng: np.random.Generator) -> Course:
-    """Each joint to and fro at CREEP, over ways and with pauses of its own."""
+    """Each joint to and fro at CREEP, with distances and pauses of its own."""
     columns = [_creep_of_one(room, i, start[i], seconds, rng) for i in range(len(start))]
     q = np.stack([column.q for column in columns], axis=1)
     return Course(q, np.stack([column.velocity for column in columns], axis=1))
@@ -110,13 +110,13 @@ def _creep_of_one(
     room: Room, i: int, start: float, seconds: float, rng: np.random.Generator
 ) -> Course:
     ticks = len(room.times(seconds))
-    velocity, way = np.zeros(ticks), rng.choice((-1.0, 1.0))
+    velocity, direction = np.zeros(ticks), rng.choice((-1.0, 1.0))
     begin = 0
     while begin < ticks:
         end = begin + round(rng.uniform(3.0, 12.0) / room.period_s)
-        velocity[begin:end] = way * CREEP
+        velocity[begin:end] = direction * CREEP
         begin = end + round(rng.uniform(0.0, 3.0) / room.period_s)
-        way = -way
+        direction = -direction
     q = start + room.period_s * np.cumsum(velocity)
     inside = (q > room.lower[i]) & (q < room.upper[i])
     if not inside.all():  # stands at its limit
@@ -131,8 +131,8 @@ def reversals(room: Room, start: Vector, seconds: float, rng: np.random.Generato
     while left > 0.0:
         for i in rng.permutation(len(start)):
             end = here.copy()
-            way = rng.choice((-1.0, 1.0)) * rng.uniform(0.05, 0.6)
-            end[i] = np.clip(here[i] + way, room.lower[i], room.upper[i])
+            step = rng.choice((-1.0, 1.0)) * rng.uniform(0.05, 0.6)
+            end[i] = np.clip(here[i] + step, room.lower[i], room.upper[i])
             there, back = move(room, here, end), move(room, end, here)
             parts += [there, back] * 3
             left -= 3 * (len(there.q) + len(back.q)) * room.period_s
@@ -151,7 +151,7 @@ PARTS: Final[dict[str, Part]] = {
 
 
 def joined(parts: list[Course]) -> Course:
-    """One after the other."""
+    """Courses, one after the other."""
     return Course(
         np.concatenate([part.q for part in parts]),
         np.concatenate([part.velocity for part in parts]),
@@ -161,8 +161,8 @@ def joined(parts: list[Course]) -> Course:
 def day(
     c: Configuration, seed: int, seconds: float, part_s: float = 30.0
 ) -> tuple[Course, NDArray[np.int64]]:
-    """A course of every kind of part in turns, in an order of its own, with a move to another pose
-    after each; and which of PARTS each tick belongs to. A row for every tick of `seconds`."""
+    """Course with every kind of part in turn, in random order, with a move to another pose after
+    each, a row for every tick of `seconds`; and the index in PARTS of each tick."""
     rng, room = np.random.default_rng((seed, 21)), Room.of(c)
     here = rng.uniform(room.lower, room.upper)
     parts, kinds, wanted = list[Course](), list[int](), round(seconds / room.period_s)

@@ -19,19 +19,19 @@ from estimator.alarms import per_hour
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Score of one residual under one friction; lists are per joint, NaN where none was tried."""
+    """Score of one residual under one friction law; lists are per joint, NaN without a trial."""
 
     hours: float  # contact-free
     alarms: int
     alarms_per_hour: float
     quiet_nm: list[float]  # lowest thresholds without an alarm
     smallest_moving_nm: list[float]
-    """step that is detected in every trial in which the joint moved all the while: by the residual
+    """smallest step detected in every trial with continuous motion of the joint: by the residual
     that decides at its levels in force, by the rivals at those thresholds"""
     smallest_turning_nm: list[float]  # the same where the joint stood or turned meanwhile
     smallest_rest_nm: list[float]
-    hidden_rest_nm: list[float]  # the most of it that friction of the gear kept from the motor
-    stiction_rest_nm: list[float]  # the most that friction may hide: it held one way, and turns
+    hidden_rest_nm: list[float]  # largest part of it that gear friction hid from the motor
+    stiction_rest_nm: list[float]  # the most that friction may hide, by reversing
     in_force_nm: list[float]  # threshold in motion after work, median over the arms
     missed_moving: int  # of the steps of two to four times the threshold in force at their onset
     tried_moving: int
@@ -44,7 +44,7 @@ class Score:
 
 
 def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
-    """Score of the residual `name` over all results of one friction."""
+    """Score of the residual `name` over all results of one friction law."""
     contact = np.array([joint.thresholds.contact for joint in c.joints])
     variant = results[0].names.index(name)
     free = [r for r in results if r.job.kind == "free"]
@@ -84,7 +84,7 @@ def score(results: Sequence[Result], name: str, c: Configuration) -> Score:
 
 
 def detections(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Detection | None]:
-    """Detection of each step; without those in whose direction an alarm was on already."""
+    """Detection of each step; without steps during an alarm in the same direction."""
     return [
         scores.detection(t, variant, float(threshold[t.joint]))
         for t in trials
@@ -100,7 +100,8 @@ def twice(trials: Sequence[Trial], variant: int, threshold: Vector) -> list[Tria
 def most(
     trials: Sequence[Trial], joints: int, of: Callable[[Trial], float], up_to: Vector | None = None
 ) -> list[float]:
-    """Most of a figure of all trials per joint, NaN without any; `up_to`: of steps so large."""
+    """Largest figure of all trials per joint, NaN without any; `up_to`: of steps up to this
+    size."""
     found: list[list[float]] = [[] for _ in range(joints)]
     for t in trials:
         if up_to is None or t.size <= up_to[t.joint] * (1.0 + 1e-9):
@@ -111,9 +112,8 @@ def most(
 def smallest(
     trials: Sequence[Trial], variant: int, threshold: Vector, largest: Vector
 ) -> list[float]:
-    """Smallest step per joint [Nm] that every trial would have detected at these thresholds; from
-    the trials with steps up to `largest`, as a large one disturbs the arm more than a small one
-    would."""
+    """Smallest step per joint [Nm] that every trial would have detected at these thresholds, from
+    trials with steps up to `largest`, as a large step disturbs the arm more than a small one."""
 
     def needed(t: Trial) -> float:
         return scores.size_needed(t, variant, float(threshold[t.joint]))
@@ -122,7 +122,7 @@ def smallest(
 
 
 def stiction(trials: Sequence[Trial], joints: int) -> list[float]:
-    """Twice the torque at which the joint breaks away, per joint [Nm], the most of all trials."""
+    """Twice the breakaway torque per joint [Nm], the largest of all trials."""
     return most(trials, joints, lambda t: 2.0 * t.breakaway)
 
 

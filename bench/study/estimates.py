@@ -1,4 +1,4 @@
-"""Estimates for a whole recording, as arrays, with the residuals that run side by side."""
+"""Estimates for a whole recording, as arrays, including the residuals that run side by side."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -24,12 +24,12 @@ VARIANTS: Final = (
     Variant(kind="backlash", rotor_inertia=False, label="backlash-rotor"),
     Variant(kind="two_mass", label="two_mass"),
 )
-"""Every residual that is compared, whichever of them the configuration lets decide."""
+"""All residuals that are compared, whichever one decides in the configuration."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """One row per SYNC, true `delay_s` before it."""
+    """Estimates, one row per SYNC, true `delay_s` before it."""
 
     residuals: dict[str, Matrix]  # by variant, the one that decides first, Kalman last [Nm]
     threshold: Matrix  # in force, with its raise near rest [Nm]
@@ -38,7 +38,7 @@ class Estimates:
 
 
 def build(robot: Robot, **changes: object) -> Estimator:
-    """The estimator of the robot's configuration, with all VARIANTS side by side; `changes` go to
+    """Estimator of the robot's configuration, with all VARIANTS side by side; `changes` apply to
     its EstimatorSettings."""
     c = robot.configuration
     beside = tuple(v for v in VARIANTS if v.name != c.estimator.residual.name)
@@ -47,8 +47,8 @@ def build(robot: Robot, **changes: object) -> Estimator:
 
 
 def rows_of(estimator: Estimator, samples: Matrix) -> EstimateRows:
-    """Rows of samples (ticks, 4, n), none of which is missing: current, link position, motor
-    velocity and position. The estimator goes on from where it was."""
+    """Estimates for samples (ticks, 4, n) without gaps: current, link position, motor velocity and
+    position. The estimator continues from its present state."""
     current, link_position, motor_velocity, motor_position = np.moveaxis(samples, 1, 0)
     return estimator.run(
         SampleRows(
@@ -60,7 +60,7 @@ def rows_of(estimator: Estimator, samples: Matrix) -> EstimateRows:
 
 
 def estimates(estimator: Estimator, recording: Recording) -> Estimates:
-    """Step through the recording; the estimator goes on from where it was."""
+    """Estimates of a recording; the estimator continues from its present state."""
     rows = rows_of(estimator, recording.samples)
     residuals = {estimator.variants[0].name: rows.residual, **rows.beside}
     if KALMAN_BELIEF in residuals:

@@ -1,7 +1,7 @@
-"""Pairs of faults on one arm, judged by the simulated drives: does what the daemon says hold?
+"""Pairs of faults on one arm, judged by the simulated drives: are the daemon's statements true?
 
-The second fault begins while the drives stop for the first, just after, or once they stand. What
-moves is what the simulated motors do, whatever is measured.
+The second fault begins while the drives stop because of the first, just after, or once they stand.
+Motion is that of the simulated motors, whatever is measured.
 """
 
 import itertools
@@ -20,23 +20,23 @@ from drivers.stopping.stop_watch import VOID_READINGS
 from drivers.stopping.witness import MOVES, STANDS
 from simulator.axis import Axis
 
-#: All pairs are tried at one place: two encoders, current, and seven joints.
+#: All pairs are tried on one rig: two encoders, current, and seven joints.
 PLACE: Final = PLACES[0]
-#: The second fault begins so many ticks after the first: most arms are on their ramps then, have
-#: just been proved to stand, or have stood for long.
+#: Ticks from the first to the second fault: most arms are then on their ramps, have just been
+#: proved to stand, or have stood for long.
 LATER_TICKS: Final = (4, 20, 60)
 TICKS: Final = 120
-#: So far a motor goes at least that moves on after it was said to stand [rad], in so many ticks; a
-#: link that comes to the end of its gap knocks its motor for a tick.
+#: Motion [rad] within so many ticks that disproves a reported standstill; a link that reaches the
+#: end of its gap knocks its motor for only a tick.
 GOES_ON_RAD, GOES_ON_TICKS = 0.006, 6
-VOID_TICKS: Final = VOID_READINGS + 10  # A motor that stood and moves again may be found so late
-#: Of cases that differ in their names or lengths, not in what reaches the daemon, one is tried.
+VOID_TICKS: Final = VOID_READINGS + 10  # Allowed delay until renewed motion is found
+#: Left out: cases that differ from others in name or length only, not in what reaches the daemon.
 ALIKE: Final = frozenset({
     "under-voltage", "another product in its place", "... and slow to boot", "foreign setpoint",
     "infinite reference", "... for 30 ms", "network down", "stood still for 150 ms",
     "stood still for 3 s", "60 ms late", "SYNC moved by a tool (0x1005)", "... switched on",
 })  # fmt: skip
-#: These disturb the bus, the machine, or joints that the make names: where else is nothing new.
+#: Cases that disturb the bus, the machine, or predefined joints: another joint changes nothing.
 JOINTLESS: Final = frozenset({
     "PDOs missing in turn", "SYNC lost", "foreign SYNC, or request",
     "foreign NMT command, or disable", "ENOBUFS once",
@@ -50,7 +50,7 @@ SINGLES: Final = tuple(s.case for s in SHOWN if s.place == PLACE and s.case.name
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two faults, the first first, on one joint or on two, and `later` ticks between them."""
+    """Two faults in order, on one joint or on two, and `later` ticks between them."""
 
     first: Case
     second: Case
@@ -72,31 +72,31 @@ PAIRS: Final = tuple(
 
 
 def sampled(number: int | None, seed: int) -> Sequence[Pair]:
-    """So many of the pairs, by chance; None: all."""
+    """Random sample of the pairs; None: all."""
     return PAIRS if number is None else random.Random(seed).sample(PAIRS, number)
 
 
 @dataclass
 class Verdict:
-    """Statements on a joint that did not hold, each once: joints, in words."""
+    """False statements about joints, each once, as text."""
 
-    proved: list[str] = field(default_factory=list)  # said to stand, and moved
+    proved: list[str] = field(default_factory=list)  # reported to stand, but moved
     reset: list[str] = field(default_factory=list)  # `reset` would have been accepted meanwhile
-    cut: list[str] = field(default_factory=list)  # power taken in motion, without a ramp before it
+    cut: list[str] = field(default_factory=list)  # power removed in motion, without a ramp before
 
     @property
     def good(self) -> bool:
-        """True if everything held."""
+        """True if all statements were true."""
         return not (self.proved or self.reset or self.cut)
 
 
 class Judge:
-    """Compares what the daemon says with what the simulated motors do, tick by tick."""
+    """Comparison of the daemon's statements with the simulated motors, tick by tick."""
 
     def __init__(self, on: BreakableArm) -> None:
         self._on, self.verdict = on, Verdict()
         n = len(on.drives)
-        self._moving = [0] * n  # ticks for which a joint that is proved has moved by itself
+        self._moving = [0] * n  # ticks of driven motion of a joint proved to stand
         self._at: dict[int, tuple[int, float]] = {}  # joints that were just proved: tick, position
         self._unproved: set[str] = set()
         for joint, drive in enumerate(on.rig.arm.drives):
@@ -137,11 +137,11 @@ class Judge:
             if drive.name in self._unproved:
                 self._at[i] = rig.ticks, here
             if rig.arm.external_torque[i] or self._holds(i):
-                self._at.pop(i, None)  # a hand moves it, or the arm that a hand shakes
+                self._at.pop(i, None)  # moved by a hand, directly or through the arm
             goes_on = i in self._at and abs(here - self._at[i][1]) >= GOES_ON_RAD
             if i in self._at and (goes_on or rig.ticks - self._at[i][0] >= GOES_ON_TICKS):
                 del self._at[i]
-            # What stands may be pushed by a hand, and is limp without power.
+            # A joint at standstill may be pushed by a hand, and is limp without power.
             moves = self._speed(i) >= MOVES and self._drives_itself(i)
             self._moving[i] = self._moving[i] + 1 if moves else max(self._moving[i] - 1, 0)
             if goes_on or self._moving[i] == VOID_TICKS:
@@ -151,7 +151,7 @@ class Judge:
         self._unproved = unproved
 
     def end(self) -> None:
-        """Judge a reset after silence: it reads from every drive whether it stands."""
+        """Judge a reset after silence, which reads from every drive whether it stands."""
         rig = self._on.rig
         moving = self._moving_by_themselves()
         silenced = rig.mode is Mode.FAULTED and rig.tick.drives.silenced
@@ -164,14 +164,14 @@ class Judge:
         return [self._name(i) for i in moves]
 
     def _drives_itself(self, joint: int) -> bool:
-        """True for a motor with power that no hand pushes, and that does not hold."""
+        """True for an energised motor that no hand pushes and that does not hold."""
         arm = self._on.rig.arm
         energised = bool(arm.servo.energised(joint))
         return energised and not arm.external_torque[joint] and not self._holds(joint)
 
     def _holds(self, joint: int) -> bool:
-        """True for a motor whose velocity loop asks for standstill, and works against its motion:
-        what moves it is another link."""
+        """True for a motor whose velocity loop demands standstill, and works against its motion:
+        another link moves it."""
         servo = self._on.rig.arm.servo
         velocity = float(self._on.rig.arm.plant.theta_dot[joint])
         stands = abs(float(servo.reference[joint])) < STANDS
@@ -179,13 +179,13 @@ class Judge:
 
 
 def judged(pair: Pair) -> Verdict:
-    """Make both faults on an arm of its own."""
+    """Verdict on both faults on an arm of its own."""
     with PLACE.stage() as on:
         return judged_on(on, pair)
 
 
 def judged_each(pairs: Sequence[Pair]) -> Iterator[tuple[Pair, Verdict]]:
-    """Make each pair on a copy of one booted arm: a process of its own."""
+    """Verdict on each pair on a copy of one booted arm, in a process of its own."""
     with PLACE.stage() as on:
         for pair in pairs:
             reader, writer = os.pipe()
@@ -198,12 +198,12 @@ def judged_each(pairs: Sequence[Pair]) -> Iterator[tuple[Pair, Verdict]]:
             with os.fdopen(reader, "rb") as source:
                 answer = source.read()
             os.waitpid(child, 0)
-            # A pair that ends in an exception, or in none, is no good one.
+            # A pair without a result, as after an exception, is not a good one.
             yield pair, pickle.loads(answer) if answer else Verdict(["no verdict"])
 
 
 def judged_on(on: BreakableArm, pair: Pair) -> Verdict:
-    """Make both faults on an arm that is off."""
+    """Verdict on both faults on an arm that is off."""
     start(on, armed=pair.first.armed and pair.second.armed)
     judge = Judge(on)
     there = (on.joint + 1) % len(on.drives) if pair.apart else on.joint

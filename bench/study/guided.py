@@ -1,7 +1,8 @@
-"""Simulated arms on a guide: how far a hand pushes the tool across it, and what a lead along costs.
+"""Simulated arms on a guide: deviation under a push across it, and the force of a lead along it.
 
 A line along an axis of the tool. 20 N press across it, along each held axis that the drives can
-stand; then a hand leads the tool to and fro, with the guide and without."""
+withstand; then a hand leads the tool to and fro, with the guide and without.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,13 +29,13 @@ HAND_N_M, SPEED_M_S, WAY_M, RESTS_S = 1500.0, 0.05, 0.1, 60.0
 
 @dataclass(frozen=True, slots=True)
 class Guided:
-    """One arm and line; distances from it [mm], of a push along each held axis, NaN where the
-    drives cannot stand it, and of a lead; play of the gaps likewise; forces of a lead [N]."""
+    """One arm and line; deviations from it [mm], for a push along each held axis, NaN if the drives
+    cannot withstand it, and for a lead; play of the gaps likewise; forces of a lead [N]."""
 
     arm: str
     seed: int
     line: str
-    fault: str = ""  # by which it ended: with NaN from there on
+    fault: str = ""  # that ended the run; later figures are NaN
     off: tuple[float, ...] = (np.nan,)  # settled
     furthest: tuple[float, ...] = (np.nan,)  # while the force rises, too
     play: tuple[float, ...] = (np.nan,)
@@ -45,7 +46,7 @@ class Guided:
 
 
 def guided(arm: str, seed: int, work_s: float) -> Guided:
-    """One of ARMS, with Romeo's drives, after so long a work."""
+    """Figures for one of ARMS, with Romeo's drives, after `work_s` of work."""
     with TemporaryDirectory() as folder:
         robot = robot_of(wrench.robot_of(arm, Path(folder)))
         line, way = "xyz"[seed % 3], 1.0 - 2.0 * (seed // 3 % 2)
@@ -72,7 +73,7 @@ def guided(arm: str, seed: int, work_s: float) -> Guided:
 
 
 def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
-    """Have the arm hold, armed, with a guide that begins."""
+    """Let the arm hold, armed, and set a guide."""
     on.drives.hold, since_s = None, on.time_s
     while on.mode is not Mode.HOLDING:
         on.step()
@@ -84,8 +85,8 @@ def _rest(on: ArmInTheLoop, axes: GuideAxes) -> Hands:
 
 
 def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float, float]:
-    """Way that a push along an axis of the tool takes it along that axis from where it held, in the
-    end and at most, and the play of the gaps there [mm]."""
+    """Deviation of the tool along an axis that is pushed, from where it held, in the end and at
+    most, and the play of the gaps there [mm]."""
     at_tool, plant, c = _rest(on, axes).at_tool, on.harness.plant, on.robot.configuration
     x, J = at_tool(plant.q)
     ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]
@@ -105,8 +106,8 @@ def across(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[fl
 
 
 def along(on: ArmInTheLoop, axes: GuideAxes, axis: int, way: float) -> tuple[float, float]:
-    """Force [N] of a hand that leads the tool along its axis and lets it go where it likes across,
-    the median of the second half of the way, and how far off that line the tool gets [mm]."""
+    """Force [N] of a hand that leads the tool along its axis and is free across it, median over the
+    second half of the motion, and largest deviation of the tool from that line [mm]."""
     at_tool, plant = _rest(on, axes).at_tool, on.harness.plant
     x, _ = at_tool(plant.q)
     ahead: Vector = way * on.robot.model.axes(plant.q)[:, axis]

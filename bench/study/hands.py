@@ -1,4 +1,4 @@
-"""Hands that press on a simulated arm: forces at points of its links, for as long as each lasts."""
+"""Hands that press on a simulated arm: forces at points of its links, each for a limited time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _STRENGTH: Final = 0.8  # of the motors, gravity included
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A force along the axes of the URDF's root (3,) [N], on the link of joint `row`, at a point of
+    """Force along the axes of the URDF's root (3,) [N], on the link of joint `row`, at a point of
     that joint's frame (3,) [m]."""
 
     row: int
@@ -29,7 +29,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """Touches at once, from a time on [s]; `place` is tool, beside, link or two."""
+    """Simultaneous touches, from a time on [s]; `place` is tool, beside, link or two."""
 
     onset_s: float
     place: str
@@ -37,7 +37,7 @@ class Press:
 
 
 class Hands:
-    """Those that act on one arm, as `Scenario.act` has them."""
+    """Hands that act on one arm, callable as `Scenario.act`."""
 
     def __init__(self, model: Model, urdf: str, presses: Sequence[Press] = ()) -> None:
         self.model, self.presses = model, presses
@@ -46,7 +46,7 @@ class Hands:
         self._order = [self._pin.joints[self._pin.getJointId(name)].idx_v for name in model.names]
 
     def jacobian(self, q: Vector, row: int, point: Vector) -> Matrix:
-        """Velocity of a point of a link per joint velocity, along the root's axes, (3, n)."""
+        """Jacobian (3, n) of a point of a link, along the root's axes."""
         inward = np.zeros(len(q))
         inward[self._order] = q
         joint = self._order[row] + 1
@@ -57,25 +57,25 @@ class Hands:
         return at_point
 
     def at_tool(self, q: Vector) -> tuple[Vector, Matrix]:
-        """Place of the tool point along the root's axes (3,) [m], and its Jacobian (3, n)."""
+        """Position of the tool point along the root's axes (3,) [m], and its Jacobian (3, n)."""
         row, point = self.model.hand_joint, self.model.in_joint(self.model.tool_place)
         J, body = self.jacobian(q, row, point), self._data.oMi[self._order[row] + 1]
         return body.translation + body.rotation @ point, J
 
     def turned(self, q: Vector, row: int) -> Matrix:
-        """Axes of a joint's frame along those of the root, in columns, (3, 3)."""
+        """Axes of a joint's frame in columns, in the root frame (3, 3)."""
         self.jacobian(q, row, np.zeros(3))
         R: Matrix = self._data.oMi[self._order[row] + 1].rotation.copy()
         return R
 
     def place(self, q: Vector, row: int, point: Vector) -> Vector:
-        """A point of a joint's frame in that of the root (3,) [m]."""
+        """Point of a joint's frame, in the root frame (3,) [m]."""
         self.jacobian(q, row, point)
         at: Vector = self._data.oMi[self._order[row] + 1].act(point)
         return at
 
     def end(self, row: int) -> Vector:
-        """The far end of a link: where the next joint is, or as far beyond its centre of mass."""
+        """Far end of a link: at the next joint, or as far again beyond its centre of mass."""
         joint = self._order[row] + 1
         nexts = [
             self._pin.jointPlacements[k].translation
@@ -99,10 +99,11 @@ class Hands:
 def drawn(
     hands: Hands, onsets_s: Sequence[float], poses: Matrix, strength: Vector, seed: int
 ) -> list[Press]:
-    """A press at each onset, of every direction and size; poses (onsets, n) [rad] at that time.
+    """Random presses, one per onset, of every direction and size; poses (onsets, n) [rad] then.
 
     Of twenty, six are at the tool point, six up to 3 cm beside it, six anywhere on a link's
-    surface, two at the tool and on a link at once. strength (n,) [Nm]: no force turns a motor."""
+    surface, two at the tool and on a link at once. strength (n,) [Nm]: no force overcomes a motor.
+    """
     rng, model = np.random.default_rng((seed, 77)), hands.model
     tool, last = model.in_joint(model.tool_place), model.hand_joint
     presses = []

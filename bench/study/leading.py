@@ -1,7 +1,7 @@
-"""Hands that hold a simulated arm, by one joint or by its tool, and what it costs them.
+"""Hands that hold a simulated arm by one joint or by its tool, and the force that leading it takes.
 
-A hand is a spring and a damper from an anchor that it moves, and acts anew every millisecond.
-Forces at the tool are torques over the joint's lever about it.
+A hand is a spring and a damper from an anchor that it moves, updated every millisecond. Forces at
+the tool are torques over the joint's lever about it.
 """
 
 from collections.abc import Callable
@@ -25,22 +25,22 @@ from daemon.modes.table import Event, Mode
 from programs.contactctl.balance import LEADING_RAD_S, levers
 from programs.contactctl.gain import balance_of
 
-SHARE: Final = 0.6  # of each joint's range, in its middle: arms are not led from stop to stop
+SHARE: Final = 0.6  # of each joint's range, about its middle: arms are not led from stop to stop
 SWING: Final = Sinusoid(amplitude=0.15, frequency_Hz=0.15)  # of the work
 STROKE_RAD: Final = 0.3
 DAMPING_S: Final = 1.0 / 75.0  # of a hand, over its stiffness
-LIGHTEST: Final = 0.3  # damping beyond that of a light link in a millisecond would shake by itself
+LIGHTEST: Final = 0.3  # limit of the damping, beyond which a light link would be unstable at 1 ms
 STRONGEST_N: Final = 40.0
-RISES_N_S: Final = 4.0  # force of a hand that sets a joint out
+RISES_N_S: Final = 4.0  # of a hand's force until a joint yields
 MOVES: Final = 0.02  # [rad/s]
-PULLS, PULLS_S = 1.2, 3.0  # a load or a cable, over what set the joint out
+PULLS, PULLS_S = 1.2, 3.0  # torque of a load or a cable, over that at which the joint yielded
 REACH_M, SPEED_M_S, TRIES = 0.12, 0.15, 8  # of a hand that takes the tool
 COMES_S, RESTS_S, LEAVES_S, BEFORE_S = 0.8, 30.0, 10.0, 3.0
 GOES_ON: Final = frozenset({Mode.TRACKING, Mode.RETURNING})
 
 
 def robot_of(robot: Robot | None = None, *, probes: bool = True, assists: bool = False) -> Robot:
-    """An arm, by default Romeo's, with balanced gains: it swings all joints and is led for long."""
+    """Arm, by default Romeo's, with balanced gains, that swings all joints and is led for long."""
     robot = robot or load_robot(ROMEO)
     c, change = robot.configuration, msgspec.structs.replace
     gains = balance_of(c, robot.urdf).gain.tolist()
@@ -62,7 +62,7 @@ def robot_of(robot: Robot | None = None, *, probes: bool = True, assists: bool =
 
 
 def arm_at_work(robot: Robot, seed: int, seconds: float) -> ArmInTheLoop:
-    """One arm, armed, that has worked for so long, and goes on."""
+    """Armed arm that has worked for this time, and continues."""
     limits = limits_of(robot.configuration)
     middle, half = (limits.lower + limits.upper) / 2.0, (limits.upper - limits.lower) / 2.0
     reach = np.minimum(SHARE * half, np.maximum(half - 1.5 * SWING.amplitude, 0.0))
@@ -80,7 +80,7 @@ def arm_at_work(robot: Robot, seed: int, seconds: float) -> ArmInTheLoop:
 @dataclass
 class Hand:
     """Spring and damper towards an anchor (m,) that moves at a rate; `place` gives position (m,)
-    and Jacobian (m, n) of what it holds, a joint [rad] or the tool [m]; `force` is its last."""
+    and Jacobian (m, n) of what it holds, a joint [rad] or the tool [m]; `force` is the last one."""
 
     place: Callable[[Vector], tuple[Vector, Matrix]]
     stiffness: float
@@ -101,30 +101,30 @@ class Hand:
 
 @dataclass(frozen=True, slots=True)
 class Led:
-    """One joint that was led, beside the same arm with its drives off, weightless; forces at the
-    tool [N], work [J]."""
+    """One joint that was led, compared with the same arm weightless and with its drives off; forces
+    at the tool [N], work [J]."""
 
     joint: str
     sets_out: float
-    stated: float  # of that, the configured level
-    friction: float  # and at rest, twice: it holds the hand, and the level allows for it
+    stated: float  # part of that for the configured level
+    friction: float  # part for friction at rest, twice: it opposes the hand, and raises the level
     leads: float
     work: float
     leads_off: float
     work_off: float
-    tremble: float  # standard deviation of the link's speed over its mean, second half of the way
+    tremble: float  # standard deviation of the link's speed over its mean, in the second half
     coasts_rad: float
-    rebounds_rad: float  # against the way, by its drive, whose velocity loop the hand had wound up
+    rebounds_rad: float  # backwards, by its drive, whose velocity loop the hand had wound up
 
 
 def yields(on: ArmInTheLoop) -> bool:
-    """True while a hand leads the arm, or did a moment ago."""
+    """True while a hand leads the arm, or did until a moment ago."""
     return on.mode is Mode.ADMITTANCE
 
 
 def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
-    """Set a joint of an arm that holds out, lead it at 0.25 rad/s, and let go in motion; None where
-    it did not set out."""
+    """Figures of a joint of a holding arm that is made to yield, led at 0.25 rad/s, and released in
+    motion; None if it did not yield."""
     plant, start = on.harness.plant, on.harness.plant.q.copy()
     if (begun := _set_out(on, joint)) is None:
         return None
@@ -161,8 +161,8 @@ def lead(on: ArmInTheLoop, joint: int, hand_n_m: float) -> Led | None:
 
 
 def let_go(moved: Vector, joint: int, way: float) -> tuple[float, float]:
-    """Furthest that motors go on by (n,) [rad], and how far that of a joint led this `way` (1, -1)
-    springs back."""
+    """Largest motion by which motors coast (n,) [rad], and by which that of a joint led in this
+    direction `way` (1, -1) springs back."""
     rebounds = max(-way * float(moved[joint]), 0.0)
     onwards = np.abs(moved)
     onwards[joint] = max(way * float(moved[joint]), 0.0)
@@ -170,9 +170,9 @@ def let_go(moved: Vector, joint: int, way: float) -> tuple[float, float]:
 
 
 def _set_out(on: ArmInTheLoop, joint: int) -> tuple[float, float, float] | None:
-    """Push at a joint of an arm that holds until it moves, and go on pushing. Returns the direction
-    of the push, towards the joint's middle, its force at the tool [N] and lever [m]; None where the
-    joint did not set out."""
+    """Push a joint of a holding arm until it moves, and keep pushing. Returns the direction of the
+    push, towards the joint's middle, its force at the tool [N] and lever [m]; None if it never
+    yielded."""
     plant, start = on.harness.plant, on.harness.plant.q.copy()
     lever = float(levers(on.robot.model.tool_jacobian(start)[np.newaxis])[0, joint])
     limits, force = limits_of(on.robot.configuration), 0.0
@@ -188,8 +188,8 @@ def _set_out(on: ArmInTheLoop, joint: int) -> tuple[float, float, float] | None:
 
 
 def pull(on: ArmInTheLoop, joint: int) -> float | None:
-    """Way [rad] that a steady torque, as of a load or a cable, carries a joint that it set out;
-    None where that did not set out."""
+    """Distance [rad] by which a steady torque, as of a load or a cable, moves a joint that it made
+    yield; None if the joint did not yield."""
     plant = on.harness.plant
     if (begun := _set_out(on, joint)) is None:
         return None
@@ -207,7 +207,7 @@ def pull(on: ArmInTheLoop, joint: int) -> float | None:
 def _along(
     hand: Hand, step: Callable[[], None], q_dot: Vector, joint: int, period_s: float
 ) -> tuple[Vector, Vector]:
-    """Torque [Nm] and speed of the link [rad/s], a row for each period of the way."""
+    """Torque [Nm] and speed of the link [rad/s], a row per period of the lead."""
     rows = []
     for _ in range(round(STROKE_RAD / LEADING_RAD_S / period_s)):
         step()
@@ -217,7 +217,7 @@ def _along(
 
 
 def _limp(subject: Subject, start: Vector, hand: Hand, joint: int) -> tuple[Vector, Vector]:
-    """The same way with an arm like it, its drives off, that weighs nothing."""
+    """The same lead with a similar arm, weightless and with its drives off."""
     harness = Harness(subject)
     plant = harness.plant
     plant.weigh(np.zeros(3))
@@ -232,27 +232,27 @@ def _limp(subject: Subject, start: Vector, hand: Hand, joint: int) -> tuple[Vect
 
 @dataclass(frozen=True, slots=True)
 class Rested:
-    """A hand that led an arm from its trajectory, and rested on it; times from its rest, or from
-    when it let go [s], infinite: not within RESTS_S, LEAVES_S."""
+    """Hand that led an arm off its trajectory, and rested on it; times from its rest, or from its
+    release [s], infinite: not within RESTS_S, LEAVES_S."""
 
     share: float  # of the level in force, on the joint that it loads most
     joint: str
     hand_n_m: float
     newtons: float
     went_on_s: float
-    let_go_s: float  # until it goes on, or holds
+    let_go_s: float  # until the arm continues, or holds
 
     @property
     def missed(self) -> bool:
-        """True where the trajectory went on in the hand."""
+        """True if the trajectory continued under the hand."""
         return bool(np.isfinite(self.went_on_s)) and self.share > 0.0
 
 
 def rest(
     on: ArmInTheLoop, share: float, hand_n_m: float, rng: np.random.Generator
 ) -> Rested | None:
-    """Lead a tracking arm by its tool, rest on it with a share of the level in force; None where
-    it did not yield. With a share of 0 the hand lets go at once."""
+    """Lead a tracking arm by its tool, and rest on it with a share of the level in force; None if
+    it did not yield. With a share of 0 the hand releases it at once."""
     plant, at_tool = on.harness.plant, Hands(on.robot.model, on.robot.urdf).at_tool
     if not _works(on):
         return None
@@ -287,7 +287,7 @@ def rest(
 
 
 def _works(on: ArmInTheLoop) -> bool:
-    """Have an armed arm at work again; False where it cannot."""
+    """Let an armed arm work again; False if it cannot."""
     _until(on, LEAVES_S, GOES_ON | {Mode.HOLDING})
     if on.mode is Mode.HOLDING:
         on.tick.controller.request(Event.START, "the bench", on.time_s)
@@ -296,7 +296,7 @@ def _works(on: ArmInTheLoop) -> bool:
 
 
 def _until(on: ArmInTheLoop, seconds: float, modes: frozenset[Mode]) -> float:
-    """Time until the arm is in one of these modes [s]; infinite if not within so many seconds."""
+    """Time until the arm is in one of these modes [s]; infinite if not within `seconds`."""
     begin = on.time_s
     while on.time_s < begin + seconds:
         if on.mode in modes:

@@ -1,5 +1,4 @@
-"""Measurements of `bench.loop`: the loop in turns of some seconds, and beside it a control thread
-that does nothing."""
+"""Measurements of `bench.loop`: the loop in turns of some seconds, beside an idle thread."""
 
 import contextlib
 import math
@@ -21,15 +20,15 @@ from bench.study.wakeups import Cyclictest, Distribution, a_rival
 from daemon.modes.table import Mode
 from daemon.tick.loop import deadlines_left_out
 
-TURN_S: Final = 5  # a stall of the machine spoils one
-SETTLING_S: Final = 2  # enabled, started, and long since swaying
-MOST_REPEATS: Final = 5  # of a turn, where the machine stalls
-FIRST_TICKS: Final = 5  # of each turn, left out: other code is in the caches
+TURN_S: Final = 5  # a stall of the machine invalidates one turn
+SETTLING_S: Final = 2  # enabled, started, and in steady motion
+MOST_REPEATS: Final = 5  # of a turn in which the machine stalls
+FIRST_TICKS: Final = 5  # of each turn, left out: the caches hold other code
 
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """Some ticks in a row."""
+    """Consecutive ticks."""
 
     figures: dict[str, NDArray[np.float64]]
     missed: int
@@ -38,11 +37,11 @@ class Turn:
     mode: str
     joints: int
     realtime: list[str]
-    repeated: int = 0  # how often it was: the machine stalled, and the arm stopped for that
+    repeated: int = 0  # times: the machine stalled, which stopped the arm
 
     def after(self, stopped: "Turn") -> "Turn":
-        """This turn in the place of one in which the arm stopped: ticks of an arm that stands cost
-        less. What was missed in that one counts."""
+        """This turn, in place of one in which the arm stopped, as ticks of an arm at rest cost
+        less. Deadlines missed in that one count."""
         assert self.rival_us is not None
         assert stopped.rival_us is not None
         return replace(
@@ -53,8 +52,8 @@ class Turn:
         )
 
     def stopped_by_machine(self, hz: int) -> bool:
-        """True if the arm stopped, and even the control thread beside it woke up later than a
-        period: the machine stalled."""
+        """True if the arm stopped, and even the idle thread woke up later than a period: the
+        machine stalled."""
         stalled = self.rival_us is not None and self.rival_us.beyond(1e6 / hz) > 0
         return stalled and self.mode != Mode.TRACKING
 
@@ -67,22 +66,22 @@ class Run:
     joints: int
     seconds: float
     realtime: list[str]
-    mode: str  # tracking, or the first other that a turn ended in: something was wrong
+    mode: str  # tracking, or the first other one in which a turn ended, which is an error
     missed: int
     drift_us: float
     lateness_us: Distribution
     cpu_us: Distribution  # of the loop's thread, without the recorded drives
     work_us: Distribution  # from wake-up to the last frame sent, with the recorded drives
     setpoint_us: Distribution  # from the drives' answers to SYNC to the last setpoint
-    rival: str  # what woke up beside it
+    rival: str  # control beside it
     rival_us: Distribution | None
     rival_threads: int = 1
     repeated: int = 0  # turns in which the machine stalled and the arm stopped
-    waited: bool = True  # for its deadlines: lateness and work are of real time
+    waited: bool = True  # for its deadlines: lateness and work are in real time
 
     @property
     def rivals_missed(self) -> float:
-        """Deadlines that a rival's late wake-ups would have cost the loop, mean of its threads."""
+        """Deadlines that the control's late wake-ups would have cost the loop, mean of threads."""
         if self.rival_us is None:
             return 0.0
         late = zip(self.rival_us.values.tolist(), self.rival_us.counts.tolist(), strict=True)
@@ -91,7 +90,7 @@ class Run:
 
     @property
     def rivals_late(self) -> float:
-        """Wake-ups of the rival later than a period, mean of its threads."""
+        """Wake-ups of the control later than a period, mean of its threads."""
         late = 0 if self.rival_us is None else self.rival_us.beyond(1e6 / self.hz)
         return late / self.rival_threads
 
@@ -104,8 +103,8 @@ class Run:
 
 
 def measure(hz: int, seconds: int, *, load: bool, waits: bool = True) -> Run:
-    """Run the daemon's loop against recorded drives: in real time, or, if it does not wait, tick by
-    tick as fast as they come."""
+    """Run of the daemon's loop against recorded drives: in real time, or, if it does not wait, tick
+    by tick as fast as possible."""
     with contextlib.ExitStack() as stack:
         session = stack.enter_context(contextlib.closing(Session(hz, waits=waits)))
         rival = stack.enter_context(a_rival(hz)) if waits else None
@@ -180,7 +179,7 @@ def resident(seconds: float) -> dict[str, float]:
 
 @contextlib.contextmanager
 def hogs(count: int) -> Iterator[None]:
-    """Processes that do nothing else than take CPU time, with an ordinary priority."""
+    """Processes of ordinary priority that only take CPU time."""
     processes = [multiprocessing.Process(target=_burn, daemon=True) for _ in range(count)]
     for process in processes:
         process.start()

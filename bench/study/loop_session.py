@@ -1,9 +1,9 @@
-"""Session of `bench.loop`: the daemon's real loop, tick and doors on python-can's virtual bus.
+"""Session of `bench.loop`: the daemon's real loop, tick and sockets on python-can's virtual bus.
 
-Asked for a number of ticks, it answers one figure of each kind per tick. Between two requests the
-loop's clock stands still, so that its arm does not notice. The drives are a recording of the
-simulated ones, taken in lockstep just before; they answer each SYNC inside its sending, and their
-CPU time is left out. It runs in a process of its own, which has the daemon's real-time set-up.
+Asked for a number of ticks, it returns one figure of each kind per tick. Between two requests the
+loop's clock is stopped, so that its arm does not notice. The drives are a recording of the
+simulated ones, taken in lockstep just before; they answer each SYNC while it is sent, and their CPU
+time is subtracted. It runs in a process of its own, with the daemon's real-time set-up.
 """
 
 import contextlib
@@ -42,9 +42,9 @@ from drivers.canopen.ids import HEARTBEAT, NEXT_PDO, NODE, RPDO, SYNC, TPDO
 TPDOS: Final = set(range(TPDO, TPDO + 4 * NEXT_PDO, NEXT_PDO))
 RPDOS: Final = set(range(RPDO, RPDO + 4 * NEXT_PDO, NEXT_PDO))
 MOST_HZ_OF_SEVEN: Final = 250  # Above, frames of seven drives would not fit on a bus of 1 Mbit/s
-# What the recorded session does, and when [s].
+# Times of the events of the recorded session [s].
 ENABLE_S, START_S, STEADY_S, END_S = 0.1, 0.7, 1.2, 3.2
-# Sampled on a grid, and played to wake-ups that are not: so slow that this is no blow.
+# Sampled on a grid, but played at wake-ups that are not: slow enough for that not to matter.
 SWAY: Final = Sinusoid(amplitude=0.002, frequency_Hz=1 / (END_S - STEADY_S))
 FIGURES: Final = ("lateness_us", "cpu_us", "work_us", "setpoint_us")
 
@@ -52,10 +52,10 @@ Answers = list[tuple[can.Message, ...]]
 
 
 class RecordedDrives:
-    """Far end of the virtual bus that answers each SYNC, inside its sending, with the simulated
-    drives' answers of that tick; the steady part of the recording is played over and over.
+    """Far end of the virtual bus that answers each SYNC, while it is sent, with the simulated
+    drives' answers of that tick; the steady part of the recording is repeated.
 
-    Time goes on while a SYNC is left out.
+    A SYNC that is left out advances the recording.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class RecordedDrives:
         self.setpoint_s = math.nan  # from the last answer to a SYNC to the last setpoint after it
 
     def put_nowait(self, message: can.Message) -> None:
-        """Take a frame, in the place of a queue of the virtual bus."""
+        """Take a frame, in place of a queue of the virtual bus."""
         if message.arbitration_id != SYNC:
             if message.arbitration_id & ~NODE in RPDOS:
                 self.setpoint_s = time.perf_counter() - self._answered_s
@@ -94,7 +94,7 @@ class RecordedDrives:
 
 
 class StandingClock:
-    """CLOCK_MONOTONIC without the time in which nothing was asked of the loop."""
+    """CLOCK_MONOTONIC without the time in which nothing is asked of the loop."""
 
     def __init__(self) -> None:
         self._stood_s = 0.0
@@ -111,12 +111,12 @@ class StandingClock:
         return time.monotonic() - self._stood_s
 
     def sleep_until(self, deadline: float) -> None:
-        """Wait until it shows `deadline` [s]."""
+        """Wait until this clock shows `deadline` [s]."""
         sleep_until(deadline + self._stood_s)
 
 
 def in_a_row() -> Clock:
-    """A clock on which waiting takes no time, and nothing else takes any."""
+    """Clock on which only waiting advances, and takes no real time."""
     now = 0.0
 
     def jump(to: float) -> None:
@@ -127,8 +127,7 @@ def in_a_row() -> Clock:
 
 
 class Session:
-    """Process in which the loop runs. Raises EOFError if it ends before it is ready, having said
-    why on stderr."""
+    """Process in which the loop runs. Raises EOFError if it ends early; stderr has why."""
 
     def __init__(self, hz: int, *, waits: bool) -> None:
         self._options = (hz, waits)
@@ -143,18 +142,17 @@ class Session:
         self.connection.recv()
 
     def close(self) -> None:
-        """End it and wait."""
+        """End the process and wait for it."""
         self.connection.close()
         self._process.join()
 
     def begin_anew(self) -> None:
-        """Put a new process in its place."""
+        """Replace the process by a new one."""
         self.close()
         self._begin()
 
     def ask(self, ticks: int) -> dict[str, Any]:
-        """Figures of so many ticks. Raises EOFError if the process ends before it, having said why
-        on stderr."""
+        """Figures of so many ticks. Raises EOFError if the process ends before; stderr has why."""
         self.connection.send(ticks)
         answer: dict[str, Any] = self.connection.recv()
         return answer
@@ -169,11 +167,11 @@ def _serve(connection: Connection, hz: int, waits: bool) -> None:
 
 @contextlib.contextmanager
 def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]]:
-    """The loop, enabled and then tracking; it waits for its deadlines, or ticks on at once."""
+    """Loop that is enabled, then tracking; it waits for its deadlines, or ticks on at once."""
     robot, answers = record(hz)
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="contactd-bench-")))
-        logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` is no news here
+        logging.getLogger("contactd").setLevel(logging.ERROR)  # no group `contact` here
         control = stack.enter_context(ControlSocket(folder / "control"))
         near = stack.enter_context(VirtualBus("bench.loop"))
         standing = StandingClock()
@@ -181,7 +179,7 @@ def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]
         drives = RecordedDrives(near, answers, round(STEADY_S * hz), 1.0 / hz, clock.now)
         near.channel.append(drives)  # type: ignore[arg-type]  # a queue, as far as it is used
         wire = QueueWire(near)
-        # The boot is of no use: nothing is asked of the drives.
+        # The boot is not used: the drives are not queried.
         arm = build_canopen(robot, build_boot(robot, wire), wire, clock.now)
         tick = build_tick(robot, arm, TRUSTED)
         realtime = go_realtime()
@@ -227,7 +225,7 @@ def running(hz: int, *, waits: bool) -> Iterator[Callable[[int], dict[str, Any]]
 
 
 def record(hz: int) -> tuple[Robot, Answers]:
-    """The simulated drives' answers to each SYNC of a session: enabled, then swaying."""
+    """Simulated drives' answers to each SYNC of a session: enabled, then swaying."""
 
     def configure(c: Configuration) -> Configuration:
         trajectory = msgspec.structs.replace(

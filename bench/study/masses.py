@@ -1,6 +1,5 @@
-"""Arms whose masses and centres are not the URDF's, and what their residuals become by each model:
-the URDF's, the true one, and the identified one, with friction identified alike; by drives of any
-sort."""
+"""Arms whose masses and centres differ from the URDF's, and their residuals by each model: the
+URDF's, the true one, and the identified one, with friction identified alike; by any drives."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -35,19 +34,19 @@ from simulator.mismatch import PlantParameters, true_parameters
 EXACT: Final = Mismatch(
     mass=0, center_of_mass=0, friction=0, torque_constant=0, half_gap=0, rotor_inertia=0
 )
-SETTLED_S: Final = 1.0  # The residual of an estimator that begins anew is not counted for so long.
-AWAY_M: Final = 0.03  # Place of a load from the tool point, along each axis, at most.
+SETTLED_S: Final = 1.0  # The residual of a restarted estimator does not count for this time.
+AWAY_M: Final = 0.03  # Largest distance of a load from the tool point along each axis.
 LIGHTEST, HEAVIEST = 0.1, 0.5  # kg; the wrist holds 0.59
 
 
 def wrongly_weighed(arm: PlantParameters, rng: np.random.Generator) -> PlantParameters:
-    """Arm whose bodies are all heavier or lighter by a fifth, their tensors with them, and their
-    centres off by 20 mm in any direction."""
+    """Arm whose bodies are all heavier or lighter by a fifth, with their tensors, and whose centres
+    are displaced by 20 mm in random directions."""
     model = arm.model.copy()
     for i in range(1, model.njoints):
-        body, way = model.inertias[i], rng.standard_normal(3)
+        body, shift = model.inertias[i], rng.standard_normal(3)
         factor = 1.0 + 0.2 * rng.choice((-1.0, 1.0))
-        center = body.lever + 0.02 * way / np.linalg.norm(way)
+        center = body.lever + 0.02 * shift / np.linalg.norm(shift)
         model.inertias[i] = pin.Inertia(factor * body.mass, center, factor * body.inertia)
     return replace(arm, model=model)
 
@@ -62,7 +61,7 @@ def carrying(arm: PlantParameters, by: Model, load: Payload) -> PlantParameters:
 
 
 def true_bodies(arm: PlantParameters) -> dict[str, BodyInertia]:
-    """Bodies that the joints move in truth, by joint."""
+    """True bodies that the joints move, by joint."""
     model = arm.model
     return {
         model.names[i]: BodyInertia.of(model.inertias[i].toDynamicParameters())
@@ -71,7 +70,7 @@ def true_bodies(arm: PlantParameters) -> dict[str, BodyInertia]:
 
 
 def with_bodies(c: Configuration, bodies: dict[str, BodyInertia]) -> Configuration:
-    """Configuration with these bodies in the place of the URDF's."""
+    """Configuration with these bodies in place of the URDF's."""
     joints = [msgspec.structs.replace(j, body=bodies.get(j.name)) for j in c.joints]
     return msgspec.structs.replace(c, joints=joints)
 
@@ -93,10 +92,10 @@ class Fleet:
 
 
 class Subjects(Fleet):
-    """A fleet whose masses are not the URDF's."""
+    """Fleet whose masses differ from the URDF's."""
 
     def __init__(self, arms: int, seed: tuple[int, int], reaching: Reaching = RAMPING) -> None:
-        # Masses are what is looked for; a torque constant cannot be distinguished from them.
+        # Torque constants are exact, as their errors cannot be distinguished from those of masses.
         scatter = Scatter(mass=1.0, center_of_mass=1.0, torque_constant=1.0, half_gap=1.0)
         super().__init__(arms, seed, scatter)
         self.reaching = reaching
@@ -106,7 +105,7 @@ class Subjects(Fleet):
     def moved(
         self, arms: list[PlantParameters], seconds: float, seed: int, *turn_s: float
     ) -> list[MotionLog]:
-        """Logs of an excitation of all joints; turn_s: its periods, if not the usual ones."""
+        """Logs of an excitation of all joints; turn_s: its periods, by default the usual ones."""
         period = self.c.period_s
         motion = excitation(bounds_of(self.c), self.model, period, seed, *turn_s)
         path = motion.path(motion.motion.at(np.zeros(1))[0][0], seconds)
@@ -116,7 +115,7 @@ class Subjects(Fleet):
         )[0]  # fmt: skip
 
     def friction_with(self, bodies: dict[str, BodyInertia], log: MotionLog) -> Configuration:
-        """Configuration with these bodies, and the friction that is identified with them."""
+        """Configuration with these bodies, and the friction identified with them."""
         c = with_bodies(self.c, bodies)
         old = build_transmission(c)
         fits, _ = identify_friction(
@@ -162,7 +161,7 @@ def along(path: Matrix, period_s: float) -> Reference:
 
 @dataclass(frozen=True, slots=True)
 class MassesJob:
-    """Some of the arms, and how long they move to be identified."""
+    """Some of the arms, and the duration of motion for the identification."""
 
     arms: int
     seconds: float
@@ -172,9 +171,9 @@ class MassesJob:
 
 @dataclass(frozen=True, slots=True)
 class MassesFound:
-    """rms of r on motion that nothing was fitted to, over that with exact masses: (arms, n) each;
-    NaN where masses were refused. Loads: true and found mass [kg], distance of the centres [m] and
-    standard errors, (arms, 5), NaN where refused."""
+    """rms of r on held-out motion, over that with exact masses: (arms, n) each; NaN where masses
+    were refused. Loads: true and found mass [kg], distance of the centres [m] and standard errors,
+    (arms, 5), NaN where refused."""
 
     job: MassesJob
     by_urdf: Matrix

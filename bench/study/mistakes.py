@@ -1,8 +1,8 @@
-"""Mistakes that owners make, planted one at a time into the files of an arm that has none.
+"""Mistakes that owners make, planted one at a time into the files of a correct arm.
 
-Each says what the owner did, in words, and the field at which `contactd check`
-must say so. The last ones agree with everything that is written: only the arm itself can tell, and
-`contactd identify wiring` does.
+Each states the owner's mistake, in words, and the field at which `contactd check` must report it.
+The last ones are consistent with all files: only the arm itself shows them, by `contactd identify
+wiring`.
 """
 
 import math
@@ -25,8 +25,8 @@ Data = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """One mistake. `field` is what must be named, without the owner's own names and numbers; empty
-    where only the wiring can show it. `edit` changes the configuration, `urdf` the URDF's text."""
+    """One mistake. `field` must be named, without the owner's own names and numbers; empty if only
+    the wiring can show it. `edit` changes the configuration, `urdf` the URDF's text."""
 
     words: str
     field: str = ""
@@ -35,11 +35,11 @@ class Mistake:
 
     @property
     def only_wiring(self) -> bool:
-        """True where nothing that is written is wrong by itself."""
+        """True if nothing in the files is wrong by itself."""
         return not self.field
 
     def plant(self, arm: GeneratedArm, folder: Path) -> Path:
-        """Write the arm's files with the mistake to a folder, anew; returns it."""
+        """Write the arm's files with the mistake to a folder, from scratch; returns it."""
         arm.write(folder)
         data = arm.configuration()
         self.edit(data)
@@ -50,7 +50,7 @@ class Mistake:
 
 @dataclass(frozen=True, slots=True)
 class Reported:
-    """Answer of `contactd check` to a folder, line by line, and whether it refuses it."""
+    """Output of `contactd check` for a folder, line by line, and whether it is refused."""
 
     folder: Path
     refused: bool
@@ -70,7 +70,7 @@ class Reported:
 
 
 def reported(folder: Path) -> Reported:
-    """Answer of `contactd check`: refusals and warnings."""
+    """Output of `contactd check`: refusals and warnings."""
     try:
         robot = load_robot(folder)
     except ContactdError as error:
@@ -84,7 +84,8 @@ def reported(folder: Path) -> Reported:
 
 
 def _joint(**fields: Any) -> Callable[[Data], None]:
-    """Set fields of the joint; a function makes the new value of the old one, `a__b` is b in a."""
+    """Set fields of the joint; a function makes the new value from the old one; `a__b` is b in
+    a."""
 
     def edit(data: Data) -> None:
         for name, value in fields.items():
@@ -119,7 +120,7 @@ def _renamed(data: Data) -> None:
 
 
 def _range(new: Callable[[float, float], tuple[float, float]]) -> Callable[[Data], None]:
-    """Make other limits of the joint's lower and upper one."""
+    """Replace the joint's limits by others computed from them."""
 
     def edit(data: Data) -> None:
         limits = data["joints"][JOINT]["limits"]
@@ -129,7 +130,7 @@ def _range(new: Callable[[float, float], tuple[float, float]]) -> Callable[[Data
 
 
 def _by_gear(name: str, new: Callable[[float, float], float]) -> Callable[[Data], None]:
-    """Make another value of a field and of the gear of the joint."""
+    """Replace a field of the joint by a value computed from it and the gear."""
 
     def edit(data: Data) -> None:
         joint = data["joints"][JOINT]
@@ -304,7 +305,7 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("no statusword in any PDO", _DRIVE + "tpdo",
             lambda data: data["drives"][PROFILE]["tpdo"]["1"].remove("statusword")),
     Mistake("the bitrate in kbit/s", "bus.bitrate", lambda data: data["bus"].update(bitrate=1000)),
-    # Only the arm can tell.
+    # Only the arm can show these.
     Mistake("the motor's sign", edit=_joint(wiring__motor_sign=lambda x: -x)),
     Mistake("the link encoder's sign", edit=_joint(wiring__link_sign=lambda x: -x)),
     Mistake("the nodes of two like joints swapped", edit=_swapped_nodes),
@@ -314,5 +315,5 @@ MISTAKES: tuple[Mistake, ...] = (
 
 
 def checkable() -> Iterator[Mistake]:
-    """Those that the files show."""
+    """Mistakes that the files show."""
     return (mistake for mistake in MISTAKES if not mistake.only_wiring)

@@ -1,10 +1,10 @@
-"""Runs of arms as wide as the world, one arm and one kind of run each, on several processors.
+"""Runs of arms of the population, one arm and one kind of run each, on several processors.
 
-free     contact-free motion of all joints, with stops        -> alarms, lowest thresholds
-moving   steps of torque on single joints, in motion          -> trials, errors
-rest     the same while the arm stands after a motion         -> trials
+free     contact-free motion of all joints, with stops        -> alarms, lowest thresholds moving
+steps of torque on single joints, in motion          -> trials, errors rest     the same while the
+arm stands after a motion         -> trials
 
-Every arm has been at work before, untouched: what it learned then, it knows.
+Every arm has worked before, untouched, and keeps what it learned.
 """
 
 import dataclasses
@@ -34,7 +34,7 @@ from daemon.config.schema import Configuration
 Kind = Literal["free", "moving", "rest"]
 MOVING = 0.05  # [rad/s]
 SMOOTH = 10  # ticks over which a motor's torque is averaged
-GRACE_S = 1.0  # Alarms count from here on: an arm that was just switched on is not armed yet.
+GRACE_S = 1.0  # Alarms count from here on: an arm is not armed immediately.
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +59,11 @@ class Result:
     job: Job
     names: tuple[str, ...]
     alarms: NDArray[np.int64]
-    """of the residual that decides at its levels in force; of the rivals at those of the
+    """of the residual that decides, at its levels in force; of the rivals, at those of the
     configuration, raised near rest"""
     quiet: Matrix  # lowest thresholds without an alarm [Nm], learning aside
     level: Matrix  # (n,): median in motion, in force after the work before [Nm]
-    errors: tuple[Errors, ...]  # by variant: against the filtered truth while link and rotor touch
+    errors: tuple[Errors, ...]  # by variant: against the filtered truth while engaged
     trials: tuple[Trial, ...]
 
 
@@ -88,7 +88,7 @@ def run(job: Job) -> Result:
     if not job.link_encoder:
         recording = motors_alone(recording)
     found = estimates(estimator, recording)
-    # Rivals have levels of their own, raised as if nothing was learned.
+    # Rivals have their own levels, raised as without learning.
     unlearned = estimates(build(believed, learning=False, beside=(), **how), recording)
     raised = np.array([found.threshold, *[unlearned.threshold] * (len(found.residuals) - 1)])
     raised -= contact
@@ -110,21 +110,21 @@ def run(job: Job) -> Result:
 
 
 def without_link_encoder(robot: Robot) -> Robot:
-    """Robot as its owner describes it who has motor encoders alone: without a gap."""
+    """Robot as described by an owner who has motor encoders only: without a gap."""
     c = robot.configuration
     joints = [replace(joint, half_gap=0.0) for joint in c.joints]
     return dataclasses.replace(robot, configuration=replace(c, joints=joints))
 
 
 def motors_alone(recording: Recording) -> Recording:
-    """Recording in which the motor's position, at the link side, stands for the link's."""
+    """Recording with the motor position, at the link side, in place of the link's."""
     samples = recording.samples.copy()
     samples[:, 1] = samples[:, 3]
     return dataclasses.replace(recording, samples=samples)
 
 
 def _in_motion(recording: Recording, found: Estimates, otherwise: Vector) -> Vector:
-    """Median of the level in force (n,) [Nm] while each joint moves, where it does for a second."""
+    """Median level in force (n,) [Nm] while each joint moves, if it does for a second."""
     moving = np.abs(recording.samples[:, 2]) > MOVING
     enough = np.count_nonzero(moving, axis=0) > 100
     chosen = np.where(moving | ~enough, found.threshold, np.nan)
@@ -157,7 +157,7 @@ def _scenario(
 def _trial(
     step: Step, recording: Recording, found: Estimates, raised: NDArray[Any], c: Configuration
 ) -> Trial:
-    """Cut the step out of the run."""
+    """Part of the run around one step."""
     per_tick, i = recording.per_tick, step.joint
     # SYNC k comes after per_tick * (k + 1) milliseconds.
     first = step.onset_ms // per_tick
@@ -181,7 +181,7 @@ def _trial(
 
 
 def _reached(step: Step, recording: Recording, first: int, torque_constant: float) -> float:
-    """Torque [Nm] by which the motor holds against the step as it ends, over SMOOTH ticks."""
+    """Torque [Nm] with which the motor opposes the step at its end, over SMOOTH ticks."""
     torque = -np.sign(step.torque) * torque_constant * recording.samples[:, 0, step.joint]
     end = first + STEP_MS // recording.per_tick
     return float(np.mean(torque[end - SMOOTH : end]) - np.mean(torque[first - SMOOTH : first]))
@@ -192,7 +192,7 @@ R = TypeVar("R")
 
 
 def spread(work: Callable[[T], R], jobs: Iterable[T], processes: int, title: str) -> Iterator[R]:
-    """work(job) for every job, as they are done, behind a progress bar on standard error."""
+    """work(job) for every job, in order of completion, with a progress bar on standard error."""
     todo = list(jobs)
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:

@@ -11,7 +11,7 @@ from common.arrays import Matrix, Vector
 from daemon.config.schema import Configuration
 
 DISPLACEMENT_M: Final = 0.005
-LATENCY_MS: Final = 1.0  # at most, of the link encoder; the model does not know
+LATENCY_MS: Final = 1.0  # largest, of the link encoder; unknown to the model
 VELOCITY_SCALE_ERROR: Final = 0.002
 VELOCITY_BIAS: Final = 0.001  # [rad/s], 0.02 % of 5 rad/s; both of velocities that are integrated
 
@@ -19,7 +19,7 @@ STEP_MS: Final = 500
 
 
 def velocity_errors(rng: np.random.Generator) -> dict[str, float]:
-    """Errors of the motor velocity, for SimulationSettings: one sign each."""
+    """Errors of the motor velocity, for SimulationSettings, with a random sign each."""
     of_scale, of_bias = rng.choice((-1.0, 1.0), 2).tolist()
     return {
         "velocity_scale_error": of_scale * VELOCITY_SCALE_ERROR,
@@ -35,8 +35,8 @@ def motion(
     rest_s: float = 0.0,
     held: float = 0.15,
 ) -> Motion:
-    """Sinusoids around a pose of its own, within joint limits and velocities; held: share of the
-    joints that stand still."""
+    """Sinusoids around a random pose, within joint limits and velocities; held: share of the joints
+    at rest."""
     rng, room = np.random.default_rng((seed, 11)), Room.of(configuration)
     n = len(configuration.joints)
     omega = 2.0 * np.pi * rng.uniform(0.08, 0.4, n)
@@ -55,7 +55,7 @@ def motion(
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One joint alone is pushed by `torque` [Nm] for STEP_MS."""
+    """Push on a single joint by `torque` [Nm] for STEP_MS."""
 
     joint: int
     torque: float
@@ -63,8 +63,8 @@ class Step:
 
 
 def sizes(configuration: Configuration) -> Matrix:
-    """Smallest, middle and largest step to try on each joint [Nm], shape (3, n): a tenth, twice
-    and eight times its threshold, but no more than its drive can hold."""
+    """Smallest, middle and largest step for each joint [Nm], (3, n): a tenth, twice and eight times
+    its threshold, but no more than its drive can hold."""
     joints = configuration.joints
     contact = np.array([joint.thresholds.contact for joint in joints])
     strength = np.array([joint.torque_constant * joint.wiring.max_current_A for joint in joints])
@@ -74,8 +74,8 @@ def sizes(configuration: Configuration) -> Matrix:
 def steps(
     configuration: Configuration, seed: int, onsets_ms: list[int], usual: Vector
 ) -> list[Step]:
-    """A step at each onset, over the joints in turn: one third has its joint's `usual` size (n,)
-    [Nm], one third any smaller, one third any larger size of `sizes`."""
+    """Steps, one at each onset, over the joints in turn: one third has the joint's `usual` size
+    (n,) [Nm], one third a random smaller one, one third a random larger one, within `sizes`."""
     rng = np.random.default_rng((seed, 12))
     smallest, middle, largest = sizes(configuration)
     n = len(configuration.joints)
@@ -100,16 +100,16 @@ def pushes(drawn: list[Step], n: int) -> tuple[Push, ...]:
 
 
 def onsets_in_motion(seconds: float, seed: int) -> list[int]:
-    """[ms]: one every one and a half seconds or so, anywhere between two SYNCs."""
+    """Onsets [ms] about every one and a half seconds, at any time between two SYNCs."""
     rng = np.random.default_rng((seed, 13))
     return [int(1000 * t + rng.integers(200)) for t in np.arange(3.0, seconds - 1.0, 1.5)]
 
 
-GO_S, REST_S = 5.0, 8.0  # at rest: moves before, so that friction is where a motion leaves it
+GO_S, REST_S = 5.0, 8.0  # motion before a rest, which determines friction
 
 
 def onsets_at_rest(seconds: float, seed: int) -> list[int]:
-    """[ms]: three in every rest of GO_S and REST_S."""
+    """Onsets [ms], three in every rest of GO_S and REST_S."""
     rng = np.random.default_rng((seed, 14))
     begins = np.arange(GO_S, seconds - REST_S + 1e-9, GO_S + REST_S)
     return [

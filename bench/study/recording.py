@@ -4,7 +4,7 @@
     rig.run(20.0, recorder)
     recording = recorder.recording()
 
-The plant's rows are the truth at the instant of the samples; the estimator's rows belong to
+The plant's rows are the truth at the instant of the samples; the estimator's rows refer to
 `delay_s` before it (half a period for the link velocity `midpoint`).
 """
 
@@ -25,7 +25,7 @@ class Recording:
     """Arrays of one run; (ticks,) or (ticks, n)."""
 
     configuration: Configuration
-    delay_s: float  # how long before the samples the estimator's rows are true
+    delay_s: float  # by which the estimator's rows precede the samples
     time_s: Vector  # since the recording began
     mode: NDArray[np.str_]
     # The plant, in truth.
@@ -50,11 +50,11 @@ class Recording:
         return self.configuration.joint_names
 
     def thresholded(self, name: str) -> Matrix:
-        """Residual `name` beyond the thresholds that were in force [Nm]."""
+        """Residual `name` beyond the thresholds in force [Nm]."""
         return dead_band(self.residuals[name], self.threshold)
 
     def part(self, begin_s: float, end_s: float) -> "Recording":
-        """The ticks with begin_s <= time_s < end_s."""
+        """Ticks with begin_s <= time_s < end_s."""
         ticks = (self.time_s >= begin_s) & (self.time_s < end_s)
         arrays = {
             f.name: getattr(self, f.name)[ticks]
@@ -66,7 +66,7 @@ class Recording:
 
 
 class Recorder:
-    """Call it after every tick of `rig`; the drives' samples must be complete."""
+    """Recorder to be called after every tick of `rig`; the drives' samples must be complete."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig

@@ -1,5 +1,5 @@
-"""Measurements of the commands that answer from recordings: time and memory. Long
-recordings are one that was recorded, put one after another."""
+"""Measurements of the commands that answer from recordings: time and memory. Long recordings are
+copies of a real one, concatenated."""
 
 import os
 import shutil
@@ -35,7 +35,7 @@ finally:
 
 
 def messages_of(path: Path) -> tuple[bytes, list[bytes]]:
-    """Snapshot and States of a recording, as they were written."""
+    """Snapshot and States of a recording, as written."""
     snapshot, states = b"", []
     with path.open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
@@ -47,7 +47,7 @@ def messages_of(path: Path) -> tuple[bytes, list[bytes]]:
 
 
 def write(path: Path, parts: Sequence[tuple[bytes, Sequence[bytes]]]) -> None:
-    """A recording of these snapshots, each with its States."""
+    """Write a recording of these snapshots, each with its States."""
     with path.open("wb") as stream:
         log = Writer(stream, chunk_size=CHUNK_BYTES)
         log.start(profile=PROFILE)
@@ -63,8 +63,8 @@ def write(path: Path, parts: Sequence[tuple[bytes, Sequence[bytes]]]) -> None:
 
 
 def times(path: Path, joint: str, folder: Path) -> dict[str, float]:
-    """Times of a recording [s]: of LEVELS levels read anew (CPU) and from the cache, and of its
-    page, with its size."""
+    """Times for a recording [s]: LEVELS levels computed (CPU) and from the cache, and its page,
+    with its size."""
     question = Question(levels={joint: tuple(np.linspace(0.1, 4.0, LEVELS).tolist())})
     cache = Path(tempfile.mkdtemp(dir=folder))
     cpu_s = time.process_time()
@@ -87,8 +87,8 @@ def _answered(answer: Answer) -> Answer:
 
 
 def peak_mb(arguments: Sequence[object], folder: Path) -> float:
-    """Most memory that `contactd ...` had at any time [MB], in a process of its own with a new
-    cache. The process says so itself: a parent's figure from the kernel counts the parent, too."""
+    """Peak memory of `contactd ...` [MB], in a process of its own with a new cache. The process
+    reports it itself: the kernel's figure for a child includes its parent."""
     cache = tempfile.mkdtemp(dir=folder)
     process = subprocess.run(
         [sys.executable, "-c", _PEAK, *map(str, arguments)],
@@ -104,7 +104,7 @@ def peak_mb(arguments: Sequence[object], folder: Path) -> float:
 
 
 def growth_mb(short: Path, long: Path, joint: str, folder: Path) -> dict[str, float]:
-    """Additional memory that each command takes of the longer recording [MB]."""
+    """Additional memory of each command for the longer recording [MB]."""
     page = folder / "page.html"
     commands: dict[str, list[object]] = {
         "replay": ["replay"],

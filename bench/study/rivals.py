@@ -1,20 +1,19 @@
 """Rivals of the product's residuals: the Kalman disturbance observer, and recurrent networks.
 
-The observer: per joint, with p the momentum, u all torques that the model has, d the external one:
+The observer: per joint, with p the momentum, u all torques of the model, d the external one:
 
     p_dot = u + d        d_dot = w        measured: p + v
 
-w and v are white; only the ratio of their strengths matters, so all joints have the same gain. Its
-model is that of `classical` with friction and rotor inertia, without a gap: what differs is the
-filter. Its steady gain has a closed form (the tracking index; P. Kalata, 1984), and one number
-to tune, which `fair_index` sets so that white torque comes through as loud as through the product's
-residual of gain K.
+w and v are white; only the ratio of their intensities matters, so all joints have the same gain.
+Its model is that of `classical` with friction and rotor inertia, without a gap: only the filter
+differs. Its steady gain has a closed form (the tracking index; P. Kalata, 1984), and one parameter,
+which `fair_index` sets so that white torque passes it as much as the product's residual of gain K.
 
-A recurrent network learns a torque y of contact-free motion from the samples before, without the
-current, in which a hand would show; its residual is y less what it expects. y, filtered by the gain
-K, is the motor's torque with the other sign (`gru`), or the residual of KALMAN_BELIEF
-(`gru+momentum`, after D. Lim, D. Kim and J. Park, "Momentum observer-based collision detection
-using LSTM for model uncertainty learning", 2021).
+A recurrent network learns a torque y of contact-free motion from the previous samples, without the
+current, in which a hand would show; its residual is y minus its prediction. y, filtered by the gain
+K, is the negative motor torque (`gru`), or the residual of KALMAN_BELIEF (`gru+momentum`, after D.
+Lim, D. Kim and J. Park, "Momentum observer-based collision detection using LSTM for model
+uncertainty learning", 2021).
 """
 
 import copy
@@ -29,7 +28,7 @@ import numpy as np
 from common.arrays import Matrix, Vector
 
 KALMAN: Final = "kalman"
-KALMAN_BELIEF: Final = "classical+friction+rotor"  # also what the observer believes
+KALMAN_BELIEF: Final = "classical+friction+rotor"  # also the observer's model
 
 
 def fair_index(TK: float) -> float:
@@ -46,21 +45,21 @@ def fair_index(TK: float) -> float:
 
 
 class KalmanObserver:
-    """The observer for n joints, beginning with no external torque; its gain settles by itself.
+    """Observer for n joints, starting without external torque; its gain converges by itself.
 
     index: T^2 sigma_w / sigma_v for samples `period` [s] apart.
     """
 
     def __init__(self, n: int, index: float, period: float) -> None:
         self._noise = (index / period**2) ** 2  # sigma_w^2 for sigma_v = 1
-        self._ahead = np.zeros(n)  # p as measured, less p as estimated [Nm s]
+        self._ahead = np.zeros(n)  # measured minus estimated p [Nm s]
         self._torque = np.zeros(n)
         self._covariance = np.array([[1.0, 0.0], [0.0, 0.0]])  # of p and d, for sigma_v = 1
 
     def step(self, unexplained: Vector, dt: float) -> Vector:
-        """The external torque d (n,) [Nm].
+        """External torque d (n,) [Nm].
 
-        unexplained: change of the momentum in the last dt [s], less what u explains, (n,) [Nm s].
+        unexplained: change of momentum in the last dt [s] that u does not explain, (n,) [Nm s].
         """
         F, G = np.array([[1.0, dt], [0.0, 1.0]]), np.array([0.5 * dt * dt, dt])
         P = F @ self._covariance @ F.T + self._noise * np.outer(G, G)
@@ -73,9 +72,9 @@ class KalmanObserver:
 
 
 def kalman(residual: Matrix, K: float, period_s: float) -> Matrix:
-    """The observer's torque [Nm], from the residual of KALMAN_BELIEF (ticks, n) from r = 0 on.
+    """The observer's torque [Nm], from the residual of KALMAN_BELIEF (ticks, n) starting at r = 0.
 
-    What each interval won beyond belief is (13) read backwards: 2 K e = (2 + T K) r - (2 - T K) r'.
+    The unexplained impulse of each interval is (13) inverted: 2 K e = (2 + T K) r - (2 - T K) r'.
     """
     TK = K * period_s
     before = np.vstack((np.zeros_like(residual[:1]), residual[:-1]))
@@ -86,8 +85,8 @@ def kalman(residual: Matrix, K: float, period_s: float) -> Matrix:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """Training of a network: Adam, its rate falling as a cosine. Of all epochs, that counts
-    which is best in the last fifth of the motion, on which it does not train."""
+    """Training of a network: Adam with cosine annealing. The epoch counts that is best on the last
+    fifth of the motion, which is held out."""
 
     hidden: int = 64
     window: int = 200  # ticks
@@ -99,7 +98,7 @@ class Recipe:
 
 
 def torch() -> Any:
-    """PyTorch, an extra of its own; ends the bench where it is not installed."""
+    """PyTorch, an optional dependency; exits if it is not installed."""
     try:
         return importlib.import_module("torch")
     except ImportError:
@@ -108,14 +107,14 @@ def torch() -> Any:
 
 def seen_by_network(samples: Matrix, period_s: float) -> Matrix:
     """Inputs (ticks, 6 n) from samples (ticks, 4, n): sine and cosine of the link position, motor
-    position less that, velocities of link and motor, acceleration of the motor; no current."""
+    minus link position, velocities of link and motor, acceleration of the motor; no current."""
     _, q, velocity, theta = np.moveaxis(samples, 1, 0)
     q_dot, acceleration = (np.diff(x, axis=0, prepend=x[:1]) / period_s for x in (q, velocity))
     return np.hstack((np.sin(q), np.cos(q), theta - q, q_dot, velocity, acceleration))
 
 
 class Recurrent:
-    """A GRU and a linear layer that expect a torque (ticks, n) [Nm] from inputs (ticks, m)."""
+    """GRU and linear layer that predict a torque (ticks, n) [Nm] from inputs (ticks, m)."""
 
     def __init__(self, inputs: Matrix, torque: Matrix, seed: int, recipe: Recipe) -> None:
         self._torch = torch()
@@ -152,7 +151,7 @@ class Recurrent:
         return self._torch.tensor((values - mean) / width, dtype=self._torch.float32)
 
     def expects(self, inputs: Matrix) -> Matrix:
-        """Torque (ticks, n) [Nm] of contact-free motion, tick by tick from those before alone."""
+        """Torque (ticks, n) [Nm] of contact-free motion, predicted from the previous ticks."""
         with self._torch.no_grad():
             scaled = self._out(self._gru(self._scaled(inputs, 0)[np.newaxis])[0])[0]
         return np.asarray(

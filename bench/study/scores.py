@@ -1,4 +1,4 @@
-"""Scores of residuals in trials: delays, smallest steps, errors. Pure."""
+"""Scores of residuals in trials: delays, smallest steps, errors. Pure functions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from estimator.alarms import excess
 
 
 def filtered(external: Matrix, gain: float, period_s: float) -> Matrix:
-    """A perfect residual of this gain, (3): r_dot = K (tau_ext - r), from r = 0.
+    """Ideal residual of this gain, (3): r_dot = K (tau_ext - r), from r = 0.
 
     external: mean over each period.
     """
@@ -32,16 +32,16 @@ class Trial:
     delay_s: Vector  # (ticks,) of each SYNC after the onset in the plant
     residuals: Matrix  # (variants, ticks)
     before: Vector  # (variants,), at the last SYNC before the onset
-    raised: Matrix  # (variants, ticks), of the threshold: in force less configured
-    travelled: NDArray[np.bool_]  # (ticks,): link and rotor were apart at some time since the onset
-    hidden: float  # [Nm] of the step that friction of the gear kept from the motor
-    breakaway: float  # [Nm]: most torque that friction of this joint holds at rest, either way
-    moving: bool  # the joint moved all the while: it neither stood nor turned
+    raised: Matrix  # (variants, ticks), of the threshold: in force minus configured
+    travelled: NDArray[np.bool_]  # (ticks,): the gap was entered since the onset
+    hidden: float  # [Nm] of the step that gear friction hid from the motor
+    breakaway: float  # [Nm]: largest torque that this joint's friction holds at rest
+    moving: bool  # continuous motion, without standstill or reversal
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """Detection of a step: its delay, and whether the gap was crossed until then."""
+    """Detection of a step: its delay, and whether the gap was crossed before."""
 
     delay_s: float
     travelled: bool
@@ -57,17 +57,17 @@ def detection(trial: Trial, variant: int, threshold: float) -> Detection | None:
 
 
 def size_needed(trial: Trial, variant: int, threshold: float) -> float:
-    """Smallest size of the step [Nm] that would have been detected.
+    """Smallest step [Nm] that would have been detected.
 
-    The residual is linear in the external torque and follows it whole: a step that is smaller by x
-    lifts it x less. What the residual was beyond the threshold, the step could have been smaller.
+    The residual is linear in the external torque and reaches it fully: a step smaller by x raises
+    it by x less. The step could have been smaller by the residual's excess over the threshold.
     """
     return trial.size + threshold - float(np.max(trial.residuals[variant] - trial.raised[variant]))
 
 
 @dataclass(slots=True)
 class Errors:
-    """Sum of squares over chosen samples, to be added up over runs."""
+    """Sums of squares over chosen samples, which can be added over runs."""
 
     squares: Vector
     count: NDArray[np.int64]
@@ -85,7 +85,7 @@ class Errors:
 
     @property
     def rms(self) -> Vector:
-        """(n,); 0 where nothing was chosen."""
+        """Root mean square (n,); 0 if nothing was chosen."""
         mean: Vector = np.sqrt(self.squares / np.maximum(self.count, 1))
         return mean
 
@@ -96,13 +96,13 @@ def percentile(values: Sequence[float], share: float) -> float:
 
 
 def count_alarms(residual: Matrix, threshold: Matrix | Vector) -> NDArray[np.int64]:
-    """Number of times (n,) that each joint goes beyond its threshold: stretches, not ticks."""
+    """Number of times (n,) that each joint exceeds its threshold: stretches, not ticks."""
     beyond = np.abs(residual) > threshold
     begins = beyond & ~np.vstack((np.zeros_like(beyond[:1]), beyond[:-1]))
     return np.asarray(np.count_nonzero(begins, axis=0))
 
 
 def quiet_threshold(residual: Matrix, raised: Matrix) -> Vector:
-    """The lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
+    """Lowest threshold (n,) that, with its raise, is never exceeded [Nm]."""
     lowest: Vector = np.max(excess(residual, raised), axis=0)
     return lowest

@@ -1,5 +1,5 @@
-"""Contact on an arm that follows a stream: touches against those on the same motion as a
-trajectory, false contacts, and the time of a tick. The whole tick runs, around an arm without a
+"""Contact on an arm that follows a stream: touches compared with those on the same motion as a
+trajectory, false contacts, and the duration of a tick. The whole tick runs, around an arm without a
 bus."""
 
 import time
@@ -38,7 +38,7 @@ class Work:
 def work(
     robot: Robot, rate_hz: float, seed: int, seconds: float, *, streamed: bool, touched: bool
 ) -> Work:
-    """Work of one arm of the world, not armed, on the motion of a hand, streamed or not."""
+    """Work of one arm of the population, not armed, on the motion of a hand, streamed or not."""
     c = robot.configuration
     subject = replace(world.subject(robot, world.LAWS[seed % 3], seed), drift=0.0)
     limits = limits_of(c)
@@ -109,7 +109,7 @@ def _at_work(
                 push[:], delay, due_s = 0.0, None, now_s + EVERY_S
         false += contact and not was and now_s > since_s + TOUCH_S + 1.0 and now_s > 1.0
         was = contact
-        # A collision may have halted it, nearer to a limit than the rest of a path needs.
+        # A collision may have halted it too close to a limit for the rest of a path.
         if on.mode is Mode.HOLDING and on.tick.controller.request(
             Event.START, "the bench", on.time_s
         ):

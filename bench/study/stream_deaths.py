@@ -1,9 +1,8 @@
 """Death of a stream: time until the setpoints of an arm that followed it are zero.
 
-The whole tick runs, around an arm of the world's width without a bus: the position loop and what
-the arm lags behind are part of the setpoints. A joint stands from the first tick on in which its
-setpoint is zero; then its pose is held, and where the link falls through its gap, the loop goes
-after it.
+The whole tick runs, around an arm of the population without a bus: the position loop and the arm's
+lag are part of the setpoints. A joint stands from the first tick on in which its setpoint is zero;
+then its pose is held, and if the link falls through its gap, the loop follows it.
 """
 
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ SECONDS: Final = 8.0
 
 
 def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
-    """Targets of which none from `at_s` on can be relied on."""
+    """Targets of which none from `at_s` on is reliable."""
     alive = [one for one in coming if one.at_s < at_s]
     last = alive[-1].target
     after = [one for one in coming if one.at_s >= at_s]
@@ -57,12 +56,12 @@ def dying(way: str, coming: list[Arrival], at_s: float) -> list[Arrival]:
 class Death:
     """End of one stream."""
 
-    stands_s: float  # from the last target that could be relied on, less the time of braking
-    held_rad: float  # way of the joint that holding moved furthest afterwards
+    stands_s: float  # from the last reliable target, minus the braking time
+    held_rad: float  # largest motion of a joint while holding afterwards
 
 
 def death(robot: Robot, way: str, rate_hz: float, seed: int) -> Death:
-    """Death of a stream amid a motion. Raises RuntimeError if the arm did not follow until then."""
+    """Death of a stream during a motion. Raises RuntimeError if the arm did not follow it."""
     c, limits = robot.configuration, limits_of(robot.configuration)
     motion = hand(limits, SECONDS, seed)
     coming = arrivals(motion, rate_hz, SECONDS, seed)

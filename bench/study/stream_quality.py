@@ -1,5 +1,5 @@
-"""Quality of a stream without a plant: delay, tracking error, jerk; false stops; targets that no
-arm can follow."""
+"""Quality of a stream without a plant: delay, tracking error, jerk, false stops, and targets that
+no arm can follow."""
 
 import math
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from daemon.motion.path import Place
 from daemon.motion.playout import Target
 from daemon.motion.target_stream import STALLED_S
 
-SETTLED_S: Final = 3.0  # after the first target, from which on a stream is judged
+SETTLED_S: Final = 3.0  # after the first target, before a stream is judged
 FAST: Final = 0.1  # [rad/s], from which on a motion shows its delay
 
 
@@ -26,15 +26,15 @@ FAST: Final = 0.1  # [rad/s], from which on a motion shows its delay
 class Quality:
     """Figures of one track against its motion."""
 
-    delay_ms: float  # constant, that fits best
-    error_mrad: float  # rms beside it
+    delay_ms: float  # best constant fit
+    error_mrad: float  # rms of the rest
     jerk: float  # rms [rad/s3]
     reported_ms: float  # median delay that the stream reports
     beyond: tuple[float, float]  # p50 and p95 of the delay beyond the reported one [ticks]
 
 
 def quality(track: Track, motion: Motion, period_s: float) -> Quality:
-    """Figures of a track, from SETTLED_S on."""
+    """Figures of a track after SETTLED_S."""
     chosen = track.time_s > track.time_s[0] + SETTLED_S
     time_s, q = track.time_s[chosen], track.q[chosen]
     delays = np.arange(0.0, 0.25, 0.001)
@@ -65,7 +65,7 @@ def quality(track: Track, motion: Motion, period_s: float) -> Quality:
 
 
 def false_stops(robot: Robot, rate_hz: float, hours: float, seed: int) -> tuple[int, int]:
-    """Ends, and stalls, of a stream with losses whose sender lives."""
+    """Number of ends, and of stalls, of a lossy stream whose sender is alive."""
     seconds = 3600.0 * hours
     ended, stalled, was = 0, 0, False
     period_s = robot.configuration.period_s
@@ -93,7 +93,7 @@ def false_stops(robot: Robot, rate_hz: float, hours: float, seed: int) -> tuple[
 
 
 def wild(robot: Robot, seed: int) -> Iterator[Target]:
-    """Targets that jump, lie outside the limits, are no numbers, and whose time runs back."""
+    """Targets that jump, exceed the limits, are not numbers, or go back in time."""
     rng = np.random.default_rng((seed, 46))
     n, number, sent_s = len(robot.configuration.joints), 0, 0.0
     while True:
@@ -107,8 +107,8 @@ def wild(robot: Robot, seed: int) -> Iterator[Target]:
 
 
 def beyond_limits(robot: Robot, seed: int, seconds: float = 2.0) -> int:
-    """Setpoints beyond a limit of velocity or acceleration, and poses beyond a joint limit, of an
-    arm without lag that is sent wild targets from where it stands."""
+    """Number of setpoints beyond a limit of velocity or acceleration, and of poses beyond a joint
+    limit, of an ideal arm that is sent wild targets from rest."""
     c = robot.configuration
     motion, limits, period_s = build_motion(robot, links_trusted=True), limits_of(c), c.period_s
     rng = np.random.default_rng((seed, 47))

@@ -1,8 +1,8 @@
-"""Streams of targets as a network brings them, and what an arm makes of them, without a plant.
+"""Streams of targets as a network delivers them, and the response of an arm, without a plant.
 
-A sender at 20 to 200 Hz sends poses of a motion; each arrives 2 to 12 ms later, and some never. The
-motions are sines, and reaches as hands make them: minimum jerk (Flash and Hogan, 1985) over 0.1 to
-0.6 rad in 0.4 to 1.5 s, with rests, and tremor of 0.3 mrad at 8 to 12 Hz.
+A sender at 20 to 200 Hz sends poses of a motion; each arrives 2 to 12 ms later, and some are lost.
+The motions are sines, and reaches like those of hands: minimum jerk (Flash and Hogan, 1985) over
+0.1 to 0.6 rad in 0.4 to 1.5 s, with rests, and tremor of 0.3 mrad at 8 to 12 Hz.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +22,7 @@ from daemon.motion.target_stream import TargetStream
 RATES_HZ: Final = (20.0, 50.0, 100.0, 200.0)
 JITTER_S: Final = 0.01
 LOSS: Final = 0.05
-WAY_S: Final = 0.002  # from sender to receiver, at least
+WAY_S: Final = 0.002  # least latency from sender to receiver
 TREMOR: Final = 3e-4  # [rad]
 FINE_S: Final = 1e-3  # spacing of the tables of a motion
 
@@ -30,7 +30,7 @@ Motion = Callable[[float], Vector]  # Pose (n,) [rad] at a time [s].
 
 
 def sines(limits: Limits, seconds: float, seed: int) -> Motion:
-    """All joints around their middles, at most at 60 % of their speed and 40 % of acceleration."""
+    """All joints around their middles, at up to 60 % of their speed and 40 % of acceleration."""
     del seconds
     rng = np.random.default_rng((seed, 42))
     n = len(limits.lower)
@@ -43,7 +43,7 @@ def sines(limits: Limits, seconds: float, seed: int) -> Motion:
 
 
 def hand(limits: Limits, seconds: float, seed: int, tremor: float = TREMOR) -> Motion:
-    """Reaches with rests and tremor [rad], each joint for itself."""
+    """Reaches with rests and tremor [rad], independent for each joint."""
     rng = np.random.default_rng((seed, 43))
     times = np.arange(0.0, seconds + 1.0, FINE_S)
     columns = [_reaches(limits, i, times, tremor, rng) for i in range(len(limits.lower))]
@@ -59,10 +59,10 @@ def _reaches(
     here, k = 0.5 * (lower + upper), 0
     while k < len(times):
         goal = float(np.clip(here + rng.choice((-1, 1)) * rng.uniform(0.1, 0.6), lower, upper))
-        way = abs(goal - here)
-        # Peaks of minimum jerk: 1.875 of the mean speed, 5.77 way / time^2.
-        fits = max(1.875 * way / (0.7 * limits.velocity[i]), 0.0)
-        fits = max(fits, float(np.sqrt(5.77 * way / (0.4 * limits.acceleration[i]))))
+        distance = abs(goal - here)
+        # Peaks of minimum jerk: 1.875 of the mean speed, 5.77 distance / time^2.
+        fits = max(1.875 * distance / (0.7 * limits.velocity[i]), 0.0)
+        fits = max(fits, float(np.sqrt(5.77 * distance / (0.4 * limits.acceleration[i]))))
         moving = max(round(max(rng.uniform(0.4, 1.5), fits) / FINE_S), 1)
         u = np.minimum(np.arange(1, moving + 1) / moving, 1.0)
         part = here + (goal - here) * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -80,14 +80,14 @@ MOTIONS: Final[dict[str, Callable[[Limits, float, int], Motion]]] = {"sines": si
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """Target, and when it comes [s]."""
+    """Target and its time of arrival [s]."""
 
     at_s: float
     target: Target
 
 
 def arrivals(motion: Motion, rate_hz: float, seconds: float, seed: int) -> list[Arrival]:
-    """Targets of a motion as they come, in that order."""
+    """Targets of a motion in order of arrival."""
     rng = np.random.default_rng((seed, 44))
     count = int(seconds * rate_hz)
     late = WAY_S + rng.uniform(0.0, JITTER_S, count)
@@ -103,7 +103,7 @@ def arrivals(motion: Motion, rate_hz: float, seconds: float, seed: int) -> list[
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """References of a stream: a row for each tick."""
+    """References from a stream, a row per tick."""
 
     time_s: Vector
     q: Matrix
@@ -112,7 +112,7 @@ class Track:
 
 
 def stream_of(robot: Robot, first: Target) -> TargetStream:
-    """Stream to a robot by its configuration, which begins where its first target is."""
+    """Stream to a robot by its configuration, starting at its first target."""
     c = robot.configuration
     stream = TargetStream("the bench", stream_settings_of(c), limits_of(c), first)
     stream.go_on(first.q, again=False)
@@ -122,7 +122,7 @@ def stream_of(robot: Robot, first: Target) -> TargetStream:
 def ticks(
     stream: TargetStream, coming: list[Arrival], seconds: float, period_s: float
 ) -> Iterator[tuple[float, Reference]]:
-    """Time [s] and reference of each tick, while targets come, of an arm that is always there."""
+    """Time [s] and reference of each tick, while targets arrive, for an ideal arm."""
     k, begun_s, first = 0, coming[0].at_s, coming[0].target.q
     reference = Reference(first, np.zeros_like(first))
     for tick in range(1, round(seconds / period_s)):
@@ -136,7 +136,7 @@ def ticks(
 
 
 def track(robot: Robot, coming: list[Arrival], seconds: float) -> Track:
-    """Setpoints of the stream after targets."""
+    """References from a stream of these targets."""
     stream = stream_of(robot, coming[0].target)
     rows = [
         (now_s, reference.q, reference.velocity, stream.delay_s)

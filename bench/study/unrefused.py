@@ -1,8 +1,8 @@
-"""Mistakes that `contactd check` does not refuse, taken to the arm: what the program still lets
-happen there, in lockstep.
+"""Mistakes that `contactd check` does not refuse, taken to the arm: what the program still permits
+there, in lockstep.
 
-The owner goes on in spite of what the check said: starts the daemon, enables, tries to arm and to
-start a trajectory, and has the wiring of the joint checked, whose short motion is all that may be.
+The owner ignores the check: starts the daemon, enables, tries to arm and to start a trajectory, and
+checks the wiring of the joint, whose short motion is the only one permitted.
 """
 
 from dataclasses import dataclass
@@ -24,25 +24,25 @@ POSE = 0.3  # of every joint [rad], so that it carries something
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """Outcome of a mistake at the arm. `ended` is empty where it got to the wiring check."""
+    """Outcome of a mistake at the arm. `ended` is empty if it got as far as the wiring check."""
 
     words: str
     reported: bool
     refused: bool = False
     ended: str = ""
     armed: bool = False
-    ran: bool = False  # a trajectory that was not the wiring check's
+    ran: bool = False  # a trajectory other than that of the wiring check
     wiring_good: bool = False
 
     @property
     def harmful(self) -> bool:
-        """True where the arm was armed or ran, or nothing keeps the owner from that."""
+        """True if the arm was armed or ran, or nothing prevents the owner from doing so."""
         return self.armed or self.ran or (self.wiring_good and not self.reported)
 
 
 def met(mistake: Mistake, arm: GeneratedArm, folder: Path) -> Met:
-    """Outcome of a mistake in this arm's files; the arm itself is without it. `folder` is
-    that of no other make before: an EDS is read once."""
+    """Outcome of a mistake in this arm's files; the arm itself is correct. `folder` must not have
+    been used for another make: an EDS is read once."""
     said = reported(mistake.plant(arm, folder))
     warned = bool(said.lines)
     if said.refused:
@@ -52,10 +52,10 @@ def met(mistake: Mistake, arm: GeneratedArm, folder: Path) -> Met:
     truth = yaml.safe_load(path.read_text()) | {"urdf": TRUE_URDF}
     truth["initial_position"] = dict.fromkeys(arm.names, POSE)
     path.write_text(in_yaml(truth))
-    true_arm(load_robot(folder))  # what the simulator refuses is no answer
+    true_arm(load_robot(folder))  # raises if the simulator refuses it
     try:
         return _at_the_arm(mistake.words, arm.names[JOINT], folder, warned=warned)
-    except ContactdError as error:  # drives that do not do what the configuration asks for
+    except ContactdError as error:  # the drives do not support the configuration
         return Met(mistake.words, warned, ended=f"contactd run: {error}")
 
 

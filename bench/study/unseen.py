@@ -1,5 +1,5 @@
-"""Changes of an arm's physics that the model lacks, and that nothing here was tuned on: three of
-CHANGES are drawn by a seed. Each begins with the day, and acts on the plant at every tick."""
+"""Changes of an arm's physics that the model lacks and nothing was tuned on: three of CHANGES are
+drawn by a seed. Each begins with the day, and acts on the plant at every tick."""
 
 from collections.abc import Callable
 from typing import Final
@@ -11,7 +11,7 @@ from common.arrays import Vector
 
 
 def sag(rng: np.random.Generator, level: Vector) -> Act:
-    """Torque constants that sag by 3 to 8 % as magnets warm."""
+    """Torque constants that decrease by 3 to 8 % as magnets warm."""
     share = rng.uniform(0.03, 0.08, len(level))
     cold: list[Vector] = []
 
@@ -26,7 +26,7 @@ def sag(rng: np.random.Generator, level: Vector) -> Act:
 
 
 def tilt(rng: np.random.Generator, level: Vector) -> Act:
-    """A base that sinks by 1 to 3 degrees to a side, in five minutes."""
+    """Base that tilts by 1 to 3 degrees to one side, within five minutes."""
     angle, side = np.radians(rng.uniform(1.0, 3.0)), rng.uniform(0.0, 2.0 * np.pi)
 
     def act(harness: Harness, t: float) -> Vector:
@@ -39,8 +39,8 @@ def tilt(rng: np.random.Generator, level: Vector) -> Act:
 
 
 def swing(rng: np.random.Generator, level: Vector) -> Act:
-    """30 to 80 g, not announced, whose place swings by 20 degrees on 0.1 to 0.3 m in the hand's
-    frame, whatever the arm does."""
+    """Unannounced load of 30 to 80 g that swings by 20 degrees on 0.1 to 0.3 m in the hand's frame,
+    independently of the arm."""
     mass, length = rng.uniform(0.03, 0.08), rng.uniform(0.1, 0.3)
 
     def act(harness: Harness, t: float) -> Vector:
@@ -52,7 +52,7 @@ def swing(rng: np.random.Generator, level: Vector) -> Act:
 
 
 def cable(rng: np.random.Generator, level: Vector) -> Act:
-    """A cable along each joint, a spring with hysteresis: it slips at 20 to 60 % of the level."""
+    """Cable along each joint, a spring with hysteresis that slips at 20 to 60 % of the level."""
     most, reach = rng.uniform(0.2, 0.6, len(level)) * level, rng.uniform(0.1, 0.4, len(level))
     before: list[Vector] = []
     bent = np.zeros_like(level)
@@ -85,7 +85,7 @@ CHANGES: Final[dict[str, Callable[[np.random.Generator, Vector], Act]]] = {
 
 
 def drawn(seed: int) -> list[str]:
-    """Three of them."""
+    """Names of three random changes."""
     return sorted(
         np.random.default_rng((seed, 90)).choice(list(CHANGES), 3, replace=False).tolist()
     )

@@ -1,5 +1,5 @@
-"""Wake-ups of control threads: how late they come, as histograms, and a rival of the daemon's loop
-that does nothing else than wake up: cyclictest of Debian's rt-tests."""
+"""Wake-ups of control threads: histograms of their lateness, and a reference for the daemon's loop
+that only wakes up: cyclictest of Debian's rt-tests."""
 
 import contextlib
 import json
@@ -23,14 +23,14 @@ LONGEST_US: Final = 100_000  # of cyclictest's histogram
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Figures in us with how often each came up, in rising order."""
+    """Values in us with their counts, in ascending order."""
 
     values: NDArray[np.float64]
     counts: NDArray[np.int64]
 
     @classmethod
     def of(cls, figures: Sequence[float] | NDArray[np.float64]) -> "Distribution":
-        """Distribution of these, to a tenth of a microsecond; NaN are left out."""
+        """Distribution of these values, rounded to a tenth of a microsecond; NaN are left out."""
         found = np.asarray(figures, dtype=np.float64)
         values, counts = np.unique(np.round(found[~np.isnan(found)], 1), return_counts=True)
         return cls(values, counts)
@@ -41,12 +41,12 @@ class Distribution:
         return Distribution(values, counts.astype(np.int64))
 
     def at(self, percent: float) -> float:
-        """The smallest value that so many per cent do not exceed."""
+        """Smallest value that so many per cent do not exceed."""
         share = np.cumsum(self.counts) / max(self.counts.sum(), 1)
         return float(self.values[min(np.searchsorted(share, percent / 100.0), share.size - 1)])
 
     def beyond(self, limit: float) -> int:
-        """Number of larger ones."""
+        """Number of larger values."""
         return int(self.counts[self.values > limit].sum())
 
     def data(self) -> dict[str, float]:
@@ -56,8 +56,8 @@ class Distribution:
 
 @contextlib.contextmanager
 def a_rival(hz: int) -> Iterator["Cyclictest | None"]:
-    """cyclictest, which wakes up as often as the loop, beside each turn; None where it is not
-    installed or lacks its rights."""
+    """cyclictest, which wakes up as often as the loop, for each turn; None if it is not installed
+    or lacks its privileges."""
     with tempfile.TemporaryDirectory(prefix="cyclictest-") as folder:
         program = shutil.which("cyclictest")
         if program is None:
@@ -68,8 +68,8 @@ def a_rival(hz: int) -> Iterator["Cyclictest | None"]:
 
 
 class Cyclictest:
-    """cyclictest at the loop's interval and priority, with a thread on each CPU: a machine that is
-    a guest of another loses one of them at a time."""
+    """cyclictest at the loop's interval and priority, with a thread on each CPU: a virtual machine
+    loses one of them at a time."""
 
     name = "cyclictest"
     threads = os.cpu_count() or 1
@@ -84,7 +84,7 @@ class Cyclictest:
         self._process: subprocess.Popen[str] | None = None
 
     def works(self) -> bool:
-        """Try it: without the rights that it needs it fails."""
+        """True if a trial run succeeds: it fails without the necessary privileges."""
         try:
             self.begin(1)
             self.result()
@@ -101,7 +101,7 @@ class Cyclictest:
         )
 
     def result(self) -> Distribution:
-        """Latencies. Raises RuntimeError if it failed."""
+        """Distribution of latencies. Raises RuntimeError if the run failed."""
         assert self._process is not None
         _, said = self._process.communicate()
         if self._process.returncode != 0 or not self._report.exists():
@@ -109,20 +109,20 @@ class Cyclictest:
         return histogram(json.loads(self._report.read_text()))
 
     def close(self) -> None:
-        """End it, if something else went wrong."""
+        """Terminate it, if something else failed."""
         if self._process is not None and self._process.returncode is None:
             self._process.terminate()
             self._process.communicate()
 
 
 def histogram(report: dict[str, Any]) -> Distribution:
-    """Latencies in the JSON of cyclictest, of all its threads."""
+    """Distribution of latencies from cyclictest's JSON, of all its threads."""
     found: Counter[int] = Counter()
     for thread in report["thread"].values():
         shown = {int(us): count for us, count in thread["histogram"].items()}
         found.update(shown)
         if (lost := int(thread["cycles"]) - sum(shown.values())) > 0:
-            found[int(thread["max"])] += lost  # beyond the histogram there is only the largest one
+            found[int(thread["max"])] += lost  # beyond the histogram only the largest is known
     pairs = sorted(found.items())
     values = np.array([us for us, _ in pairs], dtype=np.float64)
     return Distribution(values, np.array([count for _, count in pairs]))

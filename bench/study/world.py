@@ -1,13 +1,13 @@
-"""Population of arms as wide as the world: what was not identified, or what has changed since.
+"""Population of arms with wide errors: in what was not identified, or has changed since.
 
-Every quantity of MISMATCH is off by its whole percentage and only the sign is drawn, so each arm is
-a corner of what is allowed, not its middle. Friction drifts by 20 % in ten minutes, too; it is
-smooth, Dahl's, or LuGre's with a rise near rest of up to 30 %; its pre-sliding is anything from 0.1
-to 2 mrad, the gear's stiffness from 300 to 4000 Nm/rad; some drives take setpoints as steps.
+Every quantity of MISMATCH is off by its full percentage and only the sign is random, so each arm is
+a corner of the allowed range, not its middle. Friction also drifts by 20 % in ten minutes; it is
+smooth, Dahl's, or LuGre's with a rise near rest of up to 30 %; its pre-sliding distance is 0.1 to 2
+mrad, the gear's stiffness 300 to 4000 Nm/rad; some drives take setpoints as steps.
 
-GEARS are the conditions beyond what the estimator models. `load`: friction grows with the torque
-that the gear transmits, by up to 15 % of it, or as in gears of 70 to 95 % efficiency, driving and
-driven apart. `ripple`: friction ripples by up to 20 % twice a turn of motor and joint, motors cog
+GEARS are conditions beyond the estimator's model. `load`: friction grows with the torque that the
+gear transmits, by up to 15 % of it, or as in gears of 70 to 95 % efficiency, different for driving
+and driven. `ripple`: friction ripples by up to 20 % twice a turn of motor and joint, motors cog
 with up to 5 % of their rated torque. `rest`: friction rises by up to half within minutes of rest.
 `gap`: the gap varies by up to 30 % over a turn.
 """
@@ -34,7 +34,7 @@ MISMATCH: Final = Mismatch(
     mass=5, center_of_mass=0, friction=40, torque_constant=3, half_gap=10, rotor_inertia=10
 )
 DRIFT: Final = 0.2
-DRIFT_PERIOD_S: Final = 2400.0  # of the whole swing, so that DRIFT takes ten minutes
+DRIFT_PERIOD_S: Final = 2400.0  # of a full oscillation, so that DRIFT takes ten minutes
 PRESLIDING: Final = (1e-4, 2e-3)  # [rad]
 STRIBECK: Final = (1.0, 1.3)
 STIFFNESS: Final = (300.0, 4000.0)  # [Nm/rad]
@@ -50,7 +50,7 @@ REST_S: Final = (30.0, 180.0)
 
 
 def gear_settings(gears: Gears, seed: int) -> GearSettings:
-    """Settings of the gears of one arm: those of a condition, or of all."""
+    """Gear settings of one arm, for one condition or for all."""
     rng = np.random.default_rng((seed, 40))
     share, eta, eta_driven = rng.uniform(*LOAD), rng.uniform(*EFFICIENCY), rng.uniform(*EFFICIENCY)
     efficient = rng.random() < 0.5
@@ -71,7 +71,7 @@ def gear_settings(gears: Gears, seed: int) -> GearSettings:
 
 
 def load_known(robot: Robot, gears: GearSettings, error: float) -> Robot:
-    """The robot whose friction per transmitted torque was identified to +- `error`."""
+    """Robot whose load friction was identified to +- `error`."""
     shares = gears.load_driving, gears.load_driven
     load = max(min(shares) - error, 0.0), min(max(shares) + error, 0.5)
     c = robot.configuration
@@ -80,7 +80,7 @@ def load_known(robot: Robot, gears: GearSettings, error: float) -> Robot:
 
 
 def subject(robot: Robot, law: Law, seed: int, gears: Gears = "modelled") -> Subject:
-    """One arm; that of the same seed, another law and other gears has all else in common."""
+    """One arm; arms of the same seed with another law or other gears are otherwise equal."""
     rng = np.random.default_rng((seed, 30))
 
     def between(limits: tuple[float, float]) -> float:

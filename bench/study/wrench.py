@@ -1,4 +1,4 @@
-"""Runs of `bench.wrench`: one arm that hands press on, and what is said of it in every tick."""
+"""Runs of `bench.wrench`: one arm on which hands press, and the estimates in every tick."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -28,9 +28,9 @@ from estimator.wrench import COVARIANCE, MISFIT, SEEN_MOST_N, SEEN_N, SEEN_SHARE
 from programs.recordings.touch_point import TouchFinder
 
 Kind = Literal["motion", "slow", "rest", "stretched", "free"]
-FIRST_S: Final = 0.1  # of a press: the residual has yet to rise
+FIRST_S: Final = 0.1  # of a press, in which the residual still rises
 EVERY: Final = 4  # ticks
-AFTER_S: Final = 0.6  # a press is over
+AFTER_S: Final = 0.6  # after a press, until it is over
 SLOW: Final = 0.15
 ROTOR_KG_M2_PER_NM: Final = 0.004  # of Romeo's drives, over their strongest torque
 UPPER: Final = np.triu_indices(3)
@@ -49,7 +49,7 @@ class Job:
 
 
 def robot_of(arm: str, folder: Path) -> Robot:
-    """The arm with Romeo's drives, which the rig can simulate."""
+    """Arm with Romeo's drives, which the rig can simulate."""
     if arm == "romeo":
         return load_robot(ROMEO)
     source = {"openarm": OPENARM, "beam": BEAM}.get(arm)
@@ -60,7 +60,7 @@ def robot_of(arm: str, folder: Path) -> Robot:
     for node, joint in enumerate(c["joints"], start=1):
         wiring = joint["wiring"]
         most = wiring["max_current_A"]
-        if arm == "beam":  # a velocity loop as stiff shakes rotors that are so light by itself
+        if arm == "beam":  # so stiff a velocity loop is unstable with such light rotors
             strongest = most * joint["torque_constant"]
             joint["rotor_inertia"] = round(ROTOR_KG_M2_PER_NM * strongest, 5)
         joint["wiring"] = {
@@ -103,7 +103,7 @@ def run(job: Job) -> dict[str, Any]:
 
 
 def motion(job: Job, c: Configuration) -> tuple[Motion, list[float]]:
-    """Path of a run, and the times of its presses [s]; none where it is free."""
+    """Path of a run, and the times of its presses [s]; none for a free run."""
     if job.kind in ("rest", "stretched"):
         path = population.motion(c, job.seed, go_s=population.GO_S, rest_s=population.REST_S)
         onsets = population.onsets_at_rest(job.seconds, job.seed)
@@ -112,7 +112,7 @@ def motion(job: Job, c: Configuration) -> tuple[Motion, list[float]]:
         onsets = population.onsets_in_motion(job.seconds, job.seed) if job.kind != "free" else []
     if job.kind == "slow":
         path = dataclasses.replace(path, omega=SLOW * path.omega)
-    if job.kind == "stretched":  # straight along its links, as far as its limits let it
+    if job.kind == "stretched":  # links in a line, as far as the limits permit
         room = courses.Room.of(c)
         home, way = np.clip(0.0, room.lower, room.upper), np.minimum(path.amplitude, 0.02)
         path = dataclasses.replace(path, home=home, amplitude=way)
@@ -123,8 +123,8 @@ def said(
     job: Job, hands: Hands, rows: EstimateRows, t: Vector, estimator: Estimator,
     finder: TouchFinder, contact: Vector,
 ) -> dict[str, Any]:  # fmt: skip
-    """Answers: for every press the named links, tick by tick, and the point of contact; of
-    presses at the tool the force and its bounds; between presses whether a force was shown."""
+    """Results: for every press the named links, tick by tick, and the point of contact; for presses
+    at the tool the force and its bounds; between presses whether a force was shown."""
     free = t > FIRST_S + 1.0
     forces: list[dict[str, Any]] = []
     links: list[dict[str, Any]] = []
@@ -158,7 +158,7 @@ def said(
 def _touches(
     hands: Hands, press: Press, rows: EstimateRows, t: Vector, finder: TouchFinder
 ) -> list[dict[str, Any]]:
-    """Touched link and point that are said in the ticks of a press that name any."""
+    """Touched link and point reported in the ticks of a press that name any."""
     touch, names, said = press.touches[-1], hands.model.names, []
     for k in np.flatnonzero((t > press.onset_s - FIRST_S) & (t <= press.onset_s + PRESSES_S)):
         q, r, level = rows.q[k], rows.residual[k], rows.threshold[k]
@@ -179,7 +179,7 @@ def _touches(
 def _force(
     hands: Hands, press: Press, rows: EstimateRows, k: int, estimator: Estimator, contact: Vector
 ) -> dict[str, Any]:
-    """Force that is said in tick k, and the true one, along the axes of the tool."""
+    """Force reported in tick k, and the true one, along the axes of the tool."""
     model, q, row = estimator.model, rows.q[k], rows.wrench[k]
     place, last = model.place(estimator.settings.force_at), model.hand_joint
     axes = hands.turned(q, last) @ place.axes
@@ -192,7 +192,7 @@ def _force(
     truth = axes.T @ press.touches[0].force
     error = ways.T @ (row[:3] - truth)
     sigma, seen = np.sqrt(variances), np.sqrt(variances) <= most
-    # Directions by what 60 N along each would show, in contact levels.
+    # Directions, and the effect of 60 N along each, in contact levels.
     levers, _, _ = np.linalg.svd(J / contact)
     shows = 60.0 * np.abs(levers.T @ (J / contact)).max(axis=1)
     spread = np.sqrt(np.einsum("ik,ij,jk->k", levers, covariance, levers))

@@ -1,5 +1,5 @@
-"""Upper bound on the links that `bench.wrench` finds decided: the posterior over links with what no
-arm knows, its own noise, the true shapes, and how hands are drawn (`hands.drawn`)."""
+"""Upper bound on the links that `bench.wrench` finds decided: the posterior over links given what
+no arm knows, its own noise, the true shapes, and the distribution of hands (`hands.drawn`)."""
 
 from typing import Final
 
@@ -19,8 +19,8 @@ _AT_TOOL, _BESIDE, _ON_LINKS = np.array([0.3, 0.3, 0.3]) / 0.9
 def posteriors(
     hands: Hands, rows: EstimateRows, t: Vector, contact: Vector
 ) -> list[tuple[bool, float, bool, float]]:
-    """For each press that is not two: whether the most likely link is right, and how likely it is;
-    by the odds of the draw, then with every link as likely as any other beforehand."""
+    """For each single press: whether the most likely link is right, and its probability; with the
+    prior of the draw, then with a uniform prior over links."""
     single = [press for press in hands.presses if press.place != "two"]
     begin, end = SETTLED_S
     ticks = [(t > press.onset_s + begin) & (t <= press.onset_s + end) for press in single]
@@ -47,15 +47,15 @@ def posteriors(
 
 
 def most_decided(right: Vector, sure: Vector) -> float:
-    """Largest share of presses, the surest first, of which RIGHT are right."""
+    """Largest share of presses, the most certain first, of which RIGHT are right."""
     first = right[np.argsort(-sure)]
     enough = np.flatnonzero(np.cumsum(first) >= RIGHT * np.arange(1, len(first) + 1))
     return float((enough[-1] + 1) / len(first)) if len(enough) else 0.0
 
 
 def _likelihood(J: Matrix, r: Vector, weight: Matrix) -> Vector:
-    """Likelihood of each point, J (p, n, 3), but for a factor: a force of any of the sizes along
-    any way."""
+    """Likelihood of each point, J (p, n, 3), up to a factor, for a force of any of the sizes in any
+    direction."""
     JW = np.einsum("pia,ij->paj", J, weight)
     S = JW @ J + np.eye(3) / np.square(_SIZES_N)[..., np.newaxis, np.newaxis]
     h = JW @ r
@@ -66,7 +66,7 @@ def _likelihood(J: Matrix, r: Vector, weight: Matrix) -> Vector:
 
 
 def _hypotheses(hands: Hands, q: Vector) -> tuple[Matrix, Vector, Vector]:
-    """Points as they are drawn: their J (p, n, 3), rows, and odds beforehand (p,)."""
+    """Points as they are drawn: their J (p, n, 3), rows, and prior (p,)."""
     model, rng = hands.model, np.random.default_rng(0)
     tool = model.in_joint(model.tool_place)
     places = [(model.hand_joint, [tool], _AT_TOOL)]

@@ -37,7 +37,7 @@ def test_an_owner_finds_signs_and_zeros_of_the_links_by_pushing_them(tmp_path: P
 @pytest.mark.parametrize(
     ("words", "reported", "says"),
     [
-        ("the motor's sign", False, "shoulder: the link goes the other way than the motor"),
+        ("the motor's sign", False, "shoulder: the link moves opposite to the motor"),
         ("a gear of 80 in place of 100", False, "gear, or a scale"),
         ("rated and largest current swapped", True, ""),
         ("an encoder in degrees per count", True, ""),

@@ -102,10 +102,10 @@ def test_code_pages(tmp_path, code):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("nothing", "line 1: 'nothing': must be [section], Key=Value or ; and a comment"),
+        ("nothing", "line 1: 'nothing': must be [section], Key=Value or ; comment"),
         ("[6041]\nParameterName\n", "line 2: 'ParameterName': must be [section], Key=Value or ;"),
         ("[1000\n", "line 1: '[1000': must end in ]"),
-        ("[6041]\nDataType=abc\n", "[6041] DataType='abc': must be a number, as 7 or 0x0007"),
+        ("[6041]\nDataType=abc\n", "[6041] DataType='abc': must be a number such as 7 or 0x0007"),
         ("[6041]\nPDOMapping=yes\n", "[6041] PDOMapping='yes': must be a number"),
         ("[6041]\nObjectType=VAR\n", "[6041] ObjectType='VAR': must be a number"),
         ("[6041]\nAccessType=read\n",

@@ -21,12 +21,12 @@ K, T = 25.0, 0.01
 @pytest.mark.parametrize(
     ("mass", "com", "words"),
     [
-        (0.0, (0.0, 0.0, 0.0), "0 kg is no payload: more than 0, at most 100 kg"),
+        (0.0, (0.0, 0.0, 0.0), "a payload of 0 kg: must be above 0, up to 100 kg"),
         (-1.0, (0.0, 0.0, 0.0), "-1 kg"),
         (float("nan"), (0.0, 0.0, 0.0), "nan kg"),
-        (101.0, (0.0, 0.0, 0.0), "at most 100 kg"),
-        (1.0, (0.0, 2.1, 0.0), "(0 2.1 0) m is no place"),
-        (1.0, (0.0, float("nan"), 0.0), "no place of a payload"),
+        (101.0, (0.0, 0.0, 0.0), "up to 100 kg"),
+        (1.0, (0.0, 2.1, 0.0), "centre of the payload (0 2.1 0) m: must be"),
+        (1.0, (0.0, float("nan"), 0.0), "centre of the payload"),
         (1.0, (0.0, 0.0), "three numbers"),
     ],
 )

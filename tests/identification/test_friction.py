@@ -378,7 +378,7 @@ def test_a_rotor_that_comes_out_as_nothing_is_not_taken(moved, identify):
     fits, _ = identify(replace(log, current=late), true.half_gap)
     nothing = [fit for fit in fits if fit.values["B"] <= fit.noise["B"]]
     assert nothing
-    assert all("came out as nothing" in fit.rotor_doubt for fit in nothing)
+    assert all("came out as zero" in fit.rotor_doubt for fit in nothing)
 
 
 def test_motors_that_turn_each_others_joints_are_found(moved, identify):

@@ -101,7 +101,7 @@ def test_a_torque_that_no_gear_carries_so_little_of_gives_no_narrow_interval(uni
     torque = unit * (border + np.sign(np.gradient(theta, t)))
     gap = from_motion("j", t, q + 0.0007 * border, theta, np.gradient(theta, t), torque=torque)
     assert gap.verdict is GapVerdict.UNCLEAR, gap
-    assert gap.limit.name == "what a gear carries at least, over its torque"
+    assert gap.limit.name == "least torque of a gear over the measured one"
     assert np.isfinite(gap.estimate)
 
 

@@ -95,17 +95,17 @@ def one_off(values: np.ndarray, by: float) -> np.ndarray:
 @pytest.mark.parametrize(
     ("change", "column", "said"),
     [
-        (lambda q: one_off(q, 1e6), "link", r"jumps by 1e\+06 rad at 4 s and back: a sample that"),
+        (lambda q: one_off(q, 1e6), "link", r"jumps by 1e\+06 rad at 4 s and back: a bad sample"),
         (
             lambda q: one_off(q, 1.0),
             "link",
-            r"jumps by 1 rad at 4 s and back: a sample that is off",
+            r"jumps by 1 rad at 4 s and back: a bad sample",
         ),
-        (lambda q: one_off(q, 0.2), "motor", r"jumps by 0.2 rad at 4 s and back: a sample that"),
+        (lambda q: one_off(q, 0.2), "motor", r"jumps by 0.2 rad at 4 s and back: a bad sample"),
         (lambda q: (q + 6.2) % (2.0 * np.pi), "link", r"jumps by 6.28.*5 times more: .* wraps"),
         (lambda q: (q + 0.9) % 1.0, "link", r"jumps by 1 rad .*: an encoder that wraps"),
         (lambda q: (q + 0.03) % 0.0628, "motor", r"jumps by 0.0628 rad .*: an encoder that wraps"),
-        (lambda q: q + 0.8 * (T > 5.0), "link", r"jumps by 0.8 rad at 5.* lose its place"),
+        (lambda q: q + 0.8 * (T > 5.0), "link", r"jumps by 0.8 rad at 5.* lose its position"),
     ],
 )
 def test_a_position_that_jumps_is_named_with_its_cause(

@@ -224,7 +224,7 @@ def test_a_joint_that_stands_is_named_and_no_mass_is_used(subjects, short, joint
     assert not found.usable
     for i in joints:
         assert found.fits[i].verdict is MassesVerdict.NOT_EXCITED
-        assert "turned round 0 times" in found.fits[i].reason
+        assert "0 reversals" in found.fits[i].reason
 
 
 def test_a_motion_to_and_fro_about_one_pose_does_not_tell_gravity(subjects, short) -> None:

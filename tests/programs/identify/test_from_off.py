@@ -246,7 +246,7 @@ def test_every_wrong_sign_is_found_at_once_and_taken_up_when_corrected(tmp_path:
         said = " ".join(result.output.split())
         assert result.exit_code == 1
         for name in joints:
-            assert (f"{name}: the link goes the other way" in said) == (name in wrong), said
+            assert (f"{name}: the link moves opposite" in said) == (name in wrong), said
         good = [name for name in joints if name not in wrong]
         assert f"identified.yaml: {', '.join(good)}" in said
         assert served.rig.mode is Mode.OFF

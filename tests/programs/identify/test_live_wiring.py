@@ -30,7 +30,7 @@ COUNTS = (
 @pytest.mark.parametrize(
     ("field", "times", "says"),
     [
-        ("motor_sign", -1, "shoulder: the link goes the other way than the motor: link_sign or m"),
+        ("motor_sign", -1, "shoulder: the link moves opposite to the motor: link_sign or m"),
         ("gear", 0.1, WRONG_GEAR),
         ("scale", 0.0625, COUNTS),
     ],
