@@ -202,7 +202,7 @@ class FaultSettings(Settings, frozen=True):
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, gear bending, push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
     # Largest deviation of a motor's speed from its setpoints, over limits.velocity, while its
-    # current does not push towards them. More for a soft velocity loop (porting.md, step 8); 10: never.
+    # current does not push it there. More for a soft velocity loop (porting.md, step 8); 10: never.
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
