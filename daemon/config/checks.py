@@ -191,7 +191,7 @@ def _estimator(c: Configuration) -> Iterator[Problem]:
         yield Problem(
             ["estimator", "beside"],
             "estimator.beside",
-            f"{', '.join(twice)} is listed twice, counting estimator.residual: allowed is once",
+            f"{', '.join(twice)} is listed twice, counting estimator.residual: list each once",
         )
     if any(one.kind == "two_mass" and not one.rotor_inertia for one in variants):
         yield Problem(

@@ -197,7 +197,7 @@ def _is_power(base: float, x: float) -> bool:
 
 
 def _velocities(name: str, profile: CanopenProfile) -> Iterator[Problem]:
-    """Likely mistakes in the scales of effort and velocities; CiA 402 gives these one unit."""
+    """Likely mistakes in the scales of effort and of velocities, which CiA 402 gives one unit."""
     measured, target = profile.motor_velocity, profile.target_velocity
     if (
         measured.object == 0x606C

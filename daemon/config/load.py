@@ -38,7 +38,7 @@ class Robot:
     walls: Walls | None = None  # of shapes.yaml and surroundings.yaml
     identified: Identified | None = None  # its values are in `configuration` already
     identified_text: str = ""  # of identified.yaml
-    by_hand: "Robot | None" = None  # the robot without identified.yaml, if there is that file
+    by_hand: "Robot | None" = None  # the robot without identified.yaml, if that file exists
 
     @property
     def folder(self) -> Path:

@@ -53,7 +53,7 @@ class Friction(Settings, frozen=True):
 
 class GapSpring(Settings, frozen=True):
     """K_phi_p [Nm/rad] and K_phi_d [Nm s/rad] of eq. (5): a fitted correction, not the stiffness
-    of the gear; zero unless the identification found that it reduces the error."""
+    of the gear; zero unless the identification found that it improves the fit."""
 
     stiffness: NotNegative = 0.0
     damping: NotNegative = 0.0
@@ -201,8 +201,8 @@ class FaultSettings(Settings, frozen=True):
     # Margins by which a plausible measurement may exceed the joint's own capability.
     position_margin: Annotated[float, Meta(gt=0, le=0.5)] = 0.05  # noise, gear bending, push [rad]
     speed_margin: Annotated[float, Meta(gt=1, le=10)] = 2.0  # times limits.velocity
-    # Largest deviation of a motor's speed from its setpoints, over limits.velocity, unless its
-    # current causes it. More for a soft velocity loop (porting.md, step 8); 10 disables the check.
+    # Largest deviation of a motor's speed from its setpoints, over limits.velocity, while its
+    # current does not push it there. More for a soft velocity loop (porting.md, step 8); 10: never.
     following_margin: Annotated[float, Meta(gt=0, le=10)] = 0.2
     residual_margin: Annotated[float, Meta(gt=1, le=100)] = 4.0  # times thresholds.collision
 
@@ -219,7 +219,7 @@ class PayloadEntry(Settings, frozen=True):
     mass: Mass  # [kg]
     # centre of mass in the frame of the URDF's last link [m]
     com: tuple[Coordinate, Coordinate, Coordinate] | None = None
-    # edges of its bounding box, along that link's axes, guarded by walls [m]; none: unknown
+    # edges of a box centred at `com`, along that link's axes, guarded by walls [m]; none: unknown
     box: tuple[Edge, Edge, Edge] | None = None
 
 

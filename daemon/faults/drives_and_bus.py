@@ -18,7 +18,7 @@ DRIVES_AND_BUS: Final = {
     ),
     _C.STALE: Row(
         _R.QUICK_STOP, "samples",
-        "no TPDO of a drive for `stale_ticks` consecutive ticks, or for three times as many, minus "
+        "no TPDO of a drive for `stale_ticks` consecutive ticks, or in three times as many, minus "
         "those with one. After a start or a reset a drive has 30 ticks for its first; until then "
         "`contactctl status` shows the old values with their age",
         "the joint's state is unknown, and its drive may receive nothing",

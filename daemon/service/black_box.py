@@ -47,7 +47,7 @@ def ring_path(socket: Path) -> Path:
 
 
 class BlackBox:
-    """Daemon's side of the black box; its end as a context is orderly without an exception."""
+    """Daemon's side of the black box: a context, ended in order unless an exception leaves it."""
 
     def __init__(self, path: Path, directory: Path, rate_hz: float, snapshot: bytes = b"") -> None:
         """Save the ring that an earlier daemon left, create the ring for a bus of `rate_hz` frames

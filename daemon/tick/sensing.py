@@ -67,7 +67,7 @@ class Sensing:
 
 
 class SensingNotices:
-    """Notices about joints that do not sense contact: one at the begin, and one at the end. Changes
+    """Notices about joints that do not sense contact: one at the start, and one at the end. Changes
     with every burst of losses are not reported each time."""
 
     def __init__(self, names: Sequence[str]) -> None:
