@@ -83,7 +83,7 @@ def test_another_listens():
 
 
 def test_a_bus_that_is_not_served():
-    refused = pytest.raises(BusError, match=r"opens no 'can0': .*could not open bus")
+    refused = pytest.raises(BusError, match=r"does not open 'can0': .*could not open bus")
     with peer([b"< hi >", b"< error could not open bus >"]) as (port, _), refused:
         open_bus(socketcand(port))
 
