@@ -149,7 +149,7 @@ class Drives(Protocol):
 
     @property
     def silenced(self) -> bool:
-        """True in the last stage of a stop: nothing is sent to the drives."""
+        """True in the last stage of a stop: neither heartbeat nor setpoints are sent."""
 
     def sync(self, now: float) -> None:
         """Begin a tick: trigger the measurement of all drives."""

@@ -259,7 +259,7 @@ class StopWatch:
         return falls or speed <= max(bound, SWINGS if swings else STANDS)
 
     def _resists(self, seen: Seen) -> bool:
-        """True if it brakes near its current limit, against a push or an oscillation: no evidence."""
+        """True if it brakes near its current limit, against a push or oscillation: no evidence."""
         against = -math.copysign(1.0, seen.velocity) * seen.current
         return against >= RESISTING_SHARE * self._bounds.current
 

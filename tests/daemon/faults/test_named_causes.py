@@ -104,7 +104,7 @@ def test_without_answers_by_sdo_the_arm_is_not_armed_and_says_which_drive(on: Br
     on.run(5.5)
     assert on.rig.mode is Mode.HOLDING
     (reason,) = on.rig.permit()
-    assert reason.startswith(f"no answer by SDO from {on.drive.name}: ")
+    assert reason.startswith(f"no SDO answer from {on.drive.name}: ")
     del on.simulated.on_sdo
     on.run(5.5)
     assert on.rig.permit() == []

@@ -160,7 +160,7 @@ def test_an_eds_that_does_not_say_its_product_is_not_compared(bench, setups, num
     bench.simulated.drives[2].objects.values[key(0x1018, 2)] = 0x999
     lines = []
     bench.boot_up([replace(setups[2], data_sheet=sheet)], progress=lines.append)
-    said = "its EDS has no ProductNumber: which product it is is not compared"
+    said = "its EDS has no ProductNumber: its product is not compared"
     assert f"drive profile two_encoder_drive: {said}" in lines
 
 
