@@ -141,8 +141,8 @@ def test_another_serial_number(bench, setups):
 @pytest.mark.parametrize(
     ("subindex", "says"),
     [
-        (1, r"0x1018:01 reads 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_"),
-        (2, r"0x1018:02 reads 0x999, ProductNumber there is 0x402; .* or set "
+        (1, r"0x1018:01 reads 0x999, but VendorNumber is 0xC0DAC7; set drives\.two_"),
+        (2, r"0x1018:02 reads 0x999, but ProductNumber is 0x402; .* or "
          r"drives\.two_encoder_drive\.any_product to true; step `identity`"),
     ],
 )  # fmt: skip

@@ -80,8 +80,8 @@ def test_what_the_drive_has_not_is_refused(setups, fields, says):
         (0x6060, 0, 8, "cannot be 8: contactd writes 9"),
         (0x1400, 1, 0x203, "belongs to a PDO"),
         (0x1A03, 1, 0, "belongs to a PDO"),
-        (0x6040, 0, 15, "energises or moves the drive"),
-        (0x60FF, 0, 100, "energises or moves the drive"),
+        (0x6040, 0, 15, "would energise or move the drive"),
+        (0x60FF, 0, 100, "would energise or move the drive"),
     ],
 )
 def test_what_the_configuration_may_not_write(setups, index, subindex, value, says):
@@ -156,7 +156,7 @@ def test_a_pdo_that_is_not_there_or_takes_fewer_objects(setups):
     poor = less(setups[2])
     poor.data_sheet[0x1A00].subindices.pop(3)
     del poor.data_sheet[0x1A00][0]
-    with pytest.raises(ConfigurationError, match="the PDO at 0x1800 does not take 3 objects"):
+    with pytest.raises(ConfigurationError, match="the PDO at 0x1800 cannot map 3 objects"):
         check_drive(poor, 10, 127)
 
 
