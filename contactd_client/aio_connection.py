@@ -10,7 +10,7 @@ from contactd_client.connection import ANSWER_S, MAX_PACKET_BYTES
 from contactd_client.errors import HungUpError, UnreachableError
 from contactd_client.paths import why_unreachable
 
-_THRONG_S = 0.001  # retry interval if the daemon's backlog is full
+_RETRY_S = 0.001  # retry interval if the daemon's backlog is full
 _buffer = bytearray(MAX_PACKET_BYTES)  # shared: there is no await between receiving and copying
 
 
@@ -120,7 +120,7 @@ async def _connect(connection: socket.socket, path: Path) -> None:
         try:
             return connection.connect(str(path))
         except BlockingIOError:
-            await asyncio.sleep(_THRONG_S)
+            await asyncio.sleep(_RETRY_S)
 
 
 def _gone(error: OSError) -> UnreachableError:

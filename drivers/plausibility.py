@@ -23,12 +23,12 @@ class Plausibility:
 
     def __init__(self, ways: Sequence[float]) -> None:
         """ways: longest travel of each motor in a tick, beyond that by its reported velocity."""
-        self._ways = tuple(ways)
+        self._reach = tuple(ways)
         self._tick = 0
         self._nowhere = math.nan, 0
         self._taken = [self._nowhere] * len(ways)  # accepted position and its tick
         self._doubted = [self._nowhere] * len(ways)  # rejected position and its tick
-        self._apart = [(0.0, 0.0)] * len(ways)  # integrated velocity minus travel, peak speed
+        self._discrepancy = [(0.0, 0.0)] * len(ways)  # integrated velocity minus travel, peak speed
         self.jumped = [False] * len(ways)
         """Motors whose position jumped further than they can move, since it was last forgotten."""
 
@@ -36,7 +36,7 @@ class Plausibility:
         """Accept any next position of the motors of these joints."""
         for joint in joints:
             self._taken[joint] = self._doubted[joint] = self._nowhere
-            self._apart[joint] = 0.0, 0.0
+            self._discrepancy[joint] = 0.0, 0.0
             self.jumped[joint] = False
 
     def begin_tick(self) -> None:
@@ -51,32 +51,32 @@ class Plausibility:
         agrees = self._near(joint, position, speed, doubted)
         if self._near(joint, position, speed, taken) or (agrees and doubted[1] < self._tick):
             # The distance from no position is NaN: the first one is no jump.
-            self.jumped[joint] |= self._off(joint, position, speed, taken) > 0.0
+            self.jumped[joint] |= self._excess(joint, position, speed, taken) > 0.0
             if witness is not None:
-                self.jumped[joint] |= self._parts(joint, position, speed, taken)
+                self.jumped[joint] |= self._diverges(joint, position, speed, taken)
             self._taken[joint], self._doubted[joint] = (position, self._tick), self._nowhere
             return True
         if not agrees:
             self._doubted[joint] = position, self._tick
         return False
 
-    def _parts(self, joint: int, position: float, speed: float, last: tuple[float, int]) -> bool:
+    def _diverges(self, joint: int, position: float, speed: float, last: tuple[float, int]) -> bool:
         """True if velocity and position of a joint, followed over some ticks, diverge."""
-        way, fast = self._apart[joint]
+        drift, peak = self._discrepancy[joint]
         ticks = self._tick - last[1]
-        way = KEPT**ticks * way + speed * ticks - (position - last[0])
-        if math.isnan(way) or ticks > RECENT:
-            way = 0.0
-        fast = max(KEPT * fast, abs(speed))
-        self._apart[joint] = way, fast
-        return abs(way) > self._ways[joint] + LAG_TICKS * fast
+        drift = KEPT**ticks * drift + speed * ticks - (position - last[0])
+        if math.isnan(drift) or ticks > RECENT:
+            drift = 0.0
+        peak = max(KEPT * peak, abs(speed))
+        self._discrepancy[joint] = drift, peak
+        return abs(drift) > self._reach[joint] + LAG_TICKS * peak
 
     def _near(self, joint: int, position: float, speed: float, last: tuple[float, int]) -> bool:
         recent = self._tick - last[1] <= RECENT
-        return recent and self._off(joint, position, speed, last) <= 0.0
+        return recent and self._excess(joint, position, speed, last) <= 0.0
 
-    def _off(self, joint: int, position: float, speed: float, last: tuple[float, int]) -> float:
+    def _excess(self, joint: int, position: float, speed: float, last: tuple[float, int]) -> float:
         """Distance of a position beyond the motor's reach since the last one; NaN without one."""
         ticks = self._tick - last[1]
-        most = self._ways[joint] * (ticks + 1) + abs(speed)
+        most = self._reach[joint] * (ticks + 1) + abs(speed)
         return abs(position - last[0] - speed * ticks) - most

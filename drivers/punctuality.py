@@ -61,9 +61,9 @@ class Punctuality:
 
     def doubted(self, now: float) -> int:
         """TPDOs that will soon be checked by skipping a SYNC."""
-        return self._doubts if self._doubts and self._may_look(now) else 0
+        return self._doubts if self._doubts and self._may_probe(now) else 0
 
-    def _may_look(self, now: float) -> bool:
+    def _may_probe(self, now: float) -> bool:
         every_s = LEFT_OUT_EVERY_WHILE_OLD_S if self.old else LEFT_OUT_EVERY_S
         return now - self._probed_s >= every_s
 
@@ -71,7 +71,7 @@ class Punctuality:
         """True if the SYNC of this tick is to be skipped, to check for old answers."""
         if not self._doubts or self._unanswered or now - self._doubted_s < self._patience_s:
             return False
-        if not self._may_look(now):
+        if not self._may_probe(now):
             return False
         self._probing, self._probed_s, self._seen = True, now, 0
         return True

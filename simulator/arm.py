@@ -112,7 +112,7 @@ class SimulatedArm:
         if len({joint.node for joint in description.joints}) != n:
             raise ConfigurationError("simulated arm: two joints share a node ID")
         # Cache of drives by the identifier of an RPDO; cleared by SDO and NMT, which may change it.
-        self._hearers: dict[int, tuple[Drive, ...]] = {}
+        self._receivers: dict[int, tuple[Drive, ...]] = {}
         self._steps = self._sampled_at = 0
         self._sample()
 
@@ -180,7 +180,7 @@ class SimulatedArm:
         if cob == SYNC:
             self._sync()
         elif cob == NMT:
-            self._hearers.clear()
+            self._receivers.clear()
             if len(data) >= 2:
                 for drive in self.drives:
                     if data[1] in (0, drive.node):
@@ -189,17 +189,17 @@ class SimulatedArm:
             node = self._by_node.get(cob & 0x7F)
             if node is not None:
                 node.on_sdo(data)
-                self._hearers.clear()
+                self._receivers.clear()
         elif cob & 0x780 == HEARTBEAT:
             for drive in self.drives:
                 drive.on_heartbeat(cob & 0x7F, self.now)
         else:
-            for drive in self._hearers.get(cob) or self._hearers_of(cob):
+            for drive in self._receivers.get(cob) or self._receivers_of(cob):
                 drive.on_pdo(cob, data)
 
-    def _hearers_of(self, cob: int) -> tuple[Drive, ...]:
+    def _receivers_of(self, cob: int) -> tuple[Drive, ...]:
         hearers = tuple(drive for drive in self.drives if drive.pdos.listens(cob))
-        self._hearers[cob] = hearers
+        self._receivers[cob] = hearers
         return hearers
 
     def _sync(self) -> None:

@@ -39,7 +39,7 @@ class Axis:
         """Value of one count of 60FF at the link side [rad/s]."""
         self.braking_unit = profile.acceleration_unit / about.gear
         """Value of one count of 6085 at the link side [rad/s^2]."""
-        self._take(State.NOT_READY_TO_SWITCH_ON)
+        self._set_state(State.NOT_READY_TO_SWITCH_ON)
         self.stopping = False
         """True during the ramp of a quick stop or fault reaction: call `stop_further`."""
         self._controlword = 0
@@ -49,7 +49,7 @@ class Axis:
 
     def start(self) -> None:
         """Power up: limp, switch on disabled, limits from the objects."""
-        self._take(State.NOT_READY_TO_SWITCH_ON)
+        self._set_state(State.NOT_READY_TO_SWITCH_ON)
         self._controlword = 0
         self.happen(Trigger.INITIALISED)
         self.configure()
@@ -138,12 +138,12 @@ class Axis:
             if event is not None:
                 self.happen(event)
 
-    def _take(self, state: State) -> None:
+    def _set_state(self, state: State) -> None:
         self.state, self._word = state, state.value | VOLTAGE_PRESENT
 
     def _enter(self, state: State) -> None:
         servo, joint = self._servo, self._joint
-        self._take(state)
+        self._set_state(state)
         self.stopping = False
         if state is State.OPERATION_ENABLED:
             if not servo.energised(joint):

@@ -51,7 +51,7 @@ class RealTimeArm:
             description, settings, send, hand_script=hand_script, on_event=self.report
         )
         self._origin = self._lived_s = time.monotonic()
-        self._complained_s = 0.0
+        self._reported_s = 0.0
         self.arm.power_on()
 
     def live(self) -> float:
@@ -66,10 +66,10 @@ class RealTimeArm:
         if behind > LONGEST_GAP_S:
             if now - self._lived_s > LONGEST_GAP_S:
                 self._origin += behind - PULSE_S
-                self._complain(now, f"held up for {behind:.3f} s, time left out")
+                self._report_lag(now, f"held up for {behind:.3f} s, time left out")
             else:
                 self.arm.skip(now - self._origin - PULSE_S)
-                self._complain(now, f"too slow by {behind:.3f} s: the plant stood still")
+                self._report_lag(now, f"too slow by {behind:.3f} s: the plant stood still")
         self._lived_s = now
         if self._door is not None:
             self._door.serve(self.arm.hand.take)
@@ -82,9 +82,9 @@ class RealTimeArm:
         while self.live() - self._origin - self.arm.now > PULSE_S:
             pass
 
-    def _complain(self, now: float, text: str) -> None:
-        if now - self._complained_s > 1.0:
-            self._complained_s = now
+    def _report_lag(self, now: float, text: str) -> None:
+        if now - self._reported_s > 1.0:
+            self._reported_s = now
             self.report(Happening(self.arm.now, "server", text))
 
     def report(self, event: Happening) -> None:

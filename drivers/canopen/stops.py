@@ -29,7 +29,7 @@ class Stops:
     def __init__(self, drives: Sequence[CanopenDrive], period_s: float) -> None:
         self.silent = False
         """The last stage is reached: only SDO is sent, to drives not observed at standstill."""
-        self._alone_s = math.inf  # time by which all have then stopped by themselves
+        self._all_stopped_s = math.inf  # time by which all have then stopped by themselves
         self._drives = tuple(drives)
         self._nodes = tuple(drive.node for drive in drives)
         self._fastest = [drive.velocity for drive in drives]
@@ -38,7 +38,7 @@ class Stops:
         self._all = Watches(drives, period_s)
         self._watches = self._all.each
         self._heard = [True] * len(drives)  # by genuine samples in this tick
-        self._asleep: set[int] = set()  # joints whose drives were NMT-stopped in the last tick
+        self._nmt_stopped: set[int] = set()  # joints whose drives were NMT-stopped in the last tick
         self.busy = False
         """True while any drive is commanded to stop; otherwise `step` has nothing to do."""
 
@@ -57,7 +57,7 @@ class Stops:
 
     def left_alone(self, now: float) -> bool:
         """True once every drive has had the time to miss the master and to stop by itself."""
-        return self.silent and now >= self._alone_s
+        return self.silent and now >= self._all_stopped_s
 
     @property
     def confirmed(self) -> bool:
@@ -99,7 +99,7 @@ class Stops:
     ) -> tuple[list[Frame], Sequence[Fact]]:
         """Supervise every drive commanded to stop, by its samples and status; `reached`: True if
         setpoints are sent to it."""
-        frames = self._wake()
+        frames = self._leave_nmt_stopped()
         doubted, lost, running, beyond = [], [], [], []
         for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
             if target is PowerTarget.ON:
@@ -132,7 +132,7 @@ class Stops:
                 case Stage.LAST:
                     frames.append((NMT, bytes([STOP_NODE, self._nodes[i]])))
                     doubted.append(self._nodes[i])
-                    self._asleep.add(i)
+                    self._nmt_stopped.add(i)
                 case Stage.SILENCE:
                     lost.append(self._nodes[i])
                     self._expedited[i].begin()
@@ -179,20 +179,20 @@ class Stops:
         if self.silent:
             return
         self.silent = True
-        self._alone_s = now + max(
+        self._all_stopped_s = now + max(
             drive.profile.patience_s
             + max(drive.velocity, watch.speed) / (RAMP_SHARE * drive.quick_stop)
             for drive, watch in zip(self._drives, self._watches, strict=True)
         )
 
-    def _wake(self) -> list[Frame]:
+    def _leave_nmt_stopped(self) -> list[Frame]:
         """Frames that set drives to pre-operational a tick after NMT stop, which has aborted their
         connection (0x6007): in NMT stopped they would answer no SDO."""
         frames: list[Frame] = []
-        for i in sorted(self._asleep) if not self.silent else ():
+        for i in sorted(self._nmt_stopped) if not self.silent else ():
             frames.append((NMT, bytes([ENTER_PRE_OPERATIONAL, self._nodes[i]])))
             self._expedited[i].begin()
-        self._asleep.clear()
+        self._nmt_stopped.clear()
         return frames
 
     def _requests(self, targets: Sequence[PowerTarget]) -> list[Frame]:
@@ -209,7 +209,7 @@ class Stops:
         """Target commanded to a drive by SDO, OFF only if it may lose its power; None if no SDO is
         sent."""
         watch = self._watches[joint]
-        if watch.stage <= Stage.SETPOINT or joint in self._asleep:
+        if watch.stage <= Stage.SETPOINT or joint in self._nmt_stopped:
             return None
         unheard = not self._heard[joint]
         if watch.unproved:

@@ -57,7 +57,7 @@ class MotorTick:
         self._last = [0.0] * n  # last target velocities sent [rad/s at the link]
         self._measured = [math.nan] * n  # plausible positions of the motors
         self._stopping = [True] * n
-        self._were = [UNREPORTED] * n  # last reported statuses
+        self._reported = [UNREPORTED] * n  # last reported statuses
         self._let_go = [True] * n  # motors without power by our command
         self._unset: set[int] = set()
         self._behind: dict[int, Frame] = {}  # frame to send after the joint's first setpoint
@@ -87,7 +87,7 @@ class MotorTick:
 
     def unfit(self) -> list[int]:
         """Joints whose motors must be set up again before a reset can succeed."""
-        silent = (i for i, status in enumerate(self._were) if status.state is State.UNKNOWN)
+        silent = (i for i, status in enumerate(self._reported) if status.state is State.UNKNOWN)
         return sorted({*self._unset, *silent})
 
     def sync(self, now: float) -> None:
@@ -107,10 +107,10 @@ class MotorTick:
         self.replies.begin_tick(now, asked_s)
         if not self._language.asks_by_setpoint:
             self._port.send(self._language.requests)
-        elif self._port.send(self._asking()):
+        elif self._port.send(self._setpoint_requests()):
             self._presence.beaten(now)
 
-    def _asking(self) -> list[Frame]:
+    def _setpoint_requests(self) -> list[Frame]:
         """Setpoints to the motors that have one, requests to the others."""
         known = [self._setpoints.known(i) for i in range(len(self.names))]
         self.replies.by_setpoint = known
@@ -159,7 +159,7 @@ class MotorTick:
                     text = f"{self.names[i]}: its position contradicts its velocity"
                     self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
-            before, self._were[i] = self._were[i], status
+            before, self._reported[i] = self._reported[i], status
             news, text = news_of(before, status, let_go=self._let_go[i])
             if news is Kind.RESTARTED:
                 self._unset.add(i)
@@ -226,12 +226,12 @@ class MotorTick:
         if (behind := self._behind.pop(i, None)) is not None:
             frames.append(behind)
         self.replies.pending[i] = int(not asks)  # a lost feedback is not awaited any longer
-        words, lets_go = self._words(i, target, status, reset, at=at)
+        commands, lets_go = self._power_commands(i, target, status, reset, at=at)
         self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)
-        frames += words
-        self.replies.pending[i] += len(words)
+        frames += commands
+        self.replies.pending[i] += len(commands)
 
-    def _words(
+    def _power_commands(
         self, i: int, target: PowerTarget, status: Status, reset: bool, *, at: bool
     ) -> tuple[Sequence[Frame], bool]:
         """Commands of a motor in addition to its setpoint, and whether they disable it; at: the

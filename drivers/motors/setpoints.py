@@ -27,8 +27,8 @@ class Setpoints:
         self._language, self._period_s = language, period_s
         self._signs = [float(drive.wiring.motor_sign) for drive in drives]
         self._rad_per_A = [d.profile.Nm_per_A / d.profile.stiffness for d in drives]
-        self._most_A = [d.wiring.max_current_A for d in drives]
-        self._follows = [d.velocity * period_s for d in drives]
+        self._max_current_A = [d.wiring.max_current_A for d in drives]
+        self._max_follow = [d.velocity * period_s for d in drives]
         self.positions: list[float] = [math.nan] * len(drives)
         """Position p of each motor [rad at the link]; NaN while unknown."""
 
@@ -44,7 +44,7 @@ class Setpoints:
             p = before + velocity * self._period_s if powered or not heard else measured
             if heard:
                 p = measured + self._bounded(joint, p - measured)
-            most = max(abs(velocity) * self._period_s, self._follows[joint])
+            most = max(abs(velocity) * self._period_s, self._max_follow[joint])
             self.positions[joint] = min(max(p, before - most), before + most)
         elif heard:
             held = current * self._rad_per_A[joint] if powered and math.isfinite(current) else 0.0
@@ -55,7 +55,7 @@ class Setpoints:
 
     def _bounded(self, joint: int, beyond: float) -> float:
         """Distance from the motor to its p, bounded by the current limit [rad]."""
-        reach: float = self._most_A[joint] * self._rad_per_A[joint]
+        reach: float = self._max_current_A[joint] * self._rad_per_A[joint]
         return min(max(beyond, -reach), reach)
 
     def adopt(self, joint: int, position: float) -> None:

@@ -26,7 +26,7 @@ class Distance:
     """Last known velocity [rad/s]."""
     _from: tuple[float, float]  # link and motor position at the stop command [rad]
     _last: tuple[float, float]  # link and motor position of the last reading [rad]
-    _turned: float  # integral of the velocity where it exceeds a bias [rad]
+    _integrated: float  # integral of the velocity where it exceeds a bias [rad]
 
     def __init__(self, travel: float, *, falls: bool = False) -> None:
         """travel: permitted distance of its joint [rad]; falls: the joint falls without power, so
@@ -37,7 +37,7 @@ class Distance:
     def begin(self, link: float, motor: float, velocity: float) -> None:
         """Begin at these link and motor positions [rad] with this velocity [rad/s]."""
         self._from = self._last = link, motor
-        self._turned = self.gone = self.driven = 0.0
+        self._integrated = self.gone = self.driven = 0.0
         self.velocity = 0.0 if math.isnan(velocity) else velocity
 
     @property
@@ -53,7 +53,7 @@ class Distance:
     def coast(self, dt: float, deceleration: float) -> None:
         """Extrapolate without a reading for `dt` [s], at this deceleration [rad/s2]."""
         self.velocity = math.copysign(max(self.speed - deceleration * dt, 0.0), self.velocity)
-        self._turned += self.velocity * dt
+        self._integrated += self.velocity * dt
         self.gone += self.speed * dt
 
     def take(
@@ -63,25 +63,25 @@ class Distance:
         """Take a reading `dt` [s] after the last: velocity [rad/s], current [A], link and motor
         position [rad]; resists: it brakes near its current limit."""
         self.velocity = velocity
-        way = self.speed * dt
+        path = self.speed * dt
         if self._falls:
-            way = min(way, _furthest(_apart(positions, self._last)))
+            path = min(path, _largest(_difference(positions, self._last)))
         self._last = positions
         forgotten = min(abs(self.driven), self._travel / FORGETS_S * dt)
         self.driven -= math.copysign(forgotten, self.driven)
         if self.speed >= MOVES:
-            self._turned += velocity * dt
+            self._integrated += velocity * dt
             if abs(power := current * velocity) > 0.0:  # nor NaN
                 least = -self._travel if resists else min(self.driven, 0.0)
-                self.driven = max(self.driven + math.copysign(way, power), least)
-        shown = _furthest(_apart(positions, self._from))
-        self.gone = shown if self._falls else max(shown, abs(self._turned))
+                self.driven = max(self.driven + math.copysign(path, power), least)
+        shown = _largest(_difference(positions, self._from))
+        self.gone = shown if self._falls else max(shown, abs(self._integrated))
 
 
-def _apart(positions: tuple[float, float], others: tuple[float, float]) -> tuple[float, float]:
+def _difference(positions: tuple[float, float], others: tuple[float, float]) -> tuple[float, float]:
     return positions[0] - others[0], positions[1] - others[1]
 
 
-def _furthest(ways: tuple[float, float]) -> float:
+def _largest(distances: tuple[float, float]) -> float:
     """Largest of the known distances [rad]; 0 if none is known."""
-    return max((abs(way) for way in ways if not math.isnan(way)), default=0.0)
+    return max((abs(each) for each in distances if not math.isnan(each)), default=0.0)

@@ -113,13 +113,13 @@ class StopWatch:
     """Its last reading shows motion under power, whatever was proved."""
     _read_s: float  # time of the last reading
     _powered: bool  # at the last reading
-    _wrong: float  # ticks without obedience minus those with
+    _disobeyed: float  # ticks without obedience minus those with
     _now_s: float
     _resisting: bool  # it brakes near its current limit, and does not slow down
     _obeyed_s: float  # time of the last observed obedience
     _left_s: float  # time at which it was observed to have left operation
     _left_speed: float  # its speed then [rad/s]
-    _least: float  # lowest speed since then [rad/s]
+    _lowest_speed: float  # lowest speed since then [rad/s]
     _stood: float  # link position at the proved standstill [rad]
     _stood_s: float
     _still: int  # count of still readings, less STILL_LOST for each moving one
@@ -154,11 +154,11 @@ class StopWatch:
         """Begin a stop in this stage from the last known `speed` [rad/s] and the positions of the
         last samples. Any earlier proof is void."""
         self.stage, self.proved, self.cut, self.moves = stage, False, False, False
-        self._wrong, self._now_s = 0.0, now
+        self._disobeyed, self._now_s = 0.0, now
         self._read_s, self._powered = now, True
         self._distance.begin(self.witness.link.value, self.witness.motor.value, speed)
         self._resisting = False
-        self._left_s, self._obeyed_s, self._least = math.nan, -math.inf, math.inf
+        self._left_s, self._obeyed_s, self._lowest_speed = math.nan, -math.inf, math.inf
         self._stood = self._stood_s = math.nan
         self._still, self._moving, self._beyond = 0, 0.0, 0.0
         self._needed = STILL_READINGS
@@ -182,20 +182,20 @@ class StopWatch:
         if self.proved or self.stage is Stage.SILENCE:
             return None
         if seen is not None and seen.condition in OBEYING:
-            self._wrong, self._obeyed_s = max(self._wrong - 1.0, 0.0), now
-        elif seen is not None or not self._lately_obeyed(now):
+            self._disobeyed, self._obeyed_s = max(self._disobeyed - 1.0, 0.0), now
+        elif seen is not None or not self._recently_obeyed(now):
             # However late a tick is, the drive missed only one opportunity to obey.
-            self._wrong += min(dt / self._bounds.period_s, 2.0)
+            self._disobeyed += min(dt / self._bounds.period_s, 2.0)
         self._follow(seen, dt)
-        self.cut = self.cut or self._goes_further(seen)
+        self.cut = self.cut or self._beyond_travel(seen)
         # Commanding a drive by SDO and reading its state takes three answers, one per tick.
         patience_ticks = self._bounds.ticks * self.stage
-        if self._wrong < patience_ticks - ROUNDING and not self._runs_out():
+        if self._disobeyed < patience_ticks - ROUNDING and not self._out_of_time():
             return None
-        self.stage, self._wrong = Stage(self.stage + 1), 0.0
+        self.stage, self._disobeyed = Stage(self.stage + 1), 0.0
         return self.stage
 
-    def _lately_obeyed(self, now: float) -> bool:
+    def _recently_obeyed(self, now: float) -> bool:
         return now - self._obeyed_s <= (READING_TICKS + ROUNDING) * self._bounds.period_s
 
     # --- evidence of standstill --------------------------------------------------------------
@@ -234,13 +234,13 @@ class StopWatch:
             self._moving = _counted(self._moving, against=not calm)
         if not self.proved:
             if still and self._still >= self._needed and not self.runs_on:
-                self.proved, self._wrong = True, 0.0
+                self.proved, self._disobeyed = True, 0.0
                 self._stood, self._stood_s = seen.position, now
         elif self.runs_on or self._has_left(now, seen):
             # A hand that pushes a holding joint may make it oscillate again.
             self.proved, self._still = False, 0
             self._needed = min(max(2 * self._needed, STILL_AGAIN), STILL_MOST)
-            self._left_s, self._left_speed, self._least = now, abs(seen.velocity), math.inf
+            self._left_s, self._left_speed, self._lowest_speed = now, abs(seen.velocity), math.inf
 
     def _has_left(self, now: float, seen: Seen) -> bool:
         """True if it left its standstill position; its link may fall within the gap."""
@@ -254,8 +254,8 @@ class StopWatch:
         bound = self._left_speed - deceleration * max(ramp_s, 0.0)
         swings = ramp_s < self._left_speed / deceleration + SWINGS_S
         speed = abs(seen.velocity)
-        falls = speed <= (1.0 - FALLING_SHARE) * self._least
-        self._least = min(self._least, speed)
+        falls = speed <= (1.0 - FALLING_SHARE) * self._lowest_speed
+        self._lowest_speed = min(self._lowest_speed, speed)
         return falls or speed <= max(bound, SWINGS if swings else STANDS)
 
     def _resists(self, seen: Seen) -> bool:
@@ -270,12 +270,12 @@ class StopWatch:
         along the ramp if the drive was recently observed to obey."""
         if seen is None or math.isnan(seen.velocity):
             braking = RAMP_SHARE * self._bounds.deceleration
-            self._distance.coast(dt, braking if self._lately_obeyed(self._now_s) else 0.0)
+            self._distance.coast(dt, braking if self._recently_obeyed(self._now_s) else 0.0)
             return
         positions = seen.position, seen.motor
         self._distance.take(dt, seen.velocity, seen.current, positions, resists=self._resisting)
 
-    def _goes_further(self, seen: Seen | None) -> bool:
+    def _beyond_travel(self, seen: Seen | None) -> bool:
         """True if it was beyond its travel for a stage, while running on or by its own power."""
         if seen is not None:
             # A pushed drive would go further without power.
@@ -285,9 +285,9 @@ class StopWatch:
             self._beyond = _counted(self._beyond, against=gone > self._bounds.travel)
         return self._beyond >= self._bounds.ticks
 
-    def _runs_out(self) -> bool:
+    def _out_of_time(self) -> bool:
         """True if the remaining stages can no longer, or only just, stop it within its travel."""
-        if self.stage is Stage.SETPOINT or not self._wrong:
+        if self.stage is Stage.SETPOINT or not self._disobeyed:
             return False
         bounds, v = self._bounds, self.speed
         stage_s = bounds.ticks * bounds.period_s if self.stage is Stage.DIRECT else 0.0

@@ -186,9 +186,9 @@ class Witness:
         speed = abs(velocity)
         if self._died or ((known := self._positions) and all(each.died for each in known)):
             return False
-        if speed < STANDS and self._came_down:
+        if speed < STANDS and self._velocity_fell:
             return self._rest(now, PAUSE_S)
-        return speed < MOVES and self._follow and self._rest(now, STILL_S)
+        return speed < MOVES and self._position_followed and self._rest(now, STILL_S)
 
     def motor_moves(self, now: float, since: float) -> bool:
         """True if the motor position moves faster than at standstill, judged by its changes from
@@ -211,12 +211,12 @@ class Witness:
         return fades and not moved and (self._died or unseen)
 
     @property
-    def _came_down(self) -> bool:
+    def _velocity_fell(self) -> bool:
         """True if its velocity was motion until the end of the commanded motion."""
         return self._moved_s > -math.inf and self._moved_s >= self._commanded_s - LAG_S
 
     @property
-    def _follow(self) -> bool:
+    def _position_followed(self) -> bool:
         """True if one of its positions changed until the end of its measured and commanded motion.
         The last STICKS_RAD are forgiven if that position changed in this motion, and both it and
         the velocity moved in it or just before."""

@@ -73,7 +73,7 @@ class RobStrideMotor(Motor):
         here, about_0 = self.positions[0], self.parameters[ZERO_STA] == 1
         wanted = remainder(here, TURN) if about_0 else here % TURN
         self._turns = wanted - here
-        self._say_its_name()
+        self._send_id()
 
     def fail(self, fault: int) -> None:
         """Raise a fault: the motor is limp until it is cleared and enabled again."""
@@ -107,7 +107,7 @@ class RobStrideMotor(Motor):
             return
         self._host = data2 & 0xFF
         if kind == f.GET_ID:
-            self._say_its_name()
+            self._send_id()
         elif kind == f.READ and len(data) >= 2:
             self._on_read(int.from_bytes(data[:2], "little"))
         elif kind in (f.ENABLE, f.STOP, f.ZERO, f.WRITE, f.SAVE):
@@ -161,7 +161,7 @@ class RobStrideMotor(Motor):
         data2 = (0 if known else 1) << 8 | self.can_id
         self._send(identifier(f.READ, data2, self._host), head + raw)
 
-    def _say_its_name(self) -> None:
+    def _send_id(self) -> None:
         uid = self.make.uid + self.can_id
         self._send(identifier(f.GET_ID, self.can_id, f.EVERYBODY), uid.to_bytes(8, "little"))
 

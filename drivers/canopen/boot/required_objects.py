@@ -28,8 +28,8 @@ BRAKING: Final = "deceleration of the quick stop"
 #: Communication and mapping parameters of PDOs (CiA 301).
 PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
-_NAME_ANOTHER: Final = ", and contactd requires it: configure an object that the EDS has"
-_IN_STEPS: Final = "its interpolation of setpoints is the factory default"
+_REQUIRED: Final = ", and contactd requires it: configure an object that the EDS has"
+_INTERPOLATION: Final = "its interpolation of setpoints is the factory default"
 
 ProfileKeys = tuple[str | int, ...]
 """Keys within a profile: `("tpdo", "1")`."""
@@ -105,8 +105,8 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
                setting=("quick_stop_deceleration",)),
         Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
         Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
-               _IN_STEPS),
-        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _IN_STEPS),
+               _INTERPOLATION),
+        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _INTERPOLATION),
         Wanted("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
                "it has no torque limit of its own"),
         Wanted("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
@@ -193,7 +193,7 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Co
         for what in _object_problems(sheet, row):
             yield Contradiction(row.setting, what)
     for i, own in enumerate(profile.write):
-        for what in _meddling(own, profile, rows):
+        for what in _forbidden(own, profile, rows):
             yield Contradiction(("write", i), what)
     for name in ("quick_stop_deceleration", "max_motor_speed"):
         where: Quantity | None = getattr(profile, name)
@@ -216,7 +216,7 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
     variable = find_object(sheet, row.index, row.subindex)
     if variable is None:
         if not row.without:
-            meant = _meant(sheet, row.index, row.subindex)
+            meant = _decimal_hint(sheet, row.index, row.subindex)
             follows = FOLLOWS.get((row.index, row.subindex), "")
             why = f": {follows}, and contactd refuses it" if follows else ""
             yield f"{row.where} is missing, and {row.value} cannot be written to it{why}{meant}"
@@ -230,7 +230,7 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
         yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
 
 
-def _meddling(own: ObjectValue, profile: CanopenProfile, rows: Sequence[Wanted]) -> Iterator[str]:
+def _forbidden(own: ObjectValue, profile: CanopenProfile, rows: Sequence[Wanted]) -> Iterator[str]:
     """Problems of an object that the configuration may not write, for the sake of safe stops."""
     where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
     for row in rows:
@@ -269,7 +269,7 @@ def _pdo_problems(
         place: ProfileKeys = at if field.entry in WORDS else (field.entry,)
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
-            meant = _meant(sheet, field.index, field.subindex) or _NAME_ANOTHER
+            meant = _decimal_hint(sheet, field.index, field.subindex) or _REQUIRED
             yield Contradiction(place, f"{where} is missing{meant}")
         elif type_name(variable) != field.type:
             yield Contradiction(
@@ -281,7 +281,7 @@ def _pdo_problems(
             yield Contradiction(place, f"{where} cannot be mapped to a PDO")
 
 
-def _meant(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:
+def _decimal_hint(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:
     """Hint, if the digits of a missing index exist as a hexadecimal index."""
     meant = int(str(index), 16)
     if find_object(sheet, meant, subindex) is None:

@@ -155,12 +155,12 @@ class ObjectAccess:
     def write_only(self, index: int, subindex: int, value: int) -> None:
         """Write without reading back, for values that the drive modifies on its own."""
         data = self._variable(index, subindex).encode_raw(value)
-        with self._words(f"object 0x{index:04X}:{subindex:02X}: writing {value}"):
+        with self._translated(f"object 0x{index:04X}:{subindex:02X}: writing {value}"):
             self._client.download(index, subindex, data)
 
     def nmt(self, command: int, name: str) -> None:
         """Send this drive an NMT command."""
-        with self._words(f"NMT {name}"):
+        with self._translated(f"NMT {name}"):
             self._network.send_message(NMT, [command, self._setup.drive.node])
 
     def settle(self) -> None:
@@ -178,7 +178,7 @@ class ObjectAccess:
     def _upload(self, index: int, subindex: int) -> bytes:
         doing = f"object 0x{index:04X}:{subindex:02X}: reading"
         data = b""
-        with self._words(doing):
+        with self._translated(doing):
             stream = self._client.open(index, subindex, "rb", buffering=0)
             while part := stream.read(7):
                 data += part
@@ -187,7 +187,7 @@ class ObjectAccess:
         return data
 
     @contextmanager
-    def _words(self, doing: str) -> Iterator[None]:
+    def _translated(self, doing: str) -> Iterator[None]:
         if time.monotonic() > self.deadline:
             raise SilentDriveError(f"{self._setup}: out of time before {doing}")
         if self._client.twice >= TWICE:

@@ -23,7 +23,7 @@ from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
 from drivers.canopen.settings import PdoEntry
 from drivers.stopping.witness import PAUSE_S, STILL_RAD
 
-_LOOK_S: Final = 0.01
+_POLL_S: Final = 0.01
 #: Time until a drive must display a new mode, which its own cycle takes over [s].
 _MODE_S: Final = 0.3
 #: Speed below which a joint stands [rad/s at the link].
@@ -107,8 +107,8 @@ def _await_standstill(drive: BootingDrive) -> None:
             if _rests(drive):
                 return
             left_s -= PAUSE_S
-        drive.wait(_LOOK_S)
-        left_s -= _LOOK_S
+        drive.wait(_POLL_S)
+        left_s -= _POLL_S
         statusword, velocity = drive.access.read(0x6041), _velocity(drive)
     raise DriveError(
         f"{drive.setup} does not stop: {stop_s:.2f} s after a quick stop it is in "
@@ -121,8 +121,8 @@ def _rests(drive: BootingDrive) -> bool:
     """True if its positions rest, too: a velocity alone may be wrong. Observed briefly, since a
     drive that waits for our heartbeat may lose its torque meanwhile."""
     before = _positions(drive)
-    for _ in range(math.ceil(PAUSE_S / _LOOK_S)):
-        drive.wait(_LOOK_S)
+    for _ in range(math.ceil(PAUSE_S / _POLL_S)):
+        drive.wait(_POLL_S)
     pairs = zip(before, _positions(drive), strict=True)
     return all(abs(now - then) <= STILL_RAD for then, now in pairs)
 
@@ -164,10 +164,10 @@ def _recover(drive: BootingDrive) -> None:
 def _await_boot(drive: BootingDrive) -> None:
     if drive.fault is None:
         return
-    for _ in range(math.ceil(drive.patience_s / _LOOK_S)):
+    for _ in range(math.ceil(drive.patience_s / _POLL_S)):
         if drive.booted.is_set():
             break
-        drive.wait(_LOOK_S)
+        drive.wait(_POLL_S)
     else:
         raise DriveError(
             f"{drive.setup}: no boot-up message after NMT reset communication (it was in "
@@ -185,10 +185,10 @@ def _choose_mode(drive: BootingDrive) -> None:
     drive.write("mode")
     if not drive.access.has(0x6061):
         return
-    for _ in range(math.ceil(_MODE_S / _LOOK_S)):
+    for _ in range(math.ceil(_MODE_S / _POLL_S)):
         if (shown := drive.access.read(0x6061)) in MODES_SHOWN:
             return
-        drive.wait(_LOOK_S)
+        drive.wait(_POLL_S)
     raise DriveError(
         f"{drive.setup}: object 0x6060:00 was written {CYCLIC_SYNCHRONOUS_VELOCITY}, but the "
         f"drive shows mode {shown} (0x6061)"
