@@ -1,31 +1,31 @@
-# `make demo`, `make test`, `make check` each build .venv when it is missing or out of date.
-# `make install` builds another environment, the service's own, at PREFIX.
+# `make demo`, `make test` and `make check` build .venv if it is missing or out of date.
+# `make install` builds a separate environment for the service, at PREFIX.
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.complete
 
-# Where `make install` puts things; DESTDIR in front of it all, for packages and images.
+# Targets of `make install`; DESTDIR is prepended to all paths, for packages and images.
 PREFIX  ?= /opt/contactd
 DESTDIR ?=
-# The folder of your robot, which becomes /etc/contactd the first time; without one an example does.
+# Folder of your robot, copied to /etc/contactd on the first installation; default: an example.
 ROBOT   ?=
-# What is not below PREFIX: a Debian package has it in /usr.
+# Root of files outside PREFIX: /usr in a Debian package.
 LOCAL   ?= /usr/local
 LIB     := $(DESTDIR)$(LOCAL)/lib
 UNITS   := $(LIB)/systemd/system
 DEVICE  := sys-subsystem-net-devices-can0.device.d
 SHARE   := $(DESTDIR)$(PREFIX)/share/contactd
-# Manual pages and completions, made into $(PREFIX)/share (programs/manual.py) and linked from here.
+# Manual pages and completions, generated into $(PREFIX)/share (programs/manual.py) and linked.
 PAGES   := $(foreach p,contactd contactctl contactd-web contactd-zenoh,man/man1/$(p).1 bash-completion/completions/$(p) \
   zsh/site-functions/_$(p) fish/vendor_completions.d/$(p).fish)
-# Debian's zsh looks for those of packages elsewhere.
+# Debian's zsh expects those of packages in another folder.
 LINKED  := $(if $(filter /usr,$(LOCAL)),sed 's|zsh/site-functions|zsh/vendor-completions|',cat)
-# Shown to everybody; what else lies in configs/ is yours.
+# Examples to install; other folders in configs/ are yours.
 EXAMPLES := $(addprefix configs/,beam_arm desk_arm openarm_left romeo_left_arm single_joint)
-# In front of what makes files: others must be able to read them, whatever root's umask is.
+# Prefix of commands that create files: they must be readable by all, whatever root's umask is.
 PUBLIC  := umask 022;
-# Not empty where it is this machine's own systemd that gets the service.
+# Not empty if the service is installed into this machine's running systemd.
 HERE    := $(if $(DESTDIR),,$(wildcard /run/systemd/system))
 
 .PHONY: help compiled demo web built picture test test-slow test-all fuzz check units soak system dist deb release install install-env install-files install-service uninstall verify reference lerobot uplot lock clean
@@ -40,49 +40,49 @@ define check-python
 @$(PYTHON) -c 'import ensurepip' || { echo "this Python has no venv: apt install python3-venv"; exit 1; }
 endef
 
-# An environment of contactd's own is replaced and removed as a whole: PREFIX=/usr/local would be a pity.
+# PREFIX is replaced and removed as a whole, so it must be an environment of contactd, not e.g. /usr/local.
 define refuse-strange-prefix
 @test ! -e $(DESTDIR)$(PREFIX) || test -e $(DESTDIR)$(PREFIX)/bin/contactd -a -e $(DESTDIR)$(PREFIX)/pyvenv.cfg || \
-  { echo "$(DESTDIR)$(PREFIX) is there and is no environment of contactd: choose another PREFIX"; exit 1; }
+  { echo "$(DESTDIR)$(PREFIX) exists and is not an environment of contactd: choose another PREFIX"; exit 1; }
 endef
 
 define refuse-strange-robot
 @test -z "$(ROBOT)" || test -f "$(ROBOT)/config.yaml" || \
-  { echo "ROBOT=$(ROBOT): no config.yaml is there; it is the folder of one robot"; exit 1; }
+  { echo "ROBOT=$(ROBOT): config.yaml is missing; ROBOT must be the folder of one robot"; exit 1; }
 endef
 
 LOCKS := requirements.lock requirements-web.lock requirements-ros.lock requirements-dev.lock
-# One line of progress from pip's many; fails where pip does.
+# Condenses pip's output to one line of progress; fails if pip does.
 COUNT := '/^Collecting/ {printf "\r%d packages", ++n} /^Installing/ {printf ", installing them"} \
   {fflush()} /^failed$$/ {bad = 1} END {print ""; exit bad}'
 
 $(STAMP): $(LOCKS) pyproject.toml
 	$(check-python)
 	$(PYTHON) -m venv --clear $(VENV)
-	@echo "installing the packages of the lock files, some minutes the first time"
+	@echo "installing the packages of the lock files (a few minutes the first time)"
 	@{ $(BIN)/pip install --disable-pip-version-check --no-deps $(LOCKS:%=-r %) || echo failed; } | awk $(COUNT)
 	@command -v gcc >/dev/null || command -v cc >/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check ziglang==0.17.1
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-# What is out of date by the sources' digests, not by their times. Where it cannot be compiled it says
-# why, and all runs as plain Python.
-compiled: $(STAMP)  ## build the compiled modules where a source is another
+# Modules are out of date by the digests of their sources, not their times. If compilation fails, the
+# reason is printed and everything runs as plain Python.
+compiled: $(STAMP)  ## build the compiled modules whose sources changed
 	@$(BIN)/python hatch_build.py || true
 
-# WEB=1: on a page in your browser, too. ARM=openarm_left: Damiao motors, with their guardian.
+# WEB=1: also on a page in your browser. ARM=openarm_left: Damiao motors, with their guardian.
 demo: $(STAMP) compiled  ## the paper's third experiment on a simulated arm, about 30 s
 	@trap : INT; $(BIN)/contactd demo $(if $(ARM),--arm $(ARM)) $(if $(WEB),--web) || test $$? -eq 130 # Ctrl-C is no error
 
-# A test that fails beside others is run again alone, and must pass then; both runs are in the output
+# Tests that fail in parallel are repeated alone, and must pass then; both runs are in the output
 # (docs/decisions/0022-tests.md).
 define tests
 @$(BIN)/python -m pytest -q -n auto --dist loadfile -m "$(1)" || { test $$? -eq 1 && \
-  echo "FAILED BESIDE OTHERS, as above; again, alone:" && \
+  echo "FAILED IN PARALLEL, as above; repeated alone:" && \
   $(BIN)/python -m pytest -q --last-failed --last-failed-no-failures none -m "$(1)"; }
 endef
 
-test: $(STAMP) compiled  ## the fast tests, some four minutes
+test: $(STAMP) compiled  ## the fast tests, about four minutes
 	$(call tests,not slow)
 
 test-slow: $(STAMP) compiled  ## the tests listed in tests/slow.txt, a quarter of an hour
@@ -90,7 +90,7 @@ test-slow: $(STAMP) compiled  ## the tests listed in tests/slow.txt, a quarter o
 
 test-all: test test-slow  ## all tests
 
-# New examples for every property in tests/: a failure prints the example and how to repeat it.
+# New examples for every property in tests/; a failure prints the example and how to reproduce it.
 fuzz: SEED ?= $(shell date +%s)
 fuzz: $(STAMP) compiled  ## thousands of new examples for the property-based tests; SEED=n repeats a run
 	@echo "seed $(SEED): repeat with make fuzz SEED=$(SEED)"
@@ -117,20 +117,20 @@ check: $(STAMP) units built  ## ruff, mypy (strict), import layers, limits, syst
 	$(BIN)/lint-imports
 	@$(MAKE) -s house
 
-# The page is bundled into the repository, so that nobody needs node who runs it.
+# The bundled page is committed, so that node is not needed to run contactd.
 built:
 	@if ! command -v npm >/dev/null; then \
-	  echo "built: programs/web/built not checked against page/, there is no npm here"; exit 0; fi; \
+	  echo "built: programs/web/built not checked against page/: npm is not installed"; exit 0; fi; \
 	set -e; $(MAKE) -s page/node_modules/.package-lock.json; cd page; node build.mjs --check
 
-# As installed, but with this environment's contactd. systemd-analyze exits 0 on unknown keys, so it
-# must not say a word, either.
+# Units as installed, but with this environment's contactd. systemd-analyze exits 0 on unknown keys, so
+# its output must be empty, too.
 units: STAGE := $(abspath build/units)
 units: SERVICE := $(STAGE)/usr/local/lib/systemd/system/contactd.service
 units: BESIDE := contactd-guardian contactd-web contactd-zenoh
 units: $(STAMP)
 	@if ! command -v systemd-analyze >/dev/null; then \
-	  echo "units: not checked, there is no systemd-analyze here (apt install systemd)"; exit 0; fi; \
+	  echo "units: not checked: systemd-analyze is not installed (apt install systemd)"; exit 0; fi; \
 	set -e; rm -rf $(STAGE); $(MAKE) -s install-files DESTDIR=$(STAGE) >/dev/null; \
 	sed -i 's|=/opt/contactd|=$(abspath $(VENV))|' $(SERVICE); \
 	for name in $(BESIDE); do \
@@ -150,7 +150,7 @@ units: $(STAMP)
 	  echo "units: verified with $$conf: $$(tail -1 $(STAGE)/security)"; \
 	done
 
-# JOBS: processes that share the simulated hours.
+# JOBS: number of processes for the simulated hours.
 soak: MINUTES ?= 20
 soak: HOURS ?= 3
 soak: JOBS ?= 1
@@ -164,14 +164,14 @@ dist: $(STAMP) compiled  ## wheel and source archive, into dist
 	$(BIN)/python -m hatchling build -c
 	@ls -sh --block-size=kB dist
 
-# With Debian's own Python, as the package depends on it. What is built is not signed.
+# With Debian's own Python, on which the package depends. The package is not signed.
 deb: ROOT := $(abspath build/deb)
 deb: $(STAMP) compiled  ## a Debian package of environment, service, manual and completions, into dist
 	rm -rf $(ROOT) && mkdir -p $(ROOT) dist
 	$(MAKE) -s install-env install-service DESTDIR=$(ROOT) LOCAL=/usr PYTHON=$(shell readlink -f /usr/bin/python3)
 	$(BIN)/python package/deb.py $(ROOT) dist
 
-release: $(STAMP) compiled  ## RELEASE=0.2.0: what must hold before it is tagged, tried; tags nothing
+release: $(STAMP) compiled  ## check everything required before tagging RELEASE=0.2.0; tags nothing
 	$(BIN)/python package/release.py $(RELEASE)
 
 install: install-env install-files  ## into PREFIX=/opt/contactd, as a service, with ROBOT=configs/my_arm (root; honours DESTDIR)
@@ -182,7 +182,7 @@ ifneq ($(HERE),)
 	@$(PREFIX)/bin/python -P -m common.compiled
 endif
 
-# Built beside the old environment and put in its place at the end. Nothing in it may know $(DESTDIR).
+# Built beside the old environment, which it replaces at the end. No file in it may contain $(DESTDIR).
 install-env: NEW := $(DESTDIR)$(PREFIX).new
 install-env:
 	$(refuse-strange-prefix)
@@ -224,14 +224,14 @@ install-service:
 install-files: install-service
 	$(PUBLIC) install -d $(DESTDIR)/etc
 	@if [ -e $(DESTDIR)/etc/contactd ]; then \
-	  echo "/etc/contactd is there already: kept as it is$(if $(ROBOT),; ROBOT=$(ROBOT) is not copied)"; else \
+	  echo "/etc/contactd exists and is kept$(if $(ROBOT),; ROBOT=$(ROBOT) is not copied)"; else \
 	  set -ex; cp -RL --no-preserve=ownership $(or $(ROBOT),configs/romeo_left_arm) $(DESTDIR)/etc/contactd; \
 	  find $(DESTDIR)/etc/contactd -name '*.mcap' -delete; \
 	  $(if $(ROBOT),,rm $(DESTDIR)/etc/contactd/identified.yaml; \
 	  sed -i 's|^bus:.*|bus: {interface: socketcan, channel: can0, bitrate: 1000000}|' $(DESTDIR)/etc/contactd/config.yaml;) \
 	  chmod -R a+rX $(DESTDIR)/etc/contactd; fi
 
-uninstall:  ## stop the service and take it out again; configuration and recordings stay (root)
+uninstall:  ## stop and remove the service; configuration and recordings stay (root)
 	$(refuse-strange-prefix)
 ifneq ($(HERE),)
 	-systemctl disable --now contactd-web.service contactd-zenoh.service contactd.service contactd-guardian.service
@@ -244,13 +244,13 @@ ifneq ($(HERE),)
 	systemctl daemon-reload
 endif
 	@echo "kept: /etc/contactd, /var/lib/contactd, users contactd, contactd-web and contactd-zenoh, groups contact and contact-view,"
-	@echo "and what you made yourself: drop-ins below /etc/systemd, and below /etc/systemd/network"
+	@echo "and your own files: drop-ins below /etc/systemd, and below /etc/systemd/network"
 
 verify: $(STAMP)  ## compare our URDF with the public Romeo description (downloads 400 MB)
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps example-robot-data
 	$(BIN)/python -m pytest -q -m verify
 
-# What `contactd plot` puts into its pages, out of the npm package, whose digest npm knows.
+# Library in the pages of `contactd plot`, from the npm package with its digest.
 UPLOT := 1.6.32
 UPLOT_SHA512 := 2883159c6ebccefbb95d751b0b82d010f9e1c0ec41b8bc96d401eda66e882935c89a46cb824332fa369b8cb8122cc6ac36e186cd09bf7a9ded3a4c93c6989023
 LEROBOT := build/lerobot
@@ -260,11 +260,11 @@ $(LEROBOT)/.complete: lerobot_robot_contactd/pyproject.toml
 	$(LEROBOT)/bin/pip install --quiet 'lerobot==0.4.4' ./contactd_client ./lerobot_robot_contactd
 	touch $@
 
-lerobot: $(STAMP) compiled $(LEROBOT)/.complete  ## LeRobot with our plug-in, in an environment of its own (8 GB), and its tests
+lerobot: $(STAMP) compiled $(LEROBOT)/.complete  ## LeRobot with our plug-in, in a separate environment (8 GB), and its tests
 	$(LEROBOT)/bin/pip install --quiet --no-deps --force-reinstall ./contactd_client ./lerobot_robot_contactd
 	$(BIN)/python -m pytest -rs tests/programs/recordings/test_lerobot.py
 
-uplot:  ## fetch uPlot again (npm), as it is in programs/recordings/uplot
+uplot:  ## fetch uPlot (npm) into programs/recordings/uplot
 	rm -rf build/uplot && mkdir -p build/uplot
 	npm pack --silent --pack-destination build/uplot uplot@$(UPLOT)
 	echo "$(UPLOT_SHA512)  build/uplot/uplot-$(UPLOT).tgz" | sha512sum --check --quiet
@@ -275,7 +275,7 @@ uplot:  ## fetch uPlot again (npm), as it is in programs/recordings/uplot
 reference: $(STAMP)  ## write the reference pages in docs from the code
 	$(BIN)/python docs/reference.py
 
-lock:  ## resolve the dependencies anew and write the lock files (names and versions)
+lock:  ## resolve the dependencies again and write the lock files (names and versions)
 	rm -rf build/lock && $(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet .
 	build/lock/bin/pip freeze --exclude contactd > requirements.lock

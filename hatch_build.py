@@ -1,11 +1,11 @@
-"""Build of the compiled modules: Cython makes C of them, a C compiler makes extensions of that.
+"""Build of the compiled modules: Cython translates them to C, which is compiled to extensions.
 
-    python hatch_build.py            # what is out of date, beside their sources: `make compiled`
-    python hatch_build.py --clean    # take all extensions away: everything runs as plain Python
+    python hatch_build.py            # build outdated ones beside their sources: `make compiled`
+    python hatch_build.py --clean    # remove all extensions: everything runs as plain Python
 
-A module is compiled if a .pxd with its types lies beside it. Without a compiler on the machine the
-wheel `ziglang` is one. Where even that cannot be (no headers of Python), the modules run as the
-plain Python that they are; this warns of it, as does `contactd run`.
+A module is compiled if a .pxd with its types lies beside it. Without a C compiler on the machine,
+the wheel `ziglang` provides one. If the build fails (e.g. without Python headers), the modules run
+as plain Python, with a warning here and from `contactd run`.
 """
 
 import json
@@ -21,33 +21,32 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parent))  # a build begins elsewhere
+sys.path.insert(0, str(Path(__file__).parent))  # a build starts in another folder
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 from common import compiled
 
-# No contraction: a fused product would round otherwise than the plain module.
+# No contraction: fused multiply-add would round differently from the plain module.
 FLAGS = ("-shared", "-fPIC", "-O2", "-g0", "-ffp-contract=off", "-fwrapv", "-w")
-# The machine that it is built on; that of the Python that runs it elsewhere.
 CYTHON = "3.3.1"
 SUFFIX = str(sysconfig.get_config_var("EXT_SUFFIX"))
 
 
 def compiler() -> list[str]:
-    """$CC, or the machine's compiler, or that in the wheel `ziglang`."""
+    """Command of the C compiler: $CC, else the machine's, else that of the wheel `ziglang`."""
     if "CC" in os.environ:
         return shlex.split(os.environ["CC"])
     found = shutil.which("gcc") or shutil.which("cc")
     if found:
         return [found]
-    # It would build for the very processor that it runs on, and fail on others.
+    # By default ziglang targets the build machine's processor, and the result may fail on others.
     return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
 
 
 class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
-    """Extensions in a wheel. An editable install gets none: pip hides the output of a build, so
-    that `make` builds them beside their sources, and shows where it cannot."""
+    """Extensions for a wheel. An editable install gets none: as pip hides the output of a build,
+    `make` builds them beside their sources instead, and shows failures."""
 
     def dependencies(self) -> list[str]:
         if self.target_name != "wheel":
@@ -60,7 +59,7 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
         root = Path(self.root)
         out, sources = root / "build" / "extensions", compiled.sources(root)
         try:
-            # Those beside their sources, where they are of just these sources.
+            # Use the extensions beside their sources if they are up to date.
             chosen = compiled.modules(root)
             if out_of_date(root):
                 made = build(root, out, chosen)
@@ -75,8 +74,8 @@ class CompiledModules(BuildHookInterface):  # type: ignore[type-arg]
 
 
 def build(root: Path, out: Path, chosen: Sequence[str]) -> list[Path]:
-    """Compile these modules of `root` into the same folders of `out`, and return what is made.
-    Raises OSError or CalledProcessError where that fails."""
+    """Compile these modules of `root` into the same folders of `out`; returns the extensions.
+    Raises OSError or CalledProcessError on failure."""
     include = Path(sysconfig.get_path("include"))
     if not (include / "Python.h").exists():
         raise FileNotFoundError(
@@ -93,27 +92,27 @@ def _compile(root: Path, out: Path, include: Path, module: str) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
     cython = [sys.executable, "-m", "cython", "-3", f"{module}.py", "-o", str(c)]
     subprocess.run(cython, cwd=root, check=True)
-    # Put in place whole: a process that runs the old one keeps it.
+    # Replaced atomically: a process that runs the old extension keeps it.
     new = extension.with_suffix(".new")
     subprocess.run([*compiler(), *FLAGS, f"-I{include}", str(c), "-o", str(new)], check=True)
     return new.replace(extension)
 
 
 def how() -> list[str]:
-    """Dependencies of an extension beside its sources."""
+    """Dependencies of an extension other than its sources."""
     return [CYTHON, SUFFIX, *compiler(), *FLAGS]
 
 
 def record(sources: Mapping[str, str], out: Path) -> Path:
-    """Write down what the extensions in `out` were built from, and how. `sources`: digests of
-    before the build, as what was edited meanwhile was not compiled."""
+    """Record how the extensions in `out` were built, and from what. sources: digests taken before
+    the build, so that files edited meanwhile count as outdated."""
     path = out / compiled.RECORD
     path.write_text(json.dumps({"how": how(), "sources": sources}, indent=1) + "\n")
     return path
 
 
 def out_of_date(root: Path) -> list[str]:
-    """Modules of `root` whose extension is missing or was built from something else."""
+    """Modules of `root` whose extension is missing or was built from other sources."""
     try:
         same = json.loads((root / compiled.RECORD).read_text())["how"] == how()
     except (OSError, ValueError, LookupError):
@@ -127,14 +126,14 @@ def out_of_date(root: Path) -> list[str]:
 
 
 def clean(root: Path) -> None:
-    """Take away all extensions: everything runs as plain Python."""
+    """Remove all extensions: everything runs as plain Python."""
     (root / compiled.RECORD).unlink(missing_ok=True)
     for extension in compiled.extensions(root):
         extension.unlink()
 
 
 def main(root: Path) -> int:
-    """Build beside the sources what is out of date; where that fails, take away all extensions."""
+    """Build outdated extensions beside their sources; on failure, remove all extensions."""
     now = {root / f"{module}{SUFFIX}" for module in compiled.modules(root)}
     for extension in compiled.extensions(root):
         if extension not in now:
@@ -142,13 +141,13 @@ def main(root: Path) -> int:
     if not (chosen := out_of_date(root)):
         return 0
     sources = compiled.sources(root)
-    print(f"contactd: compiling {len(chosen)} modules, some minutes at most", file=sys.stderr)
+    print(f"contactd: compiling {len(chosen)} modules, a few minutes at most", file=sys.stderr)
     try:
         build(root, root, chosen)
     except (OSError, subprocess.CalledProcessError) as error:
         clean(root)
         print(
-            "contactd: not compiled, runs as plain Python, the estimator some 50 times slower: "
+            "contactd: not compiled, runs as plain Python, the estimator about 50 times slower: "
             f"{error}",
             file=sys.stderr,
         )

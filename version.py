@@ -1,10 +1,10 @@
-"""Version of these sources: the release of git's last tag, and the distance from it.
+"""Version of these sources: the release of the last git tag, and the distance from it.
 
-At the tag v0.1.0 it is 0.1.0. Twelve commits behind it 0.1.0+12.g1a2b3c4, with `.edited` at its
-end where files differ from the commit: newer than 0.1.0 and older than any next release, for pip
-and dpkg alike. A clone without tags takes the latest release of CHANGELOG.md in the tag's place
-(0.1.0+g1a2b3c4), sources without git are that release. hatchling asks it (pyproject.toml), unless
-a source archive states it already.
+At the tag v0.1.0 it is 0.1.0; twelve commits later it is 0.1.0+12.g1a2b3c4, with the suffix
+`.edited` if files differ from the commit. That is newer than 0.1.0 and older than any later
+release, for pip and dpkg alike. A clone without tags uses the latest release of CHANGELOG.md
+(0.1.0+g1a2b3c4), as do sources without git (0.1.0). hatchling calls this (pyproject.toml), unless
+a source archive states the version.
 
     python version.py
 """
@@ -18,7 +18,7 @@ _TAG = "v[0-9]*.[0-9]*.[0-9]*"
 
 
 def version(root: Path) -> str:
-    """Version of the sources in `root`. Raises ValueError where it cannot be determined."""
+    """Version of the sources in `root`. Raises ValueError if it cannot be determined."""
     described = _describe(root)
     if described.startswith("v"):
         tag, commits, rest = described.split("-", 2)
@@ -28,7 +28,7 @@ def version(root: Path) -> str:
 
 
 def released(root: Path) -> str:
-    """Latest release that CHANGELOG.md names. Raises ValueError where it names none."""
+    """Latest release in CHANGELOG.md. Raises ValueError if there is none."""
     found = _RELEASED.search((root / "CHANGELOG.md").read_text(encoding="utf-8"))
     if found is None:
         raise ValueError(f"{root}/CHANGELOG.md: no line such as `## [0.1.0] - 2026-11-23`")
@@ -40,13 +40,13 @@ def _local(release: str, behind: str) -> str:
 
 
 def _describe(root: Path) -> str:
-    """v0.1.0-12-g1a2b3c4, without a tag 1a2b3c4; nothing where `root` is no clone's own folder."""
-    if not (root / ".git").exists():  # else git would describe a clone around it
+    """Output of git describe: v0.1.0-12-g1a2b3c4, without a tag 1a2b3c4, without a clone empty."""
+    if not (root / ".git").exists():  # otherwise git would describe an enclosing clone
         return ""
     words = ("git", "describe", "--tags", "--long", "--always", "--match", _TAG, "--dirty=-edited")
     try:
         done = subprocess.run(words, cwd=root, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):  # no git here, or another's clone
+    except (OSError, subprocess.CalledProcessError):  # no git, or a clone of another user
         return ""
     return done.stdout.strip()
 

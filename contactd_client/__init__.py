@@ -1,9 +1,9 @@
-"""Client of contactd: States as they come, and requests, over the daemon's socket.
+"""Client of contactd: live States and requests over the daemon's socket.
 
-A package of its own for programs that are not contactd: it needs nothing but the standard library,
-and brings none of contactd along (decision 0001). Messages are plain dictionaries, typed in
-`contactd_client.messages`. `contactd_client.aio` is the same for asyncio. docs/programs.md explains
-the messages, and has examples.
+A separate package for other programs: it depends on the standard library only, not on contactd
+(decision 0001). Messages are plain dictionaries, typed in `contactd_client.messages`.
+`contactd_client.aio` is the equivalent for asyncio. docs/programs.md explains the messages, with
+examples.
 """
 
 from contactd_client.client import Client, Joined, Lost, watch

@@ -1,4 +1,4 @@
-"""Client for asyncio. Apart from the rest, as importing asyncio takes longer than all of it."""
+"""Client for asyncio, in a separate module as importing asyncio is slow."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -16,7 +16,7 @@ from contactd_client.paths import usual_socket_path, view_socket_path
 
 
 class AsyncClient:
-    """One connection to a daemon, from `open` to `close`; otherwise as `contactd_client.Client`."""
+    """One connection to a daemon, from `open` to `close`; otherwise like `Client`."""
 
     def __init__(self, connection: AsyncConnection, timeout_s: float = ANSWER_S) -> None:
         self._connection, self._timeout_s = connection, timeout_s
@@ -38,13 +38,13 @@ class AsyncClient:
         self._connection.close()
 
     async def ask(self, request: Request) -> Reply:
-        """Send a request and wait for the answer, which may be a refusal: look at `ok`. It is never
-        sent twice. One at a time: no two tasks may ask on one connection."""
+        """Send a request and wait for the answer, which may be a refusal: check `ok`. Requests are
+        never repeated. At most one task at a time may use a connection."""
         patience = patience_s(request["command"], self._timeout_s)
         return decode_reply(await self._connection.exchange(encode(request), patience))
 
     async def status(self) -> Status:
-        """The daemon's Status. Raises ControlError where it is refused."""
+        """Status of the daemon. Raises ControlError if it is refused."""
         return status_of(await self.ask({"command": "status"}))
 
     def follow(self) -> AsyncStream:
@@ -52,7 +52,7 @@ class AsyncClient:
         return AsyncStream(self._connection, self._timeout_s)
 
     async def states(self) -> tuple[Snapshot, AsyncIterator[State]]:
-        """Snapshot, and an iterator over every State from then on, as of `Client.states`."""
+        """Snapshot, and an iterator over all subsequent States, as `Client.states`."""
         return snapshot_of(await self.ask({"command": "subscribe"})), self._iterate()
 
     async def _iterate(self) -> AsyncIterator[State]:
@@ -63,7 +63,7 @@ class AsyncClient:
 async def watch(
     path: Path | None = None, *, timeout_s: float = ANSWER_S, retry_s: float = RETRY_S
 ) -> AsyncIterator[Joined | Lost | State]:
-    """Every State for ever, as `contactd_client.watch`."""
+    """Endless iterator over all States, as `contactd_client.watch`."""
     last = ""
     while True:
         try:

@@ -1,4 +1,4 @@
-"""Connection for asyncio: as `contactd_client.connection`, with `await`."""
+"""Connection for asyncio: like `contactd_client.connection`, with `await`."""
 
 import asyncio
 import contextlib
@@ -10,13 +10,13 @@ from contactd_client.connection import ANSWER_S, MAX_PACKET_BYTES
 from contactd_client.errors import HungUpError, UnreachableError
 from contactd_client.paths import why_unreachable
 
-_THRONG_S = 0.001  # the client that asks oftener gets in
-_buffer = bytearray(MAX_PACKET_BYTES)  # nothing waits between a packet's arrival and its copy
+_RETRY_S = 0.001  # retry interval if the daemon's backlog is full
+_buffer = bytearray(MAX_PACKET_BYTES)  # shared: there is no await between receiving and copying
 
 
 class AsyncConnection:
-    """One connection, from `open` to `close`. Every method raises UnreachableError where there is
-    no daemon, and none that answers in time."""
+    """One connection, from `open` to `close`. Every method raises UnreachableError if there is no
+    daemon, or it does not answer in time."""
 
     def __init__(self, connected: socket.socket) -> None:
         self._socket = connected
@@ -46,14 +46,14 @@ class AsyncConnection:
         self._socket.close()
 
     async def exchange(self, request: bytes, timeout_s: float) -> bytes:
-        """Send a request and wait for its answer, for `timeout_s` [s] at most. The connection is
-        closed where none comes: a late one would be taken for the answer to the next request."""
+        """Send a request and wait for its answer, at most `timeout_s` [s]. After a timeout the
+        connection is closed: a late answer would be mistaken for that to the next request."""
         if self._socket.fileno() < 0:
             raise UnreachableError("the daemon has ended or was silent: connect again")
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(timeout_s):
-                # Where the daemon has closed, it may have sent the reason before: read on.
+                # The daemon may have sent a reason before it closed: read on.
                 with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                     await loop.sock_sendall(self._socket, request)
                 return await self._receive()
@@ -75,7 +75,7 @@ class AsyncConnection:
             raise _gone(error) from error
 
     async def packet(self, timeout_s: float) -> bytes:
-        """Next message, as it was sent, if it comes within `timeout_s` [s]."""
+        """Next message, undecoded, within `timeout_s` [s]."""
         try:
             async with asyncio.timeout(timeout_s):
                 return await self._receive()
@@ -83,8 +83,8 @@ class AsyncConnection:
             raise UnreachableError("the daemon fell silent") from None
 
     def waiting(self) -> list[bytes]:
-        """Packets that have come, in order, without waiting. Raises UnreachableError after the
-        last one of a daemon that is gone."""
+        """Packets already received, in order, without blocking. Raises UnreachableError after the
+        last one if the daemon is gone."""
         packets: list[bytes] = []
         while True:
             try:
@@ -94,7 +94,7 @@ class AsyncConnection:
             except OSError as error:
                 raise _gone(error) from error
             if not size and packets:
-                return packets  # the end is found by the next call
+                return packets  # the next call reports the end
             if not size:
                 raise HungUpError("the daemon closed the connection")
             packets.append(bytes(memoryview(_buffer)[:size]))
@@ -105,7 +105,7 @@ class AsyncConnection:
             try:
                 packet = await loop.sock_recv(self._socket, MAX_PACKET_BYTES)
             except ConnectionResetError:
-                # Reported once, ahead of the messages that the daemon sent before it closed.
+                # Raised once, ahead of messages that the daemon sent before it closed.
                 packet = await loop.sock_recv(self._socket, MAX_PACKET_BYTES)
         except OSError as error:
             raise _gone(error) from error
@@ -115,12 +115,12 @@ class AsyncConnection:
 
 
 async def _connect(connection: socket.socket, path: Path) -> None:
-    """Connect, as soon as there is room: others may throng outside."""
+    """Connect, with retries while the daemon's backlog is full."""
     while True:
         try:
             return connection.connect(str(path))
         except BlockingIOError:
-            await asyncio.sleep(_THRONG_S)
+            await asyncio.sleep(_RETRY_S)
 
 
 def _gone(error: OSError) -> UnreachableError:

@@ -1,4 +1,4 @@
-"""Stream of targets for asyncio: as `contactd_client.stream`, with `await`."""
+"""Stream of targets for asyncio: like `contactd_client.stream`, with `await`."""
 
 import contextlib
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ class AsyncStream(TargetStream[AsyncConnection]):
 
     async def __aexit__(self, error: type[BaseException] | None, *_: object) -> None:
         if error is None or not issubclass(error, ControlError):
-            with contextlib.suppress(UnreachableError):  # its connection was closed meanwhile
+            with contextlib.suppress(UnreachableError):  # the connection may be closed by now
                 await self.end()
 
     async def to(
@@ -44,7 +44,7 @@ class AsyncStream(TargetStream[AsyncConnection]):
         await self._exchange(self._targets.follow(q, sent_s))
 
     async def end(self) -> None:
-        """Halt the arm, if it follows."""
+        """Halt the arm if it follows."""
         if self._targets.follows:
             await self._await_answers()
             await self._exchange(PAUSE)

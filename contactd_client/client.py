@@ -1,4 +1,4 @@
-"""Client that waits: one thread, one connection. `contactd_client.aio` has the same for asyncio."""
+"""Blocking client: one thread, one connection. `contactd_client.aio` is that for asyncio."""
 
 import time
 from collections.abc import Iterator
@@ -18,14 +18,14 @@ RETRY_S: Final = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """A daemon was found; its States come now."""
+    """Connection to a daemon established; its States follow."""
 
     snapshot: Snapshot
 
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """The daemon is gone, silent, or never was there: nothing is known of the arm."""
+    """Connection lost or not established: the state of the arm is unknown."""
 
     why: str
 
@@ -33,9 +33,9 @@ class Lost:
 class Client:
     """One connection to a daemon, from construction to `close`.
 
-    `path` is one of its two sockets; by default the view socket, which lets nothing move. Raises
-    UnreachableError if there is no daemon, this user may not ask it, or it does not answer within
-    `timeout_s` [s]; ControlError for an answer that is not understood.
+    `path` is one of its two sockets; by default the view socket, which permits no motion. Raises
+    UnreachableError if there is no daemon, this user has no access, or it does not answer within
+    `timeout_s` [s]; ControlError for an invalid answer.
     """
 
     def __init__(self, path: Path | None = None, timeout_s: float = ANSWER_S) -> None:
@@ -53,13 +53,13 @@ class Client:
         self._connection.close()
 
     def ask(self, request: Request) -> Reply:
-        """Send a request and wait for the answer, which may be a refusal: look at `ok`. It is never
-        sent twice."""
+        """Send a request and wait for the answer, which may be a refusal: check `ok`. Requests are
+        never repeated."""
         patience = patience_s(request["command"], self._timeout_s)
         return decode_reply(self._connection.exchange(encode(request), patience))
 
     def status(self) -> Status:
-        """The daemon's Status. Raises ControlError where it is refused."""
+        """Status of the daemon. Raises ControlError if it is refused."""
         return status_of(self.ask({"command": "status"}))
 
     def follow(self) -> Stream:
@@ -67,11 +67,11 @@ class Client:
         return Stream(self._connection, self._timeout_s)
 
     def states(self) -> tuple[Snapshot, Iterator[State]]:
-        """Snapshot, and an iterator over every State from then on.
+        """Snapshot, and an iterator over all subsequent States.
 
-        The iterator never ends by itself: it raises UnreachableError when the daemon is gone or
-        silent. A reader that is too slow misses States: look at their `tick`. Ask nothing more on
-        this connection.
+        The iterator never ends by itself: it raises UnreachableError if the daemon is gone or
+        silent. A slow reader misses States: check their `tick`. Send no further requests on this
+        connection.
         """
         return snapshot_of(self.ask({"command": "subscribe"})), self._iterate()
 
@@ -83,10 +83,10 @@ class Client:
 def watch(
     path: Path | None = None, *, timeout_s: float = ANSWER_S, retry_s: float = RETRY_S
 ) -> Iterator[Joined | Lost | State]:
-    """Every State for ever, over as many connections as it takes, tried each `retry_s` [s].
+    """Endless iterator over all States, which reconnects every `retry_s` [s] as needed.
 
-    Each connection begins with `Joined`; `Lost` comes once whenever there is none, and again when
-    the reason is another. `path` and `timeout_s` are as of Client.
+    Each connection begins with `Joined`; `Lost` is yielded once whenever it is lost, and again if
+    the reason changes. `path` and `timeout_s` are as for Client.
     """
     last = ""
     while True:

@@ -1,4 +1,4 @@
-"""Connection to a daemon's socket: packets, each one message of JSON. Blocking."""
+"""Blocking connection to a daemon's socket; each packet is one JSON message."""
 
 import select
 import socket
@@ -9,25 +9,25 @@ from typing import Final
 from contactd_client.errors import ControlError, HungUpError, UnreachableError
 from contactd_client.paths import why_unreachable
 
-# More than the daemon's socket can hold (twice its send buffer).
+# More than fits into the daemon's socket (twice its send buffer).
 MAX_PACKET_BYTES: Final = 2 << 20
 ANSWER_S: Final = 2.0
-# Before these all drives are read, and those that are set up again may have to boot.
+# These read back all drives before they answer, and drives that are set up again may have to boot.
 SLOW_COMMANDS: Final = frozenset({"enable", "reset"})
 SLOW_PATIENCE_S: Final = 30.0
 
-_RETRY_S = 0.0003  # where too many wait for a place: the client that asks oftener gets in
+_RETRY_S = 0.0003  # retry interval if the daemon's backlog is full
 
 
 def patience_s(command: str, timeout_s: float) -> float:
-    """Time [s] after which the answer to `command` comes no more."""
+    """Answer timeout of `command` [s]."""
     return max(SLOW_PATIENCE_S, timeout_s) if command in SLOW_COMMANDS else timeout_s
 
 
 class Connection:
     """One connection, from construction to `close`.
 
-    Raises UnreachableError if there is no daemon, this user may not ask it, or it does not answer
+    Raises UnreachableError if there is no daemon, this user has no access, or it does not answer
     within `timeout_s` [s].
     """
 
@@ -50,42 +50,41 @@ class Connection:
             raise HungUpError(f"the daemon closed the connection ({error.strerror})") from None
 
     def exchange(self, request: bytes, timeout_s: float) -> bytes:
-        """Send a request and wait for its answer, for `timeout_s` [s] at most. The connection is
-        closed where none comes."""
+        """Send a request and wait for its answer, at most `timeout_s` [s]. After a timeout the
+        connection is closed."""
         if self._socket.fileno() < 0:
             raise UnreachableError("the daemon has ended or was silent: connect again")
         self._socket.settimeout(timeout_s)
         try:
             self._socket.send(request)
         except (BrokenPipeError, ConnectionResetError):
-            pass  # it may have sent the reason before it closed: read on
+            pass  # the daemon may have sent a reason before it closed: read on
         except TimeoutError:
             raise UnreachableError("the daemon is silent: it reads no requests") from None
         try:
             answer = self.packet("does not answer; is it still starting?")
         except UnreachableError:
-            # A late answer would be taken for the answer to the next request.
+            # A late answer would be mistaken for that to the next request.
             self.close()
             raise
         self._socket.settimeout(self._timeout_s)
         return answer
 
     def waits(self, timeout_s: float) -> bool:
-        """True once a message, or the connection's end, waits to be read; False where neither came
+        """True once a message or the end of the connection can be read; False if neither arrives
         within `timeout_s` [s]."""
         poll = select.poll()
         poll.register(self._socket, select.POLLIN)
         return bool(poll.poll(1e3 * timeout_s))
 
     def packet(self, silence: str = "fell silent") -> bytes:
-        """Next message, as it was sent. If none comes, the error reads "the daemon {silence}".
-        Raises HungUpError where the daemon ended the connection, ControlError for a message that is
-        larger than any daemon sends."""
+        """Next message, undecoded. Raises UnreachableError "the daemon {silence}" on timeout,
+        HungUpError if the daemon closed the connection, ControlError for an oversized message."""
         try:
             try:
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
             except ConnectionResetError:
-                # Reported once, ahead of the messages that the daemon sent before it closed.
+                # Raised once, ahead of messages that the daemon sent before it closed.
                 size, _, flags, _ = self._socket.recvmsg_into([self._buffer])
         except TimeoutError:
             raise UnreachableError(f"the daemon {silence}") from None
@@ -106,7 +105,7 @@ def _connect(path: Path, timeout_s: float) -> socket.socket:
         while True:
             try:
                 connection.connect(str(path))
-            except BlockingIOError:  # its queue of connections is full
+            except BlockingIOError:  # its backlog is full
                 if time.monotonic() > deadline:
                     raise TimeoutError from None
                 time.sleep(_RETRY_S)

@@ -1,23 +1,23 @@
-"""Errors that a client of the daemon meets. contactd's own tree, `errors.py`, grows from here."""
+"""Errors of a client of the daemon; `common/errors.py` derives contactd's own from them."""
 
 
 class ContactdError(Exception):
-    """Root of all errors raised on purpose; `str()` is one message fit for a terminal."""
+    """Base of all deliberately raised errors; `str()` is a message for the terminal."""
 
     exit_code = 1
 
 
 class ControlError(ContactdError):
-    """A request to the daemon was refused, or a message was not understood."""
+    """Refused request to the daemon, or invalid message."""
 
     exit_code = 1
 
 
 class UnreachableError(ControlError):
-    """There is no daemon, it may not be asked, or it fell silent."""
+    """Missing, inaccessible or silent daemon."""
 
     exit_code = 69
 
 
 class HungUpError(UnreachableError):
-    """The daemon ended the connection: it ends, or reads its files anew."""
+    """Connection closed by the daemon, which is ending or reloading its files."""

@@ -1,4 +1,4 @@
-"""Messages as they travel: a request as JSON, an answer or a State out of it. Pure."""
+"""Encoding of requests, and decoding of answers and States, as JSON packets. Pure."""
 
 import json
 from collections.abc import Callable
@@ -7,8 +7,8 @@ from typing import Any, Final, cast
 from contactd_client.errors import ControlError
 from contactd_client.messages import STATE_FORMAT, Reply, Request, Snapshot, State, Status
 
-_MOST_SHOWN: Final = 40  # characters of a value that is not understood
-#: Fields that are checked here.
+_MOST_SHOWN: Final = 40  # characters of an invalid value
+#: Checks of fields that this client evaluates.
 _SHAPES: Final[dict[str, Callable[[Any], bool]]] = {
     "ok": lambda value: isinstance(value, bool),
     "message": lambda value: isinstance(value, str),
@@ -21,7 +21,7 @@ _SHAPES: Final[dict[str, Callable[[Any], bool]]] = {
 
 
 def encode(request: Request) -> bytes:
-    """The request as a packet. Raises ControlError for what is no JSON."""
+    """Packet of a request. Raises ControlError if it cannot be encoded as JSON."""
     try:
         return json.dumps(request, separators=(",", ":"), allow_nan=False).encode()
     except (TypeError, ValueError) as error:
@@ -29,7 +29,7 @@ def encode(request: Request) -> bytes:
 
 
 def decode_reply(packet: bytes) -> Reply:
-    """The answer in a packet. Raises ControlError for what is none."""
+    """Answer in a packet. Raises ControlError if it is invalid."""
     message = _decode(packet, "ok")
     for key, is_right in _SHAPES.items():
         if key in message and not is_right(message[key]):
@@ -39,17 +39,17 @@ def decode_reply(packet: bytes) -> Reply:
 
 
 def decode_state(packet: bytes) -> State:
-    """The State in a packet. Raises ControlError for what is none."""
+    """State in a packet. Raises ControlError if it is invalid."""
     return cast(State, _decode(packet, "tick"))
 
 
 def refusal(reply: Reply) -> str:
-    """The message and every reason of a refusal, in one line."""
+    """Message and all reasons of a refusal, in one line."""
     return "; ".join([reply.get("message") or "refused", *reply.get("reasons", [])])
 
 
 def status_of(reply: Reply) -> Status:
-    """The Status in the answer to `status`. Raises ControlError where that was refused."""
+    """Status in the answer to `status`. Raises ControlError for a refusal."""
     status = reply.get("status")
     if status is None:
         raise ControlError(refusal(reply))
@@ -57,16 +57,16 @@ def status_of(reply: Reply) -> Status:
 
 
 def snapshot_of(reply: Reply) -> Snapshot:
-    """The Snapshot in the answer to `subscribe`. Raises ControlError where that was refused, or
-    where the States that follow have other fields than this client knows."""
+    """Snapshot in the answer to `subscribe`. Raises ControlError for a refusal, or if the format of
+    the States differs from that of this client."""
     snapshot = reply.get("snapshot")
     if snapshot is None:
         raise ControlError(refusal(reply))
     version = snapshot.get("format", 0)
     if version != STATE_FORMAT:
         raise ControlError(
-            f"the daemon's States are of format {version}, this client reads {STATE_FORMAT}: take "
-            "the client that belongs to that contactd"
+            f"the daemon's States are of format {version}, this client reads {STATE_FORMAT}: use "
+            "the client of the daemon's version of contactd"
         )
     return snapshot
 

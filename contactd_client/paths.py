@@ -1,4 +1,4 @@
-"""Paths of the daemon's two sockets, the group of each, and why one cannot be used."""
+"""Paths of the daemon's two sockets, their groups, and reasons why one is not accessible."""
 
 import contextlib
 import os
@@ -16,11 +16,11 @@ UNIT_FOLDERS: Final = tuple(
 
 
 def default_socket_path() -> Path:
-    """Path of the control socket of a daemon that is given no other.
+    """Default path of a daemon's control socket.
 
-    `$CONTACTD_SOCKET`, else `/run/contactd/control` where that directory exists, else
-    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. Any user may create files in
-    /tmp: a file of another user at that name raises ControlError.
+    `$CONTACTD_SOCKET`, else `/run/contactd/control` if that directory exists, else
+    `$XDG_RUNTIME_DIR/contactd.sock`, else `/tmp/contactd-UID.sock`. As any user may create files in
+    /tmp, ControlError is raised if that file belongs to another user.
     """
     if chosen := os.environ.get("CONTACTD_SOCKET"):
         return Path(chosen)
@@ -38,11 +38,10 @@ def default_socket_path() -> Path:
 
 
 def usual_socket_path() -> Path:
-    """Path at which clients look for a daemon: as `default_socket_path`, but where none of that
-    user's own is there, that of the installed service, also before its first start. Raises
-    ControlError."""
+    """Path at which clients look for a daemon: `default_socket_path`, or if nothing is there, that
+    of the installed service, even before its first start. Raises ControlError."""
     path = default_socket_path()
-    # Below a folder of another user, left over from `su`, there is none of this user's own.
+    # False also in the folder of another user, which `su` may have left in the environment.
     there = os.access(path, os.F_OK)
     if os.environ.get("CONTACTD_SOCKET") or there or not service_installed():
         return path
@@ -62,10 +61,10 @@ def view_socket_path(control: Path) -> Path:
 
 
 def why_unreachable(path: Path, error: OSError) -> str:
-    """Reason why the daemon's socket at `path` cannot be connected to, in words for a person."""
+    """Reason why connecting to the daemon's socket at `path` failed, as a message with advice."""
     match error:
         case ConnectionRefusedError() if path.exists() and not path.is_socket():
-            return f"{path} is no socket"
+            return f"{path} is not a socket"
         case FileNotFoundError() | ConnectionRefusedError():
             if path == SERVICE_SOCKET and service_installed():
                 how = "`sudo systemctl start contactd`; `systemctl status contactd` shows why not"
@@ -86,11 +85,11 @@ def how_to_be_let_in(path: Path) -> str:
     except KeyError:  # without a name
         group = str(path.stat().st_gid)
     except OSError:
-        return f"you may not use {path}: its folder is closed to you"
+        return f"you may not use {path}: you have no access to its folder"
     if group in (CONTROL_GROUP, VIEW_GROUP):
         join = f"sudo usermod -aG {group} YOU; it counts from your next login"
         return f"you may not use {path}: join the group {group} ({join})"
-    # Joining that one, root's for instance, would give access to far more than an arm.
+    # Joining another group, such as root's, would give access to far more than the arm.
     wanted = VIEW_GROUP if path.name.endswith("-view.sock") else CONTROL_GROUP
     return (
         f"you may not use {path}: it belongs to the group {group}. Create the group {wanted}, add "

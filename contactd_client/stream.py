@@ -1,11 +1,11 @@
-"""Stream of targets to the arm: a pose after the other, at the sender's own rate.
+"""Stream of targets to the arm: successive poses at the sender's own rate.
 
     with Client(control_socket) as client, client.follow() as arm:
         while leader.runs():
             arm.to(leader.pose())
 
-The daemon answers each target; answers are read when they have come, never waited for, but that to
-the first one. docs/following.md explains what the arm does.
+The daemon answers each target; except for the first, answers are read without blocking.
+docs/following.md explains the behaviour of the arm.
 """
 
 from collections.abc import Sequence
@@ -20,9 +20,9 @@ class Stream(TargetStream[Connection]):
     """Stream of one client, from its first target to the end of the `with` block, which halts the
     arm.
 
-    Every method raises ControlError with the reason when the arm does not follow, or not any more
-    (stopped, disabled, a fault), and UnreachableError when the daemon is gone or silent. Nothing
-    else is to be asked on this connection meanwhile.
+    Every method raises ControlError with the reason if the arm does not follow, or no longer does
+    (stopped, disabled, a fault), and UnreachableError if the daemon is gone or silent. Send no
+    other requests on this connection meanwhile.
     """
 
     def __enter__(self) -> Self:
@@ -38,8 +38,8 @@ class Stream(TargetStream[Connection]):
         velocity: Sequence[float] | None = None,
         sent_s: float | None = None,
     ) -> None:
-        """Send the next target: q of all joints [rad], their velocity [rad/s] if it is known, and
-        the time at which they were there [s], now unless given. The arm begins with the first."""
+        """Send the next target: q of all joints [rad], their velocity [rad/s] if known, and the
+        time of that pose [s] (default: now). The arm starts to follow with the first target."""
         if self.reply is None:
             self._exchange(self._targets.follow(q, sent_s))
             return
@@ -51,13 +51,13 @@ class Stream(TargetStream[Connection]):
             raise UnreachableError("the daemon does not answer the stream")
 
     def rejoin(self, q: Sequence[float], sent_s: float | None = None) -> None:
-        """Let the arm go slowly to q (of all joints, [rad]) and follow again, after a contact;
-        sent_s as of `to`. Raises ControlError where q is out of reach; the stream goes on."""
+        """Move the arm slowly to q (of all joints, [rad]) after a contact, and follow again; sent_s
+        as for `to`. Raises ControlError if q is out of reach; the stream continues."""
         self._await_answers()
         self._exchange(self._targets.follow(q, sent_s))
 
     def end(self) -> None:
-        """Halt the arm, if it follows."""
+        """Halt the arm if it follows."""
         if self._targets.follows:
             self._await_answers()
             self._exchange(PAUSE)

@@ -1,4 +1,4 @@
-"""Requests of one stream of targets, and its answers. Pure."""
+"""Requests and answers of one stream of targets. Pure."""
 
 import math
 import time
@@ -10,21 +10,21 @@ from contactd_client.messages import Reply, Request, StreamState
 from contactd_client.packets import decode_reply, encode, refusal
 
 ConnectionT = TypeVar("ConnectionT")
-#: Halts the arm at the end of a stream.
+#: Request that halts the arm at the end of a stream.
 PAUSE: Final = encode({"command": "pause"})
-#: Answers that may be missing before the daemon counts as silent: half a second at 200 Hz.
+#: Missing answers from which the daemon counts as silent: half a second at 200 Hz.
 MOST_MISSING: Final = 100
 
 
 class Targets:
-    """Targets of one sender, numbered and timed by `clock` [s], which must never run back."""
+    """Targets of one sender, numbered and timed by `clock` [s], which must be monotonic."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._number = clock, 0
         self.reply: Reply | None = None
-        """latest answer"""
+        """Latest answer."""
         self.follows = False
-        """True once the arm has begun to follow, until an answer refuses it"""
+        """True once the arm has begun to follow, until an answer is a refusal."""
 
     @property
     def state(self) -> StreamState | None:
@@ -32,13 +32,13 @@ class Targets:
         return None if self.reply is None else self.reply.get("stream")
 
     def follow(self, q: Sequence[float], sent_s: float | None) -> bytes:
-        """Request to follow from q [rad] on, of all joints, or to rejoin there."""
+        """Request to follow from q of all joints [rad] on, or to rejoin there."""
         return encode({"command": "follow", "q": _numbers("q", q), **self._stamp(sent_s)})
 
     def target(
         self, q: Sequence[float], velocity: Sequence[float] | None, sent_s: float | None
     ) -> bytes:
-        """Request with the next target: q [rad] and, where it is known, velocity [rad/s]."""
+        """Request with the next target: q [rad] and, if known, velocity [rad/s]."""
         request: Request = {"command": "target", "q": _numbers("q", q), **self._stamp(sent_s)}
         if velocity is not None:
             request["velocity"] = _numbers("velocity", velocity)
@@ -57,12 +57,12 @@ class Targets:
 
 
 class TargetStream(Generic[ConnectionT]):
-    """State of a stream: its connection, its targets, and the answers that have not come yet."""
+    """State of a stream: its connection, its targets, and the number of missing answers."""
 
     def __init__(
         self, connection: ConnectionT, timeout_s: float, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """clock: time of the targets [s]; it must never run back."""
+        """clock: time of the targets [s]; must be monotonic."""
         self._connection, self._timeout_s = connection, timeout_s
         self._targets = Targets(clock)
         self._missing = 0  # answers
@@ -74,13 +74,13 @@ class TargetStream(Generic[ConnectionT]):
 
     @property
     def state(self) -> StreamState | None:
-        """Latest report: phase of the arm, delay, losses, a contact that lasts; None before the
-        first target."""
+        """Latest report: phase of the arm, delay, losses, a present contact; None before the first
+        target."""
         return self._targets.state
 
 
 def _numbers(name: str, values: Sequence[float]) -> list[float]:
-    """The values as a list. Raises ControlError for one that is no finite number."""
+    """Values as a list. Raises ControlError for one that is not a finite number."""
     numbers = list(values)
     for i, value in enumerate(numbers):
         try:

@@ -1,1 +1,1 @@
-"""The CAN side: bus, CANopen boot-up, CiA 402 states, PDO codec, and the arm as arrays."""
+"""Drives on the CAN bus: bus access, boot-up, drive states, codecs, and the arm as arrays."""

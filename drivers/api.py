@@ -1,8 +1,8 @@
-"""Drives of one arm, as the daemon asks for them: above this line nothing says which bus it is.
+"""Interface between the daemon and the drives of one arm; the daemon does not know which bus it is.
 
-Another make of bus is one more folder beside `canopen/`, with a class that does what `Drives` and
-`BootableDrives` say. Vectors have shape (n,), one row per joint, SI at the link; times are in
-seconds, and come from the caller.
+Another make of drive is one more folder beside `canopen/`, with a class that implements `Drives` or
+`BootableDrives`. Vectors have shape (n,), one row per joint, in SI units at the link; times are in
+seconds and are passed in by the caller.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ Report = Callable[[str], None]
 
 
 class PowerTarget(IntEnum):
-    """Target of a drive: without power, following its setpoint, or stopped and holding."""
+    """Target state of a drive: unpowered, following its setpoint, or stopped and holding."""
 
     OFF = 0
     ON = 1
@@ -27,7 +27,7 @@ class PowerTarget(IntEnum):
 
 
 class DriveCondition(Enum):
-    """Condition of a drive, as it reports it."""
+    """Condition that a drive reports."""
 
     UNKNOWN = "unknown"  # or not reported yet
     OFF = "off"
@@ -44,7 +44,7 @@ class DriveCondition(Enum):
 
     @property
     def powered(self) -> bool:
-        """True where the motor may have torque."""
+        """True if the motor may produce torque."""
         return self not in _UNPOWERED
 
     def reached(self, target: PowerTarget) -> bool:
@@ -63,7 +63,7 @@ _REACHED: Final = {
 
 @dataclass(frozen=True, slots=True)
 class DriveStatus:
-    """Report of one drive about itself."""
+    """Status that one drive reports."""
 
     condition: DriveCondition
     state: str  # the drive's own name for its condition, as published
@@ -73,27 +73,27 @@ class DriveStatus:
 
 
 class Kind(Enum):
-    """Kinds of events beside the samples. Most mean a fault; the daemon's table says which."""
+    """Kinds of events reported with samples. Most mean a fault, as the daemon's table says."""
 
-    DISTURBED = "the bus failed for once, or an answer came late"
-    LOADED = "too much of the bus is taken"
-    PASSIVE = "the bus works, but badly"
-    OFF_BUS = "nothing is sent or received"
-    ADAPTER_GONE = "this bus must be opened anew"
+    DISTURBED = "a single bus error, or an answer that came late"
+    LOADED = "the bus load is too high"
+    PASSIVE = "the controller is error-passive"
+    OFF_BUS = "the controller is bus-off: nothing is sent or received"
+    ADAPTER_GONE = "the adapter is gone: the bus must be reopened"
     FOREIGN_MASTER = "another master commands the drives"
-    ABSENT = "the drives heard nothing of us, and may have stopped by themselves"
+    ABSENT = "the drives missed the master, and may have stopped by themselves"
     BAD_SETPOINT = "a target velocity that is not finite was refused"
     ERROR = "a drive reports an error"
-    UNHEARD = "a drive missed us"
+    UNHEARD = "a drive reports that it missed the master"
     SILENT = "a drive is no longer heard"
-    DROPPED = "a drive no longer takes setpoints"
+    DROPPED = "a drive no longer accepts setpoints"
     RESTARTED = "a drive has lost its set-up"
     OLD_SAMPLES = "samples are a period old"
-    REPEATED_SAMPLES = "samples repeat, and were not measured"
-    TWO_DRIVES = "two drives answer as one"
-    NOT_SEEN_TO_STOP = "a drive was commanded to stop, and is not seen to"
-    UNPROVED = "nothing more can be done to stop a drive"
-    UNGUARDED = "nothing would hold the arm without this process"
+    REPEATED_SAMPLES = "samples repeat the previous ones instead of being measured"
+    TWO_DRIVES = "two drives answer under the same identifier"
+    NOT_SEEN_TO_STOP = "a drive was commanded to stop, but is not observed to stop"
+    UNPROVED = "every means to stop a drive is exhausted"
+    UNGUARDED = "nothing would hold the arm if this process died"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,17 +101,16 @@ class Event:
     """Event of one tick, reported once while it lasts."""
 
     kind: Kind
-    text: str  # with the joints of the drives that it is about
+    text: str  # names the joints of the affected drives
 
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Measurements of one tick, reports and events beside them. Nothing of it changes afterwards:
-    the arrays are read-only.
+    """Measurements of one tick, with drive reports and events. Immutable: the arrays are read-only.
 
-    A joint is fresh when all of it was measured in this tick, came in time, and the tick's first
-    answer no later than usual (else no joint is); of any other the values are the last that came
-    (NaN before the first), not necessarily of one moment.
+    A joint is fresh if all of its values were measured in this tick and arrived in time, and the
+    first answer of the tick came no later than usual (otherwise no joint is fresh). Other joints
+    keep the last values received (NaN before the first), not necessarily of one instant.
     """
 
     current: Vector  # A
@@ -119,30 +118,30 @@ class Samples:
     motor_velocity: Vector  # rad/s
     motor_position: Vector | None  # rad; None unless every drive sends it
     fresh: NDArray[np.bool_]
-    age_s: Vector  # since the last sample that came, or since samples are asked for again [s]
-    starting: NDArray[np.bool_]  # not fresh since then, and may still be starting up
+    age_s: Vector  # since the last complete sample, or since sampling was restarted [s]
+    starting: NDArray[np.bool_]  # not fresh since the restart; the drive may still be starting up
     drives: tuple[DriveStatus, ...]
     events: tuple[Event, ...] = ()
 
     @property
     def came(self) -> NDArray[np.bool_]:
-        """Joints (n,) whose samples came in this tick, of whatever moment: enough to see what a
-        drive reports, and that it stands."""
+        """Joints (n,) whose samples arrived in this tick, whenever they were measured: sufficient
+        to read the drive's status and to observe a standstill."""
         came: NDArray[np.bool_] = self.age_s == 0.0
         return came
 
 
 @dataclass(frozen=True, slots=True)
 class Objection:
-    """Reason why drives are not fit for an arm that yields to hands; fails this arming check."""
+    """Reason why the drives are unfit for an arm that yields to contact; fails an arming check."""
 
     check: Literal["drives", "samples", "heartbeats", "emergencies", "set-up"]
     text: str
 
 
 class Drives(Protocol):
-    """Drives of an arm in a tick, which is `sync`, `collect`, `command`. None of these waits, but
-    `collect` for its deadline; no failure of the bus is an exception."""
+    """Drives of an arm within a tick: `sync`, `collect`, `command`. Only `collect` blocks, at most
+    until its deadline; bus failures are reported as events, not raised."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -150,10 +149,10 @@ class Drives(Protocol):
 
     @property
     def silenced(self) -> bool:
-        """True in the last stage of a stop: nothing is sent to the drives."""
+        """True in the last stage of a stop: neither heartbeat nor setpoints are sent."""
 
     def sync(self, now: float) -> None:
-        """Begin a tick: all drives measure now."""
+        """Begin a tick: trigger the measurement of all drives."""
 
     def collect(self, deadline: float) -> Samples:
         """Samples that arrive until `deadline`, on the drives' clock."""
@@ -165,24 +164,24 @@ class Drives(Protocol):
         reset: bool = False,
         ask: bool = False,
     ) -> None:
-        """Lead every drive towards `power`, and let those in operation follow `velocity` [rad/s];
-        `reset` also asks those in fault for a reset. `ask` permits slow questions to drives, at
+        """Take every drive one step towards `power`, and send `velocity` [rad/s] to those in
+        operation. `reset` also resets drives in fault; `ask` permits slow queries, for an arm at
         rest."""
 
     def unproved(self) -> tuple[str, ...]:
         """Joints commanded to stop and not confirmed at standstill since."""
 
     def objections(self) -> tuple[Objection, ...]:
-        """Reasons against arming that samples do not show."""
+        """Reasons against arming that are not visible in the samples."""
 
 
 class BootableDrives(Drives, Protocol):
-    """Drives over their whole life: set up before the first tick, proved again between two while
-    the arm stands, and let go after the last. Methods that wait raise ContactdError."""
+    """Drives over their life cycle: set up before the first tick, verified between ticks while the
+    arm is at rest, and released after the last. Methods that block raise ContactdError."""
 
     @property
     def identities(self) -> Sequence[str]:
-        """Make and number of each drive that was set up, in words."""
+        """Make and serial number of each drive that was set up, as text."""
 
     @property
     def serials(self) -> Sequence[int | None]:
@@ -190,28 +189,28 @@ class BootableDrives(Drives, Protocol):
 
     @property
     def left_alone(self) -> bool:
-        """True when every drive has had the time to miss us and to stop by itself."""
+        """True once every drive has had the time to miss the master and to stop by itself."""
 
     def boot_up(self, report: Report) -> None:
-        """Set all drives up, and read back; `report` gets lines of text."""
+        """Set up all drives and read the settings back; `report` receives progress lines."""
 
     def start(self, now: float, renewed: Sequence[int] | None = None) -> None:
-        """Begin to tick: samples flow from now on. renewed: joints whose drives were just set up;
-        None is all. What is known of the others is kept."""
+        """Start cyclic operation. renewed: joints whose drives were just set up (None: all); the
+        history of the other drives is kept."""
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
-        """Read back the set-up of all drives, and set up again those that lost it, whose joints are
-        returned. `meanwhile` is called again and again; `warn` gets what was lost. `start` must
-        follow, also after an exception."""
+        """Read back the set-up of all drives and repeat it where it was lost; returns the joints of
+        these drives. `meanwhile` is called repeatedly; `warn` receives the settings that were lost.
+        `start` must follow, even after an exception."""
 
     def acknowledge(self) -> None:
-        """A person has reset the fault: errors that no drive shows any more are over."""
+        """Acknowledge a fault on the operator's reset: clear errors that no drive reports now."""
 
     def quick_stop(self) -> None:
-        """Command all drives to stop and hold, now, whatever else is broken or unknown."""
+        """Command all drives to stop and hold immediately, whatever has failed or is unknown."""
 
     def end(self) -> None:
-        """End the session: no late setpoint acts any more."""
+        """End the session: a late setpoint no longer has any effect."""
 
     def let_go(self) -> None:
-        """End the drives' watch on us, as the arm is at rest for good."""
+        """Disable the drives' monitoring of the master, now that the arm stays at rest."""

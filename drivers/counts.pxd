@@ -1,4 +1,4 @@
-# Types of counts.py, for the compiler alone.
+# C types of counts.py, read by the compiler only.
 
 cimport cython
 

@@ -1,4 +1,4 @@
-"""Drive of an arm: the joint that it turns, its place on the bus, its kind, its speeds."""
+"""Drive of an arm: its joint, bus address, profile and velocity limits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,50 +15,50 @@ class DriveKind(Protocol):
 
     @property
     def master_timeout_ms(self) -> int:
-        """The same, as configured [ms]."""
+        """Master timeout as configured [ms]."""
 
     @property
     def patience_s(self) -> float:
-        """Time without us after which the drive stops, or lets go, by itself [s]."""
+        """Time without the master after which the drive stops or releases by itself [s]."""
 
     @property
     def silence_s(self) -> float:
-        """Time after which its silence is noticed by other than missing samples [s]; 0 where there
-        is no other."""
+        """Time after which its silence is detected by means other than missing samples [s]; 0 if
+        there is none."""
 
     @property
     def stops_alone(self) -> bool:
-        """True where it stops and holds when nothing of ours reaches it."""
+        """True if it stops and holds by itself when it no longer receives our frames."""
 
     @property
     def without_us(self) -> str:
-        """Its reaction when nothing of ours reaches it, in words."""
+        """Its reaction when it no longer receives our frames, as text."""
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Files that it refers to, relative to the configuration."""
+        """Files that the profile refers to, relative to the configuration folder."""
 
     @property
     def sends_motor_position(self) -> bool:
-        """True where the position of the motor is among the samples."""
+        """True if the motor position is among the samples."""
 
     @property
     def one_sign(self) -> bool:
-        """True where both encoders are in the motor, and count the same way."""
+        """True if both encoders are in the motor and count in the same direction."""
 
 
 Measure = Literal["effort", "link_position", "motor_velocity", "target_velocity"]
 """Quantity of a drive; `effort` is its current, or its torque as a current."""
 ProfileProblem = tuple[tuple[str | int, ...], str]
-"""Place in a profile, or in a joint, and what is wrong there."""
+"""Location in a profile or joint, and the problem found there."""
 
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """Integers of one quantity in a drive: gain * counts + bias is its SI value at the link."""
+    """Integer scale of one quantity in a drive: SI value at the link is gain * counts + bias."""
 
-    at: tuple[str, ...]  # field of the profile that scales them
-    words: str  # their type, for messages
+    at: tuple[str, ...]  # field of the profile that sets the scale
+    words: str  # integer type, for messages
     gain: float
     bias: float
     lowest: int
@@ -70,18 +70,18 @@ P_co = TypeVar("P_co", bound=DriveKind, covariant=True)
 
 @dataclass(frozen=True, slots=True)
 class Drive(Generic[P_co]):
-    """One drive, resolved: `profile` is what `wiring.profile` names."""
+    """One drive with its references resolved: `profile` is the one that `wiring.profile` names."""
 
     name: str  # of the joint
     wiring: JointWiring
     profile: P_co
     velocity: float  # highest commanded speed, > 0 [rad/s at the link]
     quick_stop: float  # deceleration of its quick stop, > 0 [rad/s2 at the link]
-    play: float = 0.0  # of its link about its motor: width of the gap [rad]
+    play: float = 0.0  # between link and motor: full width of the gap [rad]
 
     @property
     def node(self) -> int:
-        """Its node id (CiA 301), or the id by which another make calls it."""
+        """Node ID (CiA 301), or the ID under which another make addresses it."""
         return self.wiring.node
 
     def __str__(self) -> str:
@@ -89,7 +89,7 @@ class Drive(Generic[P_co]):
 
 
 def harmonics(drives: Sequence[Drive[Any]]) -> Table:
-    """Errors of the link encoders (n, k, 3), k the most that one joint has; zeros fill it up."""
+    """Error harmonics of the link encoders (n, k, 3), padded with zeros to the largest count k."""
     given = [[(h.order, h.cosine, h.sine) for h in d.wiring.link_correction] for d in drives]
     table = np.zeros((len(drives), max(map(len, given), default=0), 3))
     for row, rows in zip(table, given, strict=True):

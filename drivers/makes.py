@@ -1,4 +1,4 @@
-"""Makes of drives: what the configuration asks of each before the first tick."""
+"""Makes of drives: functions of each make that the configuration needs before the first tick."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -23,42 +23,42 @@ from drivers.robstride.settings import RobStrideProfile
 
 DriveProfile = CanopenProfile | DamiaoProfile | RobStrideProfile | LogProfile
 USUAL: Final = "canopen"
-"""Make of a profile that names none."""
+"""Default make, of a profile that names none."""
 
 
 class RecordedTicks(Protocol):
-    """Ticks of recorded frames: samples and setpoints again, as they were."""
+    """Reconstruction of ticks, with samples and setpoints, from recorded frames."""
 
     velocity: Vector
-    """Target velocities that were sent last (n,) [rad/s]."""
+    """Most recently sent target velocities (n,) [rad/s]."""
 
     def begins(self, can_id: int, data: bytes, *, sent: bool) -> bool:
-        """True for the frame that a tick begins with."""
+        """True if this frame begins a tick."""
 
     def begin(self, now: float) -> None:
         """Begin a tick."""
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
-        """Take a frame of it, its first as well."""
+        """Take a frame of the tick, including its first."""
 
     def finish(self) -> Samples:
-        """End the tick."""
+        """End the tick and return its samples."""
 
 
 LANGUAGES: Final[dict[type, type[Language]]] = {
     DamiaoProfile: DamiaoLanguage, RobStrideProfile: RobStrideLanguage,
 }  # fmt: skip
-"""Languages of motors that let go when nothing is sent to them."""
+"""Languages of motors that release (drop their torque) when they receive no frames."""
 
 
 def guardian_of(drives: Sequence[Drive[Any]]) -> Guardian | None:
-    """Guardian of an arm; None where its drives stop and hold by themselves."""
+    """Guardian of an arm; None if its drives stop and hold by themselves."""
     language = LANGUAGES.get(type(drives[0].profile))
     return None if language is None else Guardian(drives, language(drives))
 
 
 class Make(Protocol):
-    """One make: the module `make` in its folder."""
+    """Interface of one make: the module `make` in its folder."""
 
     def problems(
         self,
@@ -68,21 +68,21 @@ class Make(Protocol):
         period_ms: int,
         master_node: int,
     ) -> list[ProfileProblem]:
-        """Problems of a profile, of which these are the drives, once each."""
+        """Problems of a profile that these drives use, each reported once."""
 
     def wrong(self, drive: Drive[Any]) -> Iterable[ProfileProblem]:
-        """Problems of a joint with such a drive, at its fields."""
+        """Problems of the joint with this drive, by field."""
 
     def counts(self, drive: Drive[Any], measure: Measure) -> Counts:
-        """Integers of a quantity of a drive. Raises ConfigurationError if it has none."""
+        """Integer scale of a quantity of a drive. Raises ConfigurationError if it has none."""
 
     def frames(
         self, drives: Sequence[Drive[Any]], period_s: float, master_node: int = 127
     ) -> tuple[FrameLoad, ...]:
-        """Every periodic frame of an arm."""
+        """All periodic frames of an arm."""
 
     def recorded(self, drives: Sequence[Drive[Any]], period_s: float) -> RecordedTicks:
-        """Ticks of recorded frames of an arm."""
+        """Reconstruction of an arm's ticks from its recorded frames."""
 
 
 MAKES: Final[dict[type, Make]] = {
@@ -92,5 +92,5 @@ MAKES: Final[dict[type, Make]] = {
 
 
 def make_of(profile: DriveProfile) -> Make:
-    """Make of a drive of this kind."""
+    """Make to which a profile belongs."""
     return MAKES[type(profile)]

@@ -1,22 +1,22 @@
-"""Promptness of answers: whether drives measured when they were asked to. Pure.
+"""Promptness of answers: whether drives measured at the time of the request. Pure.
 
-A question that a busy machine, or an adapter, holds up is answered late, and what was measured is
-of a moment that is not known: at 1 rad/s a millisecond looks like 0.1 rad/s over a period of 10 ms.
-What is usual, and how far it varies, are followed as medians: half of all answers may be late.
+A request delayed by a busy machine or an adapter is answered late, at an unknown measurement time:
+at 1 rad/s, a delay of 1 ms looks like 0.1 rad/s over a period of 10 ms. The usual delay and its
+spread are tracked as medians, so that up to half of all answers may be late.
 """
 
 import math
 from typing import Final
 
-#: Of a period, and of the median deviation from what is usual: an answer that is later by more than
-#: the larger of both is of an unknown moment.
+#: An answer is late if it exceeds the usual delay by more than the larger of these: a share of the
+#: period, and a multiple of the median absolute deviation.
 _LATE_SHARE: Final = 0.15
 _LATE_SPREADS: Final = 3.0
-_FOLLOWS: Final = 0.001  # of a period, in a tick
+_FOLLOWS: Final = 0.001  # step of the medians per tick, as a share of the period
 
 
 class Promptness:
-    """Delays of the first answer of each tick, and what is usual."""
+    """Delay of the first answer of each tick, compared with the usual one."""
 
     def __init__(self, period_s: float) -> None:
         self._least_s, self._step_s = _LATE_SHARE * period_s, _FOLLOWS * period_s

@@ -1,9 +1,9 @@
-"""Punctuality of TPDOs: the SYNC that each one answers, from their numbers alone. Pure.
+"""Punctuality of TPDOs: the SYNC that each one answers, inferred from counts alone. Pure.
 
-A TPDO does not name the SYNC that it answers. One that is a period late for ever comes once every
-SYNC, like any other, and its contents are a period old. It began with a SYNC that got no answer
-in time; so does every frame that is lost. Which of the two it was shows where a SYNC is left out:
-only old answers come then. Two drives with one node number answer every SYNC twice.
+A TPDO does not identify the SYNC that it answers. One that is always a period late arrives once per
+SYNC, like any other, but its contents are a period old. Such a delay begins with a SYNC that got no
+answer in time; so does the loss of a frame. Skipping one SYNC separates the two: only late answers
+arrive then. Two drives with the same node ID answer every SYNC twice.
 
 TPDOs are bits of an integer. Time is an argument.
 """
@@ -11,40 +11,41 @@ TPDOs are bits of an integer. Time is an argument.
 import math
 from typing import Final
 
-#: From a missing answer to the SYNC that is left out for it [ticks].
+#: Time from a missing answer to the SYNC that is skipped because of it [ticks].
 DOUBT_TICKS: Final = 5
-#: Between two of these [s]: on a bus that loses frames a tick without answers must be rare, as two
-#: more that are missing beside it stop the arm; and where answers are known to be old it holds.
+#: Shortest time between two skipped SYNCs [s]: on a bus that loses frames a tick without answers
+#: must be rare, as two more missing beside it stop the arm. While answers are known to be old, the
+#: arm holds anyway.
 LEFT_OUT_EVERY_S, LEFT_OUT_EVERY_WHILE_OLD_S = 10.0, 1.0
-#: So many SYNCs in a row that a TPDO answers twice.
+#: Consecutive SYNCs that a TPDO has to answer twice.
 TWICE_TICKS: Final = 5
 
 
 class Punctuality:
-    """Count of SYNCs against answers; `old` and `twice` are the results."""
+    """Comparison of SYNCs with answers; `old` and `twice` are the results."""
 
     def __init__(self, period_s: float) -> None:
         self._patience_s = (DOUBT_TICKS - 0.5) * period_s
         self.start_anew()
 
     def start_anew(self) -> None:
-        """No SYNC has gone out for some time."""
+        """Start over after a pause without SYNC."""
         self.old = 0
-        """TPDOs that were a period late when last looked at."""
+        """TPDOs that were a period late when last checked."""
         self.twice = 0
         """TPDOs that two drives send."""
-        self._unanswered = 0  # of the last SYNC
-        self._doubts = 0  # did not answer some SYNC before that
+        self._unanswered = 0  # TPDOs missing after the last SYNC
+        self._doubts = 0  # TPDOs missing after some earlier SYNC
         self._doubted_s = self._probed_s = -math.inf
         self._probing = False
-        self._seen = 0  # while a SYNC is left out
-        self._extra = self._more = 0  # since the last SYNC: beyond its answer, beyond two
+        self._seen = 0  # TPDOs received while a SYNC is skipped
+        self._extra = self._more = 0  # TPDOs received a second, a third time since the last SYNC
         self._suspects = self._twice_ticks = 0
 
     def unawaited(self, bit: int) -> bool:
-        """Take a TPDO that is not awaited; True if an answer before it was old."""
+        """Record an unawaited TPDO; True if it shows that an earlier answer was old."""
         if self._unanswered & bit:
-            self._unanswered ^= bit  # late, before the next SYNC: its own
+            self._unanswered ^= bit  # late, but before the next SYNC
         elif self._doubts & bit:
             self._doubts ^= bit
             self._seen |= bit
@@ -55,28 +56,28 @@ class Punctuality:
         return False
 
     def ended(self, missing: int) -> None:
-        """A tick with a SYNC ends without these answers."""
+        """End a tick with a SYNC; `missing`: TPDOs that did not arrive."""
         self._unanswered = missing
 
     def doubted(self, now: float) -> int:
-        """TPDOs of which it will soon be seen whether they are old."""
-        return self._doubts if self._doubts and self._may_look(now) else 0
+        """TPDOs that will soon be checked by skipping a SYNC."""
+        return self._doubts if self._doubts and self._may_probe(now) else 0
 
-    def _may_look(self, now: float) -> bool:
+    def _may_probe(self, now: float) -> bool:
         every_s = LEFT_OUT_EVERY_WHILE_OLD_S if self.old else LEFT_OUT_EVERY_S
         return now - self._probed_s >= every_s
 
     def leaves_out(self, now: float) -> bool:
-        """True if the SYNC of this tick is to be left out, to see whether old answers come."""
+        """True if the SYNC of this tick is to be skipped, to check for old answers."""
         if not self._doubts or self._unanswered or now - self._doubted_s < self._patience_s:
             return False
-        if not self._may_look(now):
+        if not self._may_probe(now):
             return False
         self._probing, self._probed_s, self._seen = True, now, 0
         return True
 
     def asked(self, now: float) -> None:
-        """SYNC is about to go out; all that came before is taken."""
+        """Begin a SYNC, which is about to be sent; all frames received before it are processed."""
         if self._probing:
             self._probing = False
             self.old = self._seen

@@ -1,16 +1,15 @@
-"""Settings of any bus: their base, and what several of them use."""
+"""Base of all bus and drive settings, and the types that they share."""
 
 from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
-# A node id is 1 ... 127 (CiA 301); 127 is the usual place of a master, so that drives may use the
-# rest.
+# A node ID is 1 ... 127 (CiA 301); 127 is usually the master's and leaves the rest to the drives.
 NodeId = Annotated[int, Meta(ge=1, le=127)]
 Sign = Literal[-1, 1]
 Name = Annotated[str, Meta(min_length=1, max_length=64)]
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of everything that is read from a configuration file: immutable, no unknown keys."""
+    """Base of all settings read from a configuration file: immutable, no unknown keys."""

@@ -1,7 +1,7 @@
-"""Plug-in of LeRobot: an arm that contactd runs as a robot, and one that is led as a teleoperator.
+"""LeRobot plug-in: an arm run by contactd as a robot, and a hand-guided arm as a teleoperator.
 
-LeRobot imports this package by the prefix of its name; that registers `--robot.type=contactd` and
-`--teleop.type=contactd_leader`. docs/lerobot.md has both in ten lines.
+LeRobot imports this package because of its name's prefix, which registers `--robot.type=contactd`
+and `--teleop.type=contactd_leader`. docs/lerobot.md has short examples.
 """
 
 from lerobot_robot_contactd.config_contactd import ContactdConfig, ContactdLeaderConfig

@@ -1,4 +1,4 @@
-"""Settings of the robot and of the leader, as LeRobot's command line takes them."""
+"""Settings of the robot and of the leader, for LeRobot's command line."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ from lerobot.teleoperators import TeleoperatorConfig
 @RobotConfig.register_subclass("contactd")
 @dataclass(kw_only=True)
 class ContactdConfig(RobotConfig):
-    """Arm that follows."""
+    """Settings of a follower arm."""
 
     socket: str = ""  # control socket; empty: that of the service, or of this user's daemon
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
@@ -19,6 +19,6 @@ class ContactdConfig(RobotConfig):
 @TeleoperatorConfig.register_subclass("contactd_leader")
 @dataclass(kw_only=True)
 class ContactdLeaderConfig(TeleoperatorConfig):
-    """Arm that is led by hand."""
+    """Settings of a hand-guided leader arm."""
 
-    socket: str = ""  # control socket of its daemon, of which only the view socket is used
+    socket: str = ""  # control socket of its daemon; only the view socket beside it is used

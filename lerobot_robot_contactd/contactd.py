@@ -1,5 +1,5 @@
-"""Arm that contactd runs, as a Robot of LeRobot: it follows actions as a stream of targets, and
-yields to a touch meanwhile."""
+"""Arm run by contactd as a LeRobot Robot: it follows actions as a stream of targets, and yields to
+contact meanwhile."""
 
 from functools import cached_property
 from typing import Any, Final
@@ -16,19 +16,19 @@ MODES: Final = (
     "off", "enabling", "holding", "tracking", "admittance", "retracting", "returning", "releasing",
     "stopping", "faulted",
 )  # fmt: skip
-"""In an observation a mode is its place here; -1: unknown."""
+"""Modes by their value in an observation; -1: unknown."""
 SILENCE: Final = "fell silent"
-"""Words of the daemon's reason why it forgot a stream that only paused."""
+"""Text in the daemon's refusal after a stream that merely paused."""
 FOLLOWS: Final = frozenset({"joining", "following", "stalled"})
-"""Phases of an arm that is not held back by a contact, or by a person."""
+"""Phases in which the arm is held back by neither a contact nor an operator."""
 
 
 class Contactd(OfContactd, Robot):
-    """Robot of contactd.
+    """LeRobot Robot of an arm run by contactd.
 
-    Observation: of each joint `NAME.pos` [rad], `NAME.vel` [rad/s], external torque `NAME.torque`
-    and the level beyond which it is a contact, `NAME.level` [Nm]; `contact` (1.0 while something is
-    touched), `mode` (place in MODES), and the cameras. Action: `NAME.pos` [rad].
+    Observation: for each joint `NAME.pos` [rad], `NAME.vel` [rad/s], external torque `NAME.torque`
+    and contact level `NAME.level` [Nm]; `contact` (1.0 during a contact), `mode` (index in MODES),
+    and the cameras. Action: `NAME.pos` [rad].
     """
 
     config_class = ContactdConfig
@@ -51,7 +51,7 @@ class Contactd(OfContactd, Robot):
         return {**dict.fromkeys([*floats, "contact", "mode"], float), **images}
 
     def connect(self, calibrate: bool = True) -> None:
-        """Connect to the daemon. Nothing moves before the first action."""
+        """Connect to the daemon. The arm does not move before the first action."""
         del calibrate
         if self.is_connected:
             raise DeviceAlreadyConnectedError(f"{self} is connected")
@@ -61,7 +61,7 @@ class Contactd(OfContactd, Robot):
             camera.connect()
 
     def get_observation(self) -> dict[str, Any]:
-        """Latest observation. Raises ConnectionError where the daemon is gone or silent."""
+        """Latest observation. Raises ConnectionError if the daemon is gone or silent."""
         if self._latest is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         state = self._latest.get()
@@ -84,10 +84,10 @@ class Contactd(OfContactd, Robot):
         return observation
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Send the next target, and return it; the arm begins with the first. Raises ControlError,
-        with the reason, where the arm does not follow, or not any more. After silence alone, as
-        while LeRobot saves an episode, the arm begins anew, slowly; not where it waits after a
-        contact."""
+        """Send the next target, and return it; the arm starts to follow with the first. Raises
+        ControlError, with the reason, if the arm does not follow, or no longer does. After a mere
+        pause, as while LeRobot saves an episode, following restarts slowly, unless the arm waits
+        after a contact."""
         if self._client is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         q = [float(action[f"{joint}.pos"]) for joint in self.joints]
@@ -110,7 +110,7 @@ class Contactd(OfContactd, Robot):
         return self._stream
 
     def disconnect(self) -> None:
-        """Halt the arm, and end all connections."""
+        """Halt the arm, and close all connections."""
         if self._latest is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         try:

@@ -1,4 +1,4 @@
-"""Latest State of an arm, read by a thread: an observation waits for no network."""
+"""Latest State of an arm, read by a thread, so that an observation does not block."""
 
 import threading
 import time
@@ -10,12 +10,12 @@ from contactd_client import Client, ContactdError, usual_socket_path, view_socke
 from contactd_client.messages import State
 
 OLDEST_S: Final = 0.5
-"""age from which on a State is none"""
+"""Age from which a State is no longer used."""
 FIRST_S: Final = 5.0
 
 
 def control_socket(given: str) -> Path:
-    """Path of a control socket; that where clients look first, if none is given."""
+    """Path of a control socket; the usual one if none is given."""
     return Path(given) if given else usual_socket_path()
 
 
@@ -41,7 +41,7 @@ class LatestState:
             self._arrived.set()
 
     def get(self) -> State:
-        """Latest State. Raises ConnectionError if none came, or none for OLDEST_S."""
+        """Latest State. Raises ConnectionError if there is none younger than OLDEST_S."""
         self._arrived.wait(FIRST_S)
         state = self._state
         if state is None or time.monotonic() - self._came_s > OLDEST_S:
@@ -49,19 +49,19 @@ class LatestState:
         return state
 
     def close(self) -> None:
-        """End the reading."""
+        """Close the connection, which ends the thread."""
         self._client.close()
 
 
 class OfContactd:
-    """Part that an arm has as a robot and as a leader: joints, actions, and no calibration."""
+    """Base of robot and leader: joints, actions, and no calibration."""
 
     config: Any
     _latest: LatestState | None
 
     @cached_property
     def joints(self) -> list[str]:
-        """Names of the joints, as the daemon has them. Raises UnreachableError without one."""
+        """Names of the joints, as reported by the daemon. Raises UnreachableError without one."""
         with Client(view_socket_path(control_socket(self.config.socket))) as client:
             return list(client.status()["joints"])
 
@@ -77,11 +77,11 @@ class OfContactd:
 
     @property
     def is_calibrated(self) -> bool:
-        """True: calibration is contactd's, by `contactd identify`."""
+        """True: calibration is done by `contactd identify`."""
         return True
 
     def calibrate(self) -> None:
-        """Nothing to do, as `is_calibrated` says."""
+        """Do nothing, as for `is_calibrated`."""
 
     def configure(self) -> None:
-        """Nothing to do: `config.yaml` has all settings."""
+        """Do nothing: all settings are in `config.yaml`."""

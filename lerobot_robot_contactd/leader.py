@@ -1,4 +1,4 @@
-"""Arm of contactd that is led by hand, as a Teleoperator of LeRobot."""
+"""Hand-guided arm of contactd as a LeRobot Teleoperator."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from lerobot_robot_contactd.latest import LatestState, OfContactd
 
 
 class ContactdLeader(OfContactd, Teleoperator):
-    """Leader: its actions are the positions of an arm's links, `NAME.pos` [rad]."""
+    """Leader whose actions are the link positions of an arm, `NAME.pos` [rad]."""
 
     config_class = ContactdLeaderConfig
     name = "contactd_leader"
@@ -22,28 +22,28 @@ class ContactdLeader(OfContactd, Teleoperator):
 
     @property
     def feedback_features(self) -> dict[str, type]:
-        """Empty: it takes no feedback."""
+        """Empty: the leader accepts no feedback."""
         return {}
 
     def connect(self, calibrate: bool = True) -> None:
-        """Connect to the daemon; its view socket will do."""
+        """Connect to the daemon's view socket."""
         del calibrate
         if self.is_connected:
             raise DeviceAlreadyConnectedError(f"{self} is connected")
         self._latest = LatestState(self.config.socket)
 
     def get_action(self) -> dict[str, Any]:
-        """Positions of its links. Raises ConnectionError where the daemon is gone or silent."""
+        """Positions of its links. Raises ConnectionError if the daemon is gone or silent."""
         if self._latest is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         position = self._latest.get()["link_position"]
         return {f"{joint}.pos": q for joint, q in zip(self.joints, position, strict=True)}
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """Nothing to do: it takes none."""
+        """Do nothing: the leader accepts no feedback."""
 
     def disconnect(self) -> None:
-        """End the connection."""
+        """Close the connection."""
         if self._latest is None:
             raise DeviceNotConnectedError(f"{self} is not connected")
         self._latest.close()

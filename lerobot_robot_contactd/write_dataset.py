@@ -1,10 +1,10 @@
-"""Writer of a LeRobot dataset, from lines of JSON on standard input.
+"""Writer of a LeRobot dataset from JSON lines on standard input.
 
     contactd export --lerobot DIR RECORDING.mcap ...
 
-runs it in LeRobot's environment. The first line has `joints`, `fps`, `task` and `cameras`: by name
-a video file for each episode, which begins with it. Each other line is a frame: `episode`, `time_s`
-in it, `observation` and `action`, lists in the order of the robot's features.
+runs it in LeRobot's environment. The first line has `joints`, `fps`, `task` and `cameras`: for each
+camera, one video file per episode, which starts with it. Each further line is a frame: `episode`,
+`time_s` within it, `observation` and `action`, lists in the order of the robot's features.
 """
 
 import json
@@ -20,19 +20,19 @@ KINDS = ("pos", "vel", "torque", "level")
 
 
 class Video:
-    """Video file, read forwards; its picture at a time is the last one that had begun."""
+    """Video file, read sequentially; the picture at a time is the last one that had begun."""
 
     def __init__(self, path: str) -> None:
         self._file = cv2.VideoCapture(path)
         ok, picture = self._file.read()
         if not ok:
-            sys.exit(f"{path}: no video that can be read")
+            sys.exit(f"{path}: not a readable video")
         self.fps = self._file.get(cv2.CAP_PROP_FPS)
         self._number, self._picture = 0, picture
 
     def at(self, time_s: float) -> np.ndarray:
-        """Picture (height, width, 3) at a time [s] not before the last one; RGB. The last picture
-        stays after the end."""
+        """RGB picture (height, width, 3) at a time [s] not before the previous one. After the end
+        of the video the last picture is repeated."""
         while self._number + 1 <= time_s * self.fps + 1e-6:
             ok, picture = self._file.read()
             if not ok:
@@ -42,7 +42,7 @@ class Video:
 
 
 def features(joints: list[str], cameras: dict[str, Video]) -> dict[str, dict[str, Any]]:
-    """Features of a dataset, as `lerobot-record` makes them of the robot."""
+    """Features of a dataset, as `lerobot-record` derives them from the robot."""
     names = [f"{joint}.{kind}" for kind in KINDS for joint in joints] + ["contact", "mode"]
     actions = [f"{joint}.pos" for joint in joints]
     images = {
@@ -61,7 +61,7 @@ def features(joints: list[str], cameras: dict[str, Video]) -> dict[str, dict[str
 
 
 def main() -> None:
-    """Write the dataset to the folder that is the one argument; print its size."""
+    """Write the dataset to the folder given as the only argument; print its size."""
     root = Path(sys.argv[1])
     head = json.loads(sys.stdin.readline())
     files: dict[str, list[str]] = head["cameras"]

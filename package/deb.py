@@ -2,9 +2,9 @@
 
     python package/deb.py build/deb dist
 
-dpkg-deb does the work. control is made of debian/control and of facts of the tree: version,
-architecture, size, and the very Python that the environment was made with. The package has no
-conffiles: it does not contain the files that people edit (decision 0068).
+It is built by dpkg-deb. `control` combines debian/control with properties of the tree: version,
+architecture, size, and the Python version of the environment. The package has no conffiles: it
+does not contain the files that users edit (decision 0068).
 """
 
 import hashlib
@@ -18,7 +18,7 @@ _SCRIPTS = ("preinst", "postinst", "prerm", "postrm")
 
 
 def build(root: Path, out: Path) -> Path:
-    """The package, in `out`. Raises CalledProcessError where a tool refuses."""
+    """Build the package in `out`. Raises CalledProcessError if a tool fails."""
     about = root / "DEBIAN"
     about.mkdir()
     version = _output(root / "opt/contactd/bin/python", "-P", "-c", _VERSION)

@@ -1,10 +1,10 @@
-"""Checklist of a release: what must hold before its tag is made, each point tried.
+"""Automated checklist of a release, to pass before its tag is created.
 
     make release RELEASE=0.1.0
 
-Quick points come first, and all of them are reported; then checks and tests, and the packages out
-of a fresh clone that has the tag already, the wheel's demo in an environment with nothing else.
-It tags and pushes nothing: at the end it lists what is left to do by hand.
+Quick points come first, and all of them are reported; then checks and tests, the packages built
+from a fresh clone with the tag, and the wheel's demo in an environment of its own. It tags and
+pushes nothing: at the end it lists the remaining manual steps.
 """
 
 import re
@@ -19,10 +19,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "build" / "release"
 LEFT = """
-what is left to do:
+remaining steps:
   tests/system with the package, and an upgrade to it, on a spare machine (CONTRIBUTING.md, Tests)
   git tag -a v{0} -m "contactd {0}" && git push origin v{0}
-  put {1}/dist/* where people find them
+  publish {1}/dist/*
 """
 
 
@@ -32,13 +32,13 @@ def output(*words: str | Path, cwd: Path = ROOT) -> str:
 
 
 def done(*words: str | Path, cwd: Path = ROOT) -> str:
-    """Failure of a command that shows its own output, in words; empty where it succeeds."""
+    """Failure of a command, whose output is shown, as text; empty on success."""
     status = subprocess.run(words, cwd=cwd, check=False).returncode
     return f"`{' '.join(map(str, words))}` ended with {status}" if status else ""
 
 
 def a_version(release: str) -> str:
-    return "" if re.fullmatch(r"\d+\.\d+\.\d+", release) else "no version such as 0.2.0"
+    return "" if re.fullmatch(r"\d+\.\d+\.\d+", release) else "not a version such as 0.2.0"
 
 
 def all_is_committed(release: str) -> str:
@@ -46,7 +46,7 @@ def all_is_committed(release: str) -> str:
 
 
 def the_tag_is_free(release: str) -> str:
-    return output("git", "tag", "--list", f"v{release}") and f"v{release} is there"
+    return output("git", "tag", "--list", f"v{release}") and f"v{release} exists"
 
 
 def the_changelog_is_cut(release: str, root: Path = ROOT) -> str:
@@ -54,9 +54,9 @@ def the_changelog_is_cut(release: str, root: Path = ROOT) -> str:
     _, *parts = re.split(r"^## ", text, flags=re.MULTILINE)
     first, second = ([*parts, "", ""])[:2]
     if first.strip() != "[Unreleased]":
-        return "## [Unreleased] must be first, and empty"
+        return "## [Unreleased] must be the first section, and empty"
     if not re.match(rf"\[{re.escape(release)}\] - \d{{4}}-\d\d-\d\d\n", second):
-        return f"the next line of it must be: ## [{release}] - and its date"
+        return f"its second section must be: ## [{release}] - YYYY-MM-DD"
     return ""
 
 
@@ -99,7 +99,7 @@ LONG = (checks_and_tests, packages_of_a_clone_with_the_tag, the_wheels_demo_away
 
 
 def passes(point: Callable[[str], str], release: str) -> bool:
-    """True if a point holds; the result is printed."""
+    """True if a check passes; the result is printed."""
     wrong = point(release)
     print(f"{'NO' if wrong else 'ok':3} {point.__name__.replace('_', ' ')}", flush=True)
     if wrong:
@@ -108,7 +108,7 @@ def passes(point: Callable[[str], str], release: str) -> bool:
 
 
 def main(release: str) -> int:
-    """Exit status: 0 where all holds."""
+    """Run all checks; returns the exit status, 0 if all pass."""
     held = [passes(point, release) for point in QUICK]
     if not all(held):
         return 1

@@ -1,11 +1,11 @@
-"""Removal of files that an installed environment never runs: half of its size.
+"""Removal of files that an installed environment never uses, about half of its size.
 
     python package/slim.py /opt/contactd.new
 
-The wheels of Pinocchio bring headers and static libraries for those who compile against it, and
-each shared library under up to three names as so many copies, since a wheel has no links; numpy
-and scipy bring their tests, zstandard the same library once more for PyPy. pip and setuptools have
-done their work by then: nothing is ever installed into a service.
+The wheels of Pinocchio contain headers and static libraries, and up to three copies of each shared
+library under different names, since a wheel has no links; numpy and scipy contain their tests,
+zstandard a second library for PyPy. pip and setuptools are not needed either, as nothing is
+installed into the environment of a service later.
 """
 
 import os
@@ -13,7 +13,7 @@ import shutil
 import sys
 from pathlib import Path
 
-# Below site-packages; `**` is any depth.
+# Paths below site-packages; `**` is any depth.
 UNUSED = (
     "cmeel.prefix/include",
     "cmeel.prefix/bin",
@@ -32,15 +32,15 @@ UNUSED = (
     "distutils-precedence.pth",
 )
 
-# Programs that stay; others come with the packages, and what they start is gone.
+# Programs to keep; those of other packages would no longer work.
 OURS = ("activate", "contactctl", "contactd", "python")
 
 
 def slim(environment: Path) -> None:
-    """Remove them from a virtual environment. Raises ValueError where there is none."""
+    """Remove unused files from a virtual environment. Raises ValueError if it is none."""
     folders = list(environment.glob("lib/python3*/site-packages"))
     if not (environment / "pyvenv.cfg").is_file() or len(folders) != 1:
-        raise ValueError(f"{environment} is no virtual environment")
+        raise ValueError(f"{environment} is not a virtual environment")
     for pattern in UNUSED:
         for path in sorted(folders[0].glob(pattern)):
             if path.is_dir():
@@ -55,7 +55,7 @@ def slim(environment: Path) -> None:
 
 
 def _share_copies(folder: Path) -> None:
-    """Give libraries of one folder that are byte by byte the same one place on the disk."""
+    """Replace identical copies of libraries in one folder by hard links."""
     seen: dict[bytes, Path] = {}
     for path in sorted(folder.glob("*.so*")):
         if path.is_symlink() or not path.is_file():

@@ -1,1 +1,1 @@
-"""The other end of the bus: a two-mass arm with gaps and friction, CiA 402 drives, a hand."""
+"""Simulated arm on the bus: two-mass joints with gaps and friction, drives, and a human hand."""

@@ -1,4 +1,4 @@
-"""Simulated arm as the bus sees it: plant, sensors, drives and a hand, moved on by `advance`."""
+"""Simulated arm as seen from the bus: plant, sensors, drives and a hand, stepped by `advance`."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -32,11 +32,11 @@ SDO_REQUEST, HEARTBEAT = 0x600, 0x700
 
 
 class SimulatedArm:
-    """Arm whose drives take frames by `receive` and give frames by `send`; time moves only in
+    """Arm whose drives take frames by `receive` and emit frames by `send`; time passes only in
     `advance`.
 
-    A SYNC makes every drive sample and send its TPDOs and then latch the RPDOs that came before, so
-    that between two SYNCs the arm obeys what was latched at the first.
+    At a SYNC every drive samples, sends its TPDOs, and then applies the RPDOs received before; they
+    are in force until the next SYNC.
     """
 
     def __init__(
@@ -48,12 +48,10 @@ class SimulatedArm:
         hand_script: Sequence[AnyAct] = (),
         on_event: Listener = lambda _: None,
     ) -> None:
-        """Raises ConfigurationError or ModelError when description or script do not fit."""
+        """Raises ConfigurationError or ModelError for an invalid description or script."""
         self._per_period = round(SERVO_PERIOD_S / settings.step_s)
         if abs(self._per_period * settings.step_s - SERVO_PERIOD_S) > 1e-12:
-            raise ConfigurationError(
-                f"simulation: step_s = {settings.step_s}, not a divider of 1 ms"
-            )
+            raise ConfigurationError(f"simulation: step_s = {settings.step_s}, must divide 1 ms")
         parameters = true_parameters(description, settings)
         if (finer := steady_steps(settings, parameters)) > self._per_period:
             self._per_period = finer
@@ -72,7 +70,7 @@ class SimulatedArm:
         makes = description.drives()
         sensors = Sensors(description, settings, self.plant.q, [drive.make for drive in makes])
         self.sense = sensors.read
-        """Reading of the drives' sensors; replace it to simulate faulty ones."""
+        """Reading of the drives' sensors; replace it to simulate faulty sensors."""
         self._periods = ServoPeriods(
             self.servo, sensors, self.plant.masses, parameters.torque_constant, self._laws
         )
@@ -90,7 +88,8 @@ class SimulatedArm:
             (parameters.lower, parameters.upper),
         )
         self.external_torque = np.zeros(n)
-        """Torque on the links besides the hand's (n,) [Nm], for tests and benches: write to it."""
+        """Torque on the links in addition to the hand's (n,) [Nm]; writable, for tests and benches.
+        """
         self._send, self._on_event = send, on_event
         wired = Surroundings(
             description,
@@ -108,12 +107,12 @@ class SimulatedArm:
         self.motors: tuple[Any, ...] = tuple(
             node for node in self._nodes if isinstance(node, Motor)
         )
-        """Its CANopen drives and its motors of other makes, each in the order of the joints."""
+        """CANopen drives, and motors of other makes, each in the order of the joints."""
         self._by_node = {drive.node: drive for drive in self.drives}
         if len({joint.node for joint in description.joints}) != n:
-            raise ConfigurationError("simulated arm: two joints share a node number")
-        # Drives by the identifier of an RPDO; found out anew after SDO and NMT, which change them.
-        self._hearers: dict[int, tuple[Drive, ...]] = {}
+            raise ConfigurationError("simulated arm: two joints share a node ID")
+        # Cache of drives by the identifier of an RPDO; cleared by SDO and NMT, which may change it.
+        self._receivers: dict[int, tuple[Drive, ...]] = {}
         self._steps = self._sampled_at = 0
         self._sample()
 
@@ -153,13 +152,12 @@ class SimulatedArm:
             self._steps += steps
 
     def answers_at(self) -> float | None:
-        """Simulated time at which the next SDO request is answered that a drive takes its time for
-        [s]; None if there is none."""
+        """Simulated time at which the next delayed SDO answer is due [s]; None if there is none."""
         times = [drive.answers_at for drive in self.drives]
         return min((t for t in times if t is not None), default=None)
 
     def skip(self, t: float) -> None:
-        """Let the drives' clocks go on to simulated time t [s] while the plant stands still."""
+        """Advance the drives' clocks to simulated time t [s] without moving the plant."""
         target = int(t / self.settings.step_s + 1e-6)
         self._steps = max(self._steps, target - target % self._per_period)
 
@@ -178,11 +176,11 @@ class SimulatedArm:
             self._hear(cob, data)
 
     def _hear(self, cob: int, data: bytes) -> None:
-        """Take a frame of CANopen."""
+        """Take a CANopen frame."""
         if cob == SYNC:
             self._sync()
         elif cob == NMT:
-            self._hearers.clear()
+            self._receivers.clear()
             if len(data) >= 2:
                 for drive in self.drives:
                     if data[1] in (0, drive.node):
@@ -191,17 +189,17 @@ class SimulatedArm:
             node = self._by_node.get(cob & 0x7F)
             if node is not None:
                 node.on_sdo(data)
-                self._hearers.clear()
+                self._receivers.clear()
         elif cob & 0x780 == HEARTBEAT:
             for drive in self.drives:
                 drive.on_heartbeat(cob & 0x7F, self.now)
         else:
-            for drive in self._hearers.get(cob) or self._hearers_of(cob):
+            for drive in self._receivers.get(cob) or self._receivers_of(cob):
                 drive.on_pdo(cob, data)
 
-    def _hearers_of(self, cob: int) -> tuple[Drive, ...]:
+    def _receivers_of(self, cob: int) -> tuple[Drive, ...]:
         hearers = tuple(drive for drive in self.drives if drive.pdos.listens(cob))
-        self._hearers[cob] = hearers
+        self._receivers[cob] = hearers
         return hearers
 
     def _sync(self) -> None:
@@ -217,7 +215,7 @@ class SimulatedArm:
             self.hand.begin(self.now)
 
     def _due(self) -> None:
-        """Actions of drives and hand at the beginning of a servo period."""
+        """Perform the actions of drives and hand that are due at the start of a servo period."""
         now = self.now
         for node in self._nodes:
             if node.due <= now:
@@ -229,12 +227,12 @@ class SimulatedArm:
 
     @property
     def _handled(self) -> bool:
-        """True while the hand has something to do, or will have."""
+        """True while the hand acts, or has acts left in its script."""
         return self.hand.busy or (self.hand.began and not self.hand.done)
 
     def _undisturbed(self, most: int) -> int:
-        """Number of whole servo periods from now on, at most `most`, in which neither a drive nor
-        the hand has anything to do at the beginning of a later one."""
+        """Number of whole servo periods from now on, at most `most`, that can be run in one call:
+        neither drives nor hand have to act at the start of any but the first."""
         if most < 2 or self._handled:
             return min(most, 1)
         due, step_s, steps = min(node.due for node in self._nodes), self.settings.step_s, 0

@@ -1,4 +1,4 @@
-"""The power side of one drive: CiA 402 states, setpoints, limits, and how it stops."""
+"""Power stage of one drive: CiA 402 states, setpoints, limits and stops."""
 
 from collections.abc import Callable
 
@@ -13,19 +13,19 @@ VOLTAGE_PRESENT, REMOTE, LIMIT_ACTIVE, FOLLOWS = 1 << 4, 1 << 9, 1 << 11, 1 << 1
 CONTROLWORD, STATUSWORD, TARGET_VELOCITY = key(0x6040), key(0x6041), key(0x60FF)
 MODE, MODE_DISPLAY = key(0x6060), key(0x6061)
 CONNECTION_LOST: tuple[tuple[str, Trigger | None], ...] = (
-    ("no action, going on", None),
+    ("no action, continuing", None),
     ("fault", Trigger.FAULT_DETECTED),
     ("voltage disabled", Trigger.DISABLE_VOLTAGE),
     ("quick stop", Trigger.QUICK_STOP),
 )
-"""By the value of 6007."""
+"""Reaction by the value of 6007 (abort connection option code)."""
 
 
 class Axis:
-    """Power side of one drive. It reads the drive's objects and writes its entries of the servo;
-    frames and time are the drive's.
+    """Power stage of one drive. It reads the drive's objects and writes its entries of the servo;
+    frames and time are handled by the drive.
 
-    `report` gets one sentence when a stop is over.
+    `report` receives a sentence when a stop ends.
     """
 
     def __init__(
@@ -36,26 +36,26 @@ class Axis:
         self._about = about = wired.description.joints[joint]
         self._profile = profile = wired.drives[joint].make
         self.unit = profile.velocity_unit / about.gear
-        """One count of 60FF at the link side [rad/s]."""
+        """Value of one count of 60FF at the link side [rad/s]."""
         self.braking_unit = profile.acceleration_unit / about.gear
-        """One count of 6085 at the link side [rad/s^2]."""
-        self._take(State.NOT_READY_TO_SWITCH_ON)
+        """Value of one count of 6085 at the link side [rad/s^2]."""
+        self._set_state(State.NOT_READY_TO_SWITCH_ON)
         self.stopping = False
-        """A ramp of a quick stop or fault reaction is under way: call `stop_further`."""
+        """True during the ramp of a quick stop or fault reaction: call `stop_further`."""
         self._controlword = 0
-        # What changed nothing the last time, as nearly always, and will not now.
+        # Last input that caused no transition, as almost always: a cache.
         self._stays: tuple[State, int, int, int] | None = None
         self._fastest = self._interpolation_s = 0.0
 
     def start(self) -> None:
-        """Power-up: limp, switch on disabled, limits from the objects."""
-        self._take(State.NOT_READY_TO_SWITCH_ON)
+        """Power up: limp, switch on disabled, limits from the objects."""
+        self._set_state(State.NOT_READY_TO_SWITCH_ON)
         self._controlword = 0
         self.happen(Trigger.INITIALISED)
         self.configure()
 
     def configure(self) -> None:
-        """Take over limits and the interpolation period."""
+        """Read limits and the interpolation period from the objects."""
         number = self._objects.number
         values, profile = self._objects.values, self._profile
         # A drive may limit its torque, its current, or both.
@@ -75,7 +75,7 @@ class Axis:
         )
 
     def statusword(self, remote: bool) -> int:
-        """6041: bit 9 when `remote`, 11 at the current limit, 12 when it follows 60FF."""
+        """Statusword 6041: bit 9 if `remote`, 11 at the current limit, 12 if it follows 60FF."""
         word = self._word | REMOTE if remote else self._word
         if self.state is State.OPERATION_ENABLED:
             if self._objects.values[MODE] == CSV:
@@ -85,7 +85,7 @@ class Axis:
         return word
 
     def on_controlword(self) -> None:
-        """Act on 6040, which was written."""
+        """React to a write of 6040."""
         number = self._objects.number
         previous, self._controlword = self._controlword, number(0x6040)
         asked = (self.state, previous, self._controlword, number(0x605A))
@@ -98,25 +98,25 @@ class Axis:
             self._enter(after)
 
     def on_mode(self) -> None:
-        """Act on 6060, which was written."""
+        """React to a write of 6060."""
         self._objects.show(MODE_DISPLAY, self._objects.number(0x6060))
         self.on_target()
 
     def on_target(self) -> None:
-        """Head for 60FF, which was written, over the interpolation period of 60C2."""
+        """React to a write of 60FF: approach it over the interpolation period of 60C2."""
         if self.state is State.OPERATION_ENABLED and self._objects.values[MODE] == CSV:
             velocity = self._objects.number(0x60FF) * self.unit
             velocity = min(max(velocity, -self._fastest), self._fastest)
             self._servo.follow(self._joint, velocity, self._interpolation_s)
 
     def happen(self, event: Trigger) -> None:
-        """Take an event inside the drive, as opposed to a controlword."""
+        """React to an internal event, as opposed to a controlword."""
         after = step(self.state, event, self._objects.number(0x605A))
         if after is not self.state:
             self._enter(after)
 
     def stop_further(self) -> None:
-        """End a quick stop or fault reaction whose ramp is over."""
+        """End a quick stop or fault reaction once its ramp has ended."""
         energised = self._servo.energised(self._joint)
         if energised and not self._servo.arrived(self._joint):
             return
@@ -131,19 +131,19 @@ class Axis:
             self.happen(Trigger.QUICK_STOP_DONE)
 
     def lose_connection(self, reason: str) -> None:
-        """Act by 6007, where enabled, and report why."""
+        """React as configured in 6007 if in operation, and report the reason."""
         if self.state is State.OPERATION_ENABLED:
             words, event = CONNECTION_LOST[self._objects.number(0x6007)]
             self._report(f"{reason}, {words}")
             if event is not None:
                 self.happen(event)
 
-    def _take(self, state: State) -> None:
+    def _set_state(self, state: State) -> None:
         self.state, self._word = state, state.value | VOLTAGE_PRESENT
 
     def _enter(self, state: State) -> None:
         servo, joint = self._servo, self._joint
-        self._take(state)
+        self._set_state(state)
         self.stopping = False
         if state is State.OPERATION_ENABLED:
             if not servo.energised(joint):

@@ -1,4 +1,4 @@
-"""The drives' end of a CAN bus that may go and come back: drives have power of their own."""
+"""Connection of the simulated drives to a CAN bus that may disappear and return."""
 
 import errno
 import time
@@ -13,9 +13,9 @@ REOPEN_S = 0.2
 
 
 class BusEnd:
-    """Connection to a bus that is waited for while there is none.
+    """Connection to a bus, reopened after a loss.
 
-    Raises BusError if there is none at the beginning.
+    Raises BusError if the bus is missing at the start.
     """
 
     def __init__(self, interface: str, channel: str, report: Callable[[str], None]) -> None:
@@ -29,7 +29,7 @@ class BusEnd:
         report(f"on {self._name}")
 
     def send(self, message: can.Message) -> None:
-        """Put a frame on the bus; it is lost where there is none, or no room on it."""
+        """Send a frame; it is dropped without a bus, or if the transmit queue is full."""
         if self._bus is None:
             return
         try:
@@ -39,7 +39,7 @@ class BusEnd:
                 self._lose(error)
 
     def receive(self, timeout: float) -> can.Message | None:
-        """The next frame, or None after `timeout` s."""
+        """Next frame, or None after `timeout` s."""
         if self._bus is None:
             time.sleep(timeout)
             self._reopen()
@@ -69,7 +69,7 @@ class BusEnd:
         bus = None
         try:
             bus = can.Bus(interface=interface, channel=channel)
-            bus.recv(0.0)  # an interface that is down can be opened, and says so here
+            bus.recv(0.0)  # an interface that is down can be opened, but raises here
         except FAILURES:
             if bus is not None:
                 bus.shutdown()

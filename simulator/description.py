@@ -1,4 +1,4 @@
-"""Description of a simulated arm: the nominal one, and the errors of the true one."""
+"""Description of a simulated arm: the nominal arm, and the deviations of the true one."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +19,8 @@ NotNegative = Annotated[float, Meta(ge=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class DriveDescription:
-    """One drive: its EDS, and its make as it sits in its joint. A motor with its controller in one
-    has no EDS, and as `make` its sensors."""
+    """One drive: its EDS, and its make as mounted in the joint. For a motor with integrated
+    controller there is no EDS, and `make` describes its sensors."""
 
     eds: Path | None
     make: SimulatedMake
@@ -28,19 +28,19 @@ class DriveDescription:
 
 
 class EncoderError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Error of an encoder that repeats with its turns: it reads too far by
-    amplitude * sin(order * angle + phase), the angle being that of the joint, or of the motor's
-    shaft. Velocities are measured without it."""
+    """Periodic error of an encoder: its reading is too high by
+    amplitude * sin(order * angle + phase), with the angle of the joint or of the motor shaft.
+    Velocities are measured without it."""
 
     encoder: Literal["link", "motor"]
-    order: Annotated[int, Meta(ge=1, le=64)] = 1  # times per turn
+    order: Annotated[int, Meta(ge=1, le=64)] = 1  # periods per turn
     amplitude: Annotated[float, Meta(ge=0.0, le=0.1)]  # at the link [rad], of either encoder
     phase: Annotated[float, Meta(ge=-7.0, le=7.0)] = 0.0  # [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class JointDescription:
-    """One joint, its motor and its drive. SI at the link side: friction [Nm], [Nm s/rad]."""
+    """One joint, its motor and drive, in SI units at the link side: friction [Nm], [Nm s/rad]."""
 
     name: str
     node: int
@@ -48,11 +48,11 @@ class JointDescription:
     rated_current_A: float
     max_current_A: float
     torque_constant: float
-    """K_c, Nm at the link per A."""
+    """K_c, at the link [Nm/A]."""
     rotor_inertia: float
     """B, reflected to the link [kg m^2]."""
     half_gap: float
-    """alpha [rad]; 0 is a stiff coupling."""
+    """alpha [rad]; 0 means no gap."""
     motor_coulomb: float
     motor_viscous: float
     link_coulomb: float
@@ -62,12 +62,12 @@ class JointDescription:
     """End stops [rad]."""
     initial_position: float = 0.0
     brake: bool = False
-    """A brake that holds the motor whenever the drive is not energised."""
+    """True if a brake holds the motor whenever the drive is not energised."""
     gear_stiffness: float | None = None
-    """Gear stiffness beyond its gap [Nm/rad], instead of the settings' `contact_stiffness`."""
+    """Gear stiffness beyond the gap [Nm/rad]; None: `contact_stiffness` of the settings."""
     encoder_errors: tuple[EncoderError, ...] = ()
     drive: DriveDescription | None = None
-    """None: the make of `ArmDescription.eds`, known by its product code."""
+    """None: the make that `ArmDescription.eds` identifies by its product code."""
 
     def __post_init__(self) -> None:
         for field in ("gear", "rated_current_A", "max_current_A", "torque_constant"):
@@ -91,17 +91,17 @@ def _check(joint: JointDescription, field: str, fits: bool, allowed: str) -> Non
 
 @dataclass(frozen=True, slots=True)
 class ArmDescription:
-    """The nominal arm: `urdf` and `eds` are files, joints in the order of the URDF."""
+    """Nominal arm: `urdf` and `eds` are files; joints are in the order of the URDF."""
 
     urdf: Path
     eds: Path
     joints: tuple[JointDescription, ...]
     period_s: float = 0.010
     serial_number: int = 1
-    """0x1018 sub 4 of the first drive; the others count up. Vendor and product are the EDS's."""
+    """Serial number (0x1018:4) of the first drive, incremented for the others."""
 
     def drives(self) -> tuple[DriveDescription, ...]:
-        """The drive of each joint. Raises ConfigurationError for a make that is not known."""
+        """Drive of each joint. Raises ConfigurationError for an unknown make."""
         known: list[DriveDescription] = []
         for joint in self.joints:
             if joint.drive is None and not known:
@@ -110,7 +110,7 @@ class ArmDescription:
 
 
 class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Errors of the true arm against the nominal one [percent]; see `simulator.mismatch`."""
+    """Deviations of the true arm from the nominal one [percent]; see `simulator.mismatch`."""
 
     mass: Percent = 3.0
     center_of_mass: Percent = 3.0
@@ -121,24 +121,24 @@ class Mismatch(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings without a counterpart on a real robot."""
+    """Settings of the simulation that have no counterpart on a real robot."""
 
     seed: Annotated[int, Meta(ge=0)] = 1
     mismatch: Mismatch = Mismatch()
     step_s: Annotated[float, Meta(ge=1e-5, le=0.00025)] = 0.00025
-    """Integration step; a divider of 1 ms."""
+    """Integration step [s]; must divide 1 ms."""
     friction: Kind = "smooth"
     friction_width: Annotated[float, Meta(ge=0.002, le=0.2)] = 0.02
     """smooth: Coulomb * tanh(velocity / width) [rad/s]."""
     presliding: Annotated[float, Meta(ge=1e-4, le=0.02)] = 0.0003
     """dahl: deflection at which friction is fully built up [rad]."""
     stribeck: Annotated[float, Meta(ge=1.0, le=2.0)] = 1.0
-    """Friction just off rest, over Coulomb's."""
+    """Friction near rest, relative to Coulomb friction."""
     stribeck_velocity: Annotated[float, Meta(ge=0.005, le=0.5)] = 0.05
-    """At which that rise has fallen to exp(-1) of itself [rad/s]."""
+    """Velocity at which the Stribeck rise has decayed to 1 / e [rad/s]."""
     gears: GearSettings = GearSettings()
     contact_stiffness: Annotated[float, Meta(gt=0.0, le=1e5)] = 1000.0
-    """Border of the gap and end stops [Nm/rad]; softer on light joints: `simulator.mismatch`."""
+    """Stiffness of gap borders and end stops [Nm/rad]; reduced for light joints (`mismatch`)."""
     contact_damping_ratio: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3
     current_filter_ms: Milliseconds = 3.0
     link_latency_ms: Milliseconds = 0.0
@@ -151,7 +151,7 @@ class SimulationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     @property
     def law(self) -> FrictionLaw:
-        """Law of friction of all joints."""
+        """Friction law of all joints."""
         return FrictionLaw(
             self.friction, self.friction_width, self.presliding, self.stribeck,
             self.stribeck_velocity,

@@ -1,4 +1,4 @@
-"""One drive as a CANopen node: NMT, SDO, PDOs, heartbeats, EMCY, and life without a master."""
+"""One drive as a CANopen node: NMT, SDO, PDOs, heartbeats, EMCY, and the loss of its master."""
 
 from collections import deque
 from collections.abc import Callable
@@ -18,7 +18,7 @@ SYNC, SYNC_ID = 0x080, key(0x1005)
 
 
 class Drive:
-    """One drive: frames in, frames out. Time is an argument [s]; `tick` is due from `due` on."""
+    """One drive: frames in, frames out. Time is an argument [s]; call `tick` from `due` on."""
 
     def __init__(self, joint: int, wired: Surroundings) -> None:
         about = wired.description.joints[joint]
@@ -34,16 +34,16 @@ class Drive:
         self.pdos = Pdos(self.objects, self._emergencies, self._apply, wired.send)
         self.nmt = Nmt.BOOT
         self.due = 0.0
-        """Nothing happens by itself before this time [s]."""
+        """Time of the next action of its own [s]."""
         self.why = ""
-        """The last reason for stopping or faulting, for people."""
+        """Reason for the last stop or fault, as text."""
         self._locked = self._said_over = False
         self._booting = False
         self._booted_at: float | None = None
         self._heard_at: float | None = None
         self._next_heartbeat = 0.0
         self._asked: deque[tuple[float, bytes]] = deque()
-        self._unsent: deque[tuple[float, bytes]] = deque()  # emergencies that wait for their time
+        self._unsent: deque[tuple[float, bytes]] = deque()  # delayed emergencies
 
     @property
     def state(self) -> State:
@@ -53,7 +53,7 @@ class Drive:
     # -- network management ----------------------------------------------------------------------
 
     def boot(self) -> None:
-        """Power-up or NMT reset node: defaults everywhere, limp, boot-up message."""
+        """Power up or NMT reset node: restore all defaults, go limp, send the boot-up message."""
         self.objects.restore(0x1000, 0x9FFF)
         self._emergencies.forget()
         self.axis.start()
@@ -73,7 +73,7 @@ class Drive:
         self._wired.send(0x700 + self.node, bytes([Nmt.BOOT]))
 
     def on_nmt(self, command: int) -> None:
-        """Act on an NMT command for this node or for all."""
+        """Execute an NMT command for this node or for all nodes."""
         if self._booting:
             return
         self.due = 0.0
@@ -95,13 +95,13 @@ class Drive:
             self._boot_up()
 
     def on_heartbeat(self, node: int, now: float) -> None:
-        """Take a node's heartbeat: the watch starts with the first one of the node in 1016."""
+        """Take a node's heartbeat: monitoring starts with the first one of the node in 1016."""
         watched = self.objects.number(0x1016, 1) if self.make.hears_master else 0
         if watched >> 16 != node or not watched & 0xFFFF:
             return
         if self._heard_at is None:
             self.due = 0.0
-        self._heard_at = now  # later than what is due by the one before, which is looked at again
+        self._heard_at = now  # `tick` computes the new deadline when the old one is due
         if self._locked:
             if self.make.says_over and not self._said_over:
                 self._said_over = True
@@ -110,12 +110,12 @@ class Drive:
             self._emergencies.clear_error()
 
     def lock(self) -> None:
-        """Lock up as after the loss of the master, and report it over once the master is heard."""
+        """Lock as after the loss of the master; report the error over once the master is heard."""
         self.make = replace(self.make, locks=True, says_over=True)
         self._lose_master()
 
     def tick(self, now: float) -> None:
-        """Do what is due: ramps that end, heartbeats, TPDOs on change; set `due` anew."""
+        """Perform due actions (ends of ramps, heartbeats, event-driven TPDOs), and update `due`."""
         if self._booting:
             if self._booted_at is None:
                 self._booted_at = now + self.make.boot_s
@@ -151,8 +151,8 @@ class Drive:
     # -- SDO and PDO -----------------------------------------------------------------------------
 
     def on_sdo(self, data: bytes) -> None:
-        """Take a request to this node's SDO server; answered before this returns, unless the make
-        takes its time."""
+        """Take a request to this node's SDO server; it is answered before this returns, unless the
+        make has an SDO delay."""
         if self.nmt is Nmt.STOPPED or self._booting or len(data) != 8:
             return
         if self.make.sdo_delay_s:
@@ -163,7 +163,7 @@ class Drive:
 
     @property
     def answers_at(self) -> float | None:
-        """When the next SDO request is answered that waits for it [s]."""
+        """Time of the next delayed SDO answer [s]; None if there is none."""
         return self._asked[0][0] if self._asked else None
 
     def _answer(self, data: bytes) -> None:
@@ -178,25 +178,25 @@ class Drive:
 
     @property
     def hears_sync(self) -> bool:
-        """True while it waits for the SYNC of this bus (1005), and PDOs are on."""
+        """True while PDOs are enabled and the SYNC COB-ID (1005) is that of this bus."""
         return self.nmt is Nmt.OPERATIONAL and self.objects.values.get(SYNC_ID, SYNC) == SYNC
 
     def transmit(self) -> None:
-        """First half of a SYNC: send what was sampled."""
+        """First half of a SYNC: send the sampled values."""
         if self.hears_sync:
             self._show_state()
             self.pdos.transmit()
 
     def latch(self) -> None:
-        """Second half of a SYNC: act on the RPDOs that came since the last one."""
+        """Second half of a SYNC: apply the RPDOs received since the last one."""
         if self.hears_sync:
             self.pdos.latch()
 
     # -- objects ---------------------------------------------------------------------------------
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
-        """Take the counts that the sensors have sampled. Values beyond an object's range are
-        clipped to it: an arm that is thrown turns faster than a drive can report."""
+        """Store the counts sampled by the sensors. Values are saturated at the range of their
+        object: a joint may turn faster than a drive can report."""
         hold, profile = self.objects.hold, self.make
         hold(profile.link_position, link)
         hold(profile.motor_velocity, velocity)
@@ -206,14 +206,14 @@ class Drive:
             hold(effort, current)
 
     def put(self, index: int, subindex: int, value: int) -> None:
-        """Let an object hold a value of the drive's own, whatever may be written to it."""
+        """Set an object from inside the drive, regardless of its guards."""
         self.objects.show(key(index, subindex), value)
 
     def _show_state(self) -> None:
         self.objects.values[STATUSWORD] = self.axis.statusword(self.nmt is Nmt.OPERATIONAL)
 
     def _on_write(self, where: int) -> None:
-        """Let an object take effect that was written by SDO or by RPDO."""
+        """React to an object written by SDO or RPDO."""
         if where == CONTROLWORD:
             faulty = self.state is State.FAULT
             if faulty and self._locked:
@@ -241,7 +241,7 @@ class Drive:
             self.axis.configure()
 
     def _apply(self, keys: tuple[int, ...], values: tuple[int, ...]) -> None:
-        """Write the values of an RPDO; those out of range are ignored, as a PDO has no answer."""
+        """Write the values of an RPDO; values out of range are ignored, as PDOs have no answer."""
         for where, value in zip(keys, values, strict=True):
             if self.objects.accepts(where, value):
                 self.objects.values[where] = value
@@ -250,7 +250,7 @@ class Drive:
     # -- errors ----------------------------------------------------------------------------------
 
     def fault(self, code: int, reason: str) -> None:
-        """Raise an error: EMCY with `code`, fault reaction by 605E."""
+        """Raise a fault: EMCY with `code`, fault reaction by 605E."""
         self._report(reason)
         self._emergencies.raise_error(code)
         self.axis.happen(Trigger.FAULT_DETECTED)
@@ -288,7 +288,7 @@ class Drive:
 
 
 def _served(queue: deque[tuple[float, bytes]], now: float, serve: Callable[[bytes], None]) -> float:
-    """Serve what is due by `now`; returns when the next is [s]."""
+    """Serve the entries due by `now`; returns the time of the next one [s]."""
     while queue and queue[0][0] <= now:
         serve(queue.popleft()[1])
     return queue[0][0] if queue else float("inf")

@@ -1,4 +1,4 @@
-"""The errors of one drive by CiA 301: EMCY frames, error register 1001, error history 1003."""
+"""Errors of one drive by CiA 301: EMCY frames, error register 1001, error history 1003."""
 
 from collections import deque
 from collections.abc import Callable
@@ -13,8 +13,8 @@ LONGEST_HISTORY = 8
 
 
 class Emergencies:
-    """Present error and history of a drive; `send(data)` puts an EMCY frame on the bus, as far as
-    the drive's NMT state lets it."""
+    """Present error and error history of a drive; `send(data)` sends an EMCY frame if the drive's
+    NMT state permits it."""
 
     def __init__(self, objects: Objects, send: Callable[[bytes], None]) -> None:
         self._objects, self._send = objects, send
@@ -22,32 +22,32 @@ class Emergencies:
 
     @property
     def present(self) -> int:
-        """Code of the error that is present; 0 for none."""
+        """Code of the present error; 0 for none."""
         return self._objects.number(ERROR_CODE >> 8)
 
     def raise_error(self, code: int, register: int = GENERIC_ERROR) -> None:
-        """Show, remember and send a new error."""
+        """Raise a new error: update the objects and the history, and send it."""
         self._show(code, register)
         self._errors.appendleft(code)
         self.show_history()
         self._transmit(code, register)
 
     def clear_error(self) -> None:
-        """End the error; the history stays."""
+        """Clear the error; the history stays."""
         self._show(0, 0)
         self.say_over()
 
     def say_over(self) -> None:
-        """Send that the error is over, whatever the objects show."""
+        """Send the end of the error (EMCY 0), whatever the objects contain."""
         self._transmit(0, 0)
 
     def forget(self) -> None:
-        """Empty the history."""
+        """Clear the history."""
         self._errors.clear()
         self.show_history()
 
     def show_history(self) -> None:
-        """Write 1003 anew, e.g. after the communication objects were restored."""
+        """Write the history to 1003, e.g. after the communication objects were restored."""
         self._objects.show(HISTORY, len(self._errors))
         for sub in range(1, LONGEST_HISTORY + 1):
             error = self._errors[sub - 1] if sub <= len(self._errors) else 0

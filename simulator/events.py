@@ -1,4 +1,4 @@
-"""Events of the simulation that a person beside the arm would notice."""
+"""Events of the simulation that a bystander would notice."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,10 +7,10 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """One event: a drive that faults, a hand that pushes; `text` is one sentence for people."""
+    """One event, such as the fault of a drive or a push of the hand; `text` is one sentence."""
 
     at_s: float
-    """simulated time [s]"""
+    """Simulated time [s]."""
     kind: Literal["drive", "hand", "server"]
     text: str
 

@@ -1,4 +1,4 @@
-"""Factory settings of a drive: its objects with their ratings, serial number and guards."""
+"""Factory settings of a drive: its objects with ratings, serial number and guards."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from simulator.objects import Objects, key
 
 
 def factory_settings(eds: Path, about: JointDescription, serial_number: int) -> Objects:
-    """Objects of the drive of a joint. Raises ConfigurationError when its EDS is missing or
+    """Objects of the drive of a joint. Raises ConfigurationError if its EDS is missing or
     unreadable."""
     objects = Objects(eds, about.node)
     peak = round(1000.0 * about.max_current_A / about.rated_current_A)

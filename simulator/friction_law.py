@@ -1,5 +1,5 @@
-"""Settings of the friction law in the simulated joints, of motor and link alike; the law is in
-`two_masses.py`."""
+"""Parameters of the friction law of simulated joints, for motor and link alike; the law itself is
+in `two_masses.py`."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -9,15 +9,15 @@ Kind = Literal["smooth", "dahl"]
 
 @dataclass(frozen=True, slots=True)
 class FrictionLaw:
-    """Coulomb's torque over a velocity's tanh, `smooth`; or Dahl's with stiction, `dahl`. Either
-    with Stribeck's rise near rest; Dahl's with that is LuGre's."""
+    """Coulomb friction with tanh of the velocity (`smooth`), or Dahl's model with stiction
+    (`dahl`), either with a Stribeck rise near rest; Dahl with Stribeck is LuGre."""
 
     kind: Kind = "smooth"
     width: float = 0.02
-    """smooth: Coulomb * tanh(velocity / width) [rad/s]"""
+    """smooth: Coulomb * tanh(velocity / width) [rad/s]."""
     presliding: float = 0.0003
-    """dahl: deflection at which friction is fully built up [rad]"""
+    """dahl: deflection at which friction is fully built up [rad]."""
     stribeck: float = 1.0
-    """friction just off rest, over Coulomb's; 1: no rise"""
+    """Friction near rest, relative to Coulomb friction; 1: no rise."""
     stribeck_velocity: float = 0.05
-    """at which the rise has fallen to exp(-1) of itself [rad/s]"""
+    """Velocity at which the rise has decayed to 1 / e [rad/s]."""

@@ -1,4 +1,4 @@
-# Types of gears.py, for the compiler alone.
+# C types of gears.py, read by the compiler only.
 
 from common.elementary cimport sine, smooth_sign
 

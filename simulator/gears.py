@@ -1,10 +1,10 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Gears as they are built: friction that grows with the torque they transmit and ripples with the
-turn, friction that a rest raises, cogging, and a gap that is not the same everywhere.
+"""Imperfections of real gears: load-dependent friction, friction ripple over a turn, friction that
+rises during rest, cogging, and a gap that varies over a turn.
 
-No model of the estimator has these terms, so that a simulated arm can be worse than it believes.
-Ordinary Python, which runs as it is; `gears.pxd` names the types for the compiler, decision 0037.
+The estimator models none of these terms, so that a simulated arm can be worse than its model.
+Ordinary Python that also runs uncompiled; `gears.pxd` declares the C types (decision 0037).
 """
 
 import numpy as np
@@ -13,16 +13,16 @@ from common.arrays import Vector
 from common.elementary import sine, smooth_sign
 from simulator.gear_settings import GearSettings
 
-_STANDS = 0.005  # [rad/s]; below, a motor counts as standing
-_PER_REVERSAL = 1.0 / 0.02  # [s/rad]; over which driving passes into being driven
-_RIPPLES, _COGS = 2.0, 12.0  # times per turn
-_RUN_IN_S = 20.0  # of motion, in which 1 / e is left of what a rest raised
+_STANDS = 0.005  # motor speed below which it counts as at rest [rad/s]
+_PER_REVERSAL = 1.0 / 0.02  # inverse width of the transition from driving to driven [s/rad]
+_RIPPLES, _COGS = 2.0, 12.0  # periods per turn
+_RUN_IN_S = 20.0  # time constant, in motion, of the decay of friction raised by rest
 
 
 class Gears:
-    """Gears of n joints; `update` once a step and joint, then the others for the same instant.
+    """Gears of n joints: call `update` once per step and joint, then the others for that instant.
 
-    `active` is false where all settings are neutral: then nothing here needs to be called.
+    `active` is False if all settings are neutral: then no call is needed.
     """
 
     def __init__(
@@ -45,12 +45,12 @@ class Gears:
         self._sets = step_s / s.rest_s
         self._runs_in = step_s / _RUN_IN_S
         self.rested = np.zeros(n)
-        """Share of the rise after a long rest that is there now, of each joint."""
+        """Present share of the friction rise after a long rest, per joint."""
         self.factor = np.ones((2, n))
-        """Friction of link and motor at this instant, over what it is on average in motion."""
+        """Present friction of link and motor, relative to its mean in motion."""
 
     def update(self, i: int, q: float, theta: float, theta_dot: float) -> None:
-        """Friction of joint i in this step."""
+        """Update the friction factors of joint i for this step."""
         if abs(theta_dot) < _STANDS:
             self.rested[i] += self._sets * (1.0 - self.rested[i])
         else:
@@ -62,13 +62,13 @@ class Gears:
         self.factor[1, i] = risen * (1.0 + self._ripple * sine(motor_angle))
 
     def coulomb(self, gear_torque: float, theta_dot: float) -> float:
-        """Coulomb friction that a transmitted torque causes at the motor [Nm]: one share of it
-        where the motor drives the link, another where the link drives the motor."""
+        """Coulomb friction at the motor due to the transmitted torque [Nm]: one share of it if the
+        motor drives the link, another if the link drives the motor."""
         against = smooth_sign(theta_dot * _PER_REVERSAL) * gear_torque
         return float(self._mean_share * abs(gear_torque) - self._half_difference * against)
 
     def cog(self, i: int, theta: float) -> float:
-        """Torque of cogging on the motor of joint i [Nm]."""
+        """Cogging torque on the motor of joint i [Nm]."""
         return float(self._cogging[i] * sine(_COGS * self._gear[i] * theta + self._cog_phase[i]))
 
     def half_gap(self, i: int, half_gap: float, q: float) -> float:

@@ -1,4 +1,4 @@
-"""Guards of a drive's objects: values refused beyond what its EDS can express."""
+"""Guards of a drive's objects: they refuse values beyond the limits that an EDS can express."""
 
 import struct
 
@@ -10,13 +10,13 @@ from simulator.objects import Objects
 from simulator.pdo import INVALID, SYNCHRONOUS, pdo_numbers
 
 ALLOWED = {0x605A: {0, 2, 6}, 0x605E: {0, 2}, 0x1005: range(1, 0x800)}
-"""Values that this drive supports where the EDS can only give a range."""
+"""Supported values where the EDS can only give a range."""
 CURRENT_LIMITS = (0x6072, 0x6073)
 
 
 def guard_values(objects: Objects, peak_permille: int) -> None:
-    """Make single objects refuse values that the drive does not support; `peak_permille` of the
-    rated current is the most that it can give."""
+    """Make single objects refuse values that the drive does not support; peak_permille: its peak
+    current [per mille of the rated current]."""
     for index in (*ALLOWED, 0x1003, 0x1016, *CURRENT_LIMITS):
         objects.guards[index] = _value_guard(index, peak_permille)
     objects.guards[0x6060] = _mode_guard(objects)
@@ -37,7 +37,7 @@ def _value_guard(index: int, peak_permille: int) -> o.Guard:
 
 
 def _mode_guard(objects: Objects) -> o.Guard:
-    """Guard of the mode: those by the bits of 6502, and 0 for none; CSV alone without them."""
+    """Guard of the mode: it accepts the modes in 6502 and 0 (none); only CSV without 6502."""
     modes = objects.number(0x6502) or 1 << (CSV - 1)
 
     def guard(_: int, value: int) -> None:
@@ -48,10 +48,11 @@ def _mode_guard(objects: Objects) -> o.Guard:
 
 
 def guard_pdos(objects: Objects) -> None:
-    """Make the PDO objects refuse what CiA 301 forbids.
+    """Make the PDO objects refuse writes that CiA 301 forbids.
 
-    Entries change only while sub 0 is 0, sub 0 only while the PDO is invalid (bit 31), the COB-ID
-    only from or to invalid; what is mapped must exist, be mappable, match in length and fit.
+    Entries may change only while subindex 0 is 0, subindex 0 only while the PDO is invalid (bit
+    31), the COB-ID only from or to invalid; mapped objects must exist, be mappable, match in length
+    and fit into the PDO.
     """
     for communication, mapped in ((0x1400, 0x1600), (0x1800, 0x1A00)):
         for n in pdo_numbers(objects, communication):

@@ -1,5 +1,5 @@
-"""A person's hand: holds joints through spring-dampers, pushes, guides, lets go, and puts things
-into the arm's hand, by script."""
+"""Scripted human hand: it holds joints by spring-dampers, pushes, guides, releases, and gives the
+arm loads to carry."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -22,21 +22,20 @@ from simulator.hand_script import (
 )
 
 TAKING_S, VISIT_S, WAY_S = 1.5, 0.9, 0.25
-"""Times of the act `gap`: taking up the link's weight; from one border to the next, and the part of
-that for the way."""
+"""Times of the act `gap` [s]: taking up the weight of the link; from one border to the next, and
+the share of that for moving."""
 SOFT = 0.01
-"""Share of a motor's torque with which a hand presses without turning it."""
+"""Share of a motor's torque limit with which a hand can press without turning the motor."""
 LEADING, OVER_FRICTION = 0.2, 4.0
-"""The same of one that leads the arm and is not taken for a crash; and its largest pull, in
-multiples of the joint's friction: identified levels are as small as that."""
+"""Largest pull of a hand that leads the arm without a collision being detected, as a share of the
+motor's torque limit and as a multiple of the joint's friction: identified levels are that small."""
 
 
 class Hand:
-    """Player of a script. `update` is called once per millisecond, `torque` at every step of the
-    plant.
+    """Player of a script: call `update` once per millisecond, `torque` at every plant step.
 
-    `damping_limit` (n,): a damper on a light link beyond what the plant's step resolves would shake
-    by itself, so it is softened to that.
+    damping_limit: (n,) largest damping, as a stronger damper on a light link would be numerically
+    unstable at the plant's step.
     """
 
     def __init__(
@@ -51,11 +50,11 @@ class Hand:
         friction: Vector | float = np.inf,
         stops: tuple[Vector | float, Vector | float] = (-np.inf, np.inf),
     ) -> None:
-        """give: puts a load into the arm's hand. weight: torque that holds the links, at q (n,).
-        at_tool: torque on the joints of a force on the tool (3,) [N], at q (n,).
-        strongest: largest torque of the motors, friction: that of the joints (n,) [Nm].
+        """give: makes the arm carry a load. weight: torque that holds the links at q (n,).
+        at_tool: joint torque of a force on the tool (3,) [N] at q (n,).
+        strongest: torque limits of the motors; friction: of the joints, (n,) [Nm].
         stops: end stops of the joints, (n,) each [rad].
-        Raises ConfigurationError when the script names an unknown joint."""
+        Raises ConfigurationError if the script names an unknown joint."""
         self._script = sorted(script, key=lambda act: act.at_s)
         self._index: Mapping[str, int] = {name: i for i, name in enumerate(names)}
         for act in self._script:
@@ -66,7 +65,7 @@ class Hand:
         self._next = 0
         self._began_at: float | None = None
         self._pushes: list[tuple[Push | Lean | Press, float]] = []
-        # Pressed with so much, since when, around which position.
+        # Act, its largest torque [Nm], start time [s], middle position [rad].
         self._gap: tuple[Gap, float, float, float] | None = None
         self._soft = SOFT * np.broadcast_to(strongest, n)
         self._leading = np.minimum(LEADING * np.broadcast_to(strongest, n), STRONGEST)
@@ -88,8 +87,8 @@ class Hand:
                 raise ConfigurationError(f"{place}no joint {joint!r}; there are: {known}")
 
     def take(self, act: AnyAct) -> str:
-        """Begin an act that is requested now, whatever its `at_s`; returns it in words. Raises
-        ConfigurationError for an unknown joint, and for a position beyond its end stops."""
+        """Begin an act now, whatever its `at_s`; returns it as text. Raises ConfigurationError for
+        an unknown joint, and for a position beyond its end stops."""
         self._refuse_unknown(act)
         for name, goal in act.to.items() if isinstance(act, Guide) else ():
             lower, upper = self._lower[self._index[name]], self._upper[self._index[name]]
@@ -108,7 +107,7 @@ class Hand:
 
     @property
     def busy(self) -> bool:
-        """True while something that was asked for is not over."""
+        """True while a requested act has not ended."""
         return bool(self._asked) or self.touching
 
     @property
@@ -118,12 +117,12 @@ class Hand:
 
     @property
     def touching(self) -> bool:
-        """True while the hand gives any torque."""
+        """True while the hand exerts torque."""
         return self._holding or bool(self._pushes) or self._gap is not None
 
     @property
     def done(self) -> bool:
-        """True when every act has begun, no push is left, and the hand is off."""
+        """True once every act has begun and the hand exerts no more torque."""
         return self._next == len(self._script) and not self.touching
 
     def begin(self, t: float) -> None:
@@ -131,7 +130,7 @@ class Hand:
         self._began_at = t
 
     def update(self, t: float, q: Vector, period_s: float = 0.001) -> list[str]:
-        """Advance script and guided grip to time t; returns what began or ended, in words."""
+        """Advance script and guided grip to time t; returns acts that began or ended, as text."""
         self._now = t
         words: list[str] = []
         while self._asked:
@@ -155,7 +154,7 @@ class Hand:
         return words
 
     def torque(self, q: Vector, q_dot: Vector, out: Vector) -> None:
-        """Add the hand's joint torque (n,) [Nm] at q (n,), q_dot (n,) to out."""
+        """Add the hand's joint torque (n,) [Nm] at q (n,), q_dot (n,) to `out`."""
         spring = self._scratch
         np.subtract(self._rate, q_dot, out=spring)
         np.multiply(spring, self._damping, out=spring)
@@ -168,7 +167,7 @@ class Hand:
             act, most, since, middle = self._gap
             i = self._index[act.joint]
             t = self._now - since
-            taken = min(t / TAKING_S, 1.0)  # a weight taken at once would push the motor away
+            taken = min(t / TAKING_S, 1.0)  # taken at once, the weight would push the motor away
             out[i] += taken * self._weight(q)[i]
             if t > TAKING_S:
                 out[i] += self._between_borders(act, most, t - TAKING_S, middle - q[i])
@@ -176,8 +175,8 @@ class Hand:
 
     @staticmethod
     def _between_borders(act: Gap, most: float, t: float, way: float) -> float:
-        """Torque towards beyond one border and the other by turns, at most so much [Nm]; way: from
-        the link to the middle [rad]."""
+        """Torque alternately towards one border and the other, at most `most` [Nm]; way: from the
+        link to the middle [rad]."""
         visit, phase = divmod(t, VISIT_S)
         lead = min(2.0 * phase / WAY_S - 1.0, 1.0) * (1.0 if int(visit) % 2 == 0 else -1.0)
         spring = 100.0 * most * (way + lead * act.reach)
@@ -205,7 +204,7 @@ class Hand:
             return
         for name in joints_of(act):
             i = self._index[name]
-            if self._stiffness[i] == 0.0:  # a hand that holds already leads on from its own place
+            if self._stiffness[i] == 0.0:  # a hand that already holds continues from its anchor
                 self._anchor[i] = q[i]
             most = float(self._leading[i]) if act.max_torque is None else act.max_torque
             self._stiffness[i], self._strongest[i] = act.stiffness, most

@@ -1,8 +1,8 @@
-"""Socket of the simulator's hand: acts of a script, asked for while it runs.
+"""Socket of the simulator's hand: acts requested while it runs.
 
-A client connects, sends one act as a line of JSON and reads one back, `{"ok": ..., "text": ...}`.
-It is the simulator's own socket: nothing of it passes through the daemon, which must detect a hand
-by itself. Only the user who simulates may connect.
+A client connects, sends one act as a line of JSON and reads one line back, `{"ok": ..., "text":
+...}`. This socket belongs to the simulator alone: nothing passes through the daemon, which must
+detect the hand by itself. Only the user who runs the simulator may connect.
 """
 
 import contextlib
@@ -23,19 +23,17 @@ PATIENCE_S = 0.05
 
 
 class HandDoor:
-    """Listening socket at a path. `serve` never waits for a client that has not connected."""
+    """Listening socket at a path. `serve` does not block without a connected client."""
 
     def __init__(self, path: Path) -> None:
-        """Raises BusError where another simulator listens, a file is there that is no socket, or
-        the socket cannot be made."""
+        """Raises BusError if another simulator listens, the path is a file that is no socket, or
+        the socket cannot be created."""
         self.path = path
         if _alive(path):
             raise BusError(f"another simulator listens for a hand at {path}")
         with contextlib.suppress(OSError):
             if not stat.S_ISSOCK(path.lstat().st_mode):
-                raise BusError(
-                    f"cannot listen for a hand at {path}: it is there already, and no socket"
-                )
+                raise BusError(f"cannot listen for a hand at {path}: it exists and is not a socket")
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             path.unlink(missing_ok=True)
@@ -48,7 +46,7 @@ class HandDoor:
         self._socket.setblocking(False)
 
     def serve(self, take: Callable[[AnyAct], str]) -> None:
-        """Take the acts of all who have connected. take: begins an act and returns it in words, or
+        """Take the acts of all connected clients. take: begins an act and returns it as text, or
         raises ConfigurationError."""
         with contextlib.suppress(BlockingIOError):
             while True:

@@ -1,4 +1,4 @@
-"""Script of a hand: its acts on the arm and their times, in a file of YAML."""
+"""Script of a hand: acts on the arm and their times, in a YAML file."""
 
 import re
 from pathlib import Path
@@ -12,8 +12,8 @@ from common.yaml_source import read_yaml
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
-# Far more than any person has, and less than would throw a light link through the plant's step: no
-# number of a script makes the simulation diverge.
+# Far more than any person can exert, but not so much that a light link diverges at the plant's
+# step: no value of a script makes the simulation unstable.
 Torque = Annotated[float, Meta(ge=-500.0, le=500.0)]  # [Nm]
 Strength = Annotated[float, Meta(gt=0.0, le=500.0)]  # [Nm]
 Angle = Annotated[float, Meta(ge=-100.0, le=100.0)]  # of a link [rad]
@@ -28,7 +28,7 @@ class Act(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True,
 
 
 class Push(Act, frozen=True, kw_only=True, tag="push"):
-    """A torque [Nm] on one joint: constant, rising from zero, or a half sine."""
+    """Torque [Nm] on one joint: constant, rising from zero, or a half sine."""
 
     joint: str
     torque: Torque
@@ -41,22 +41,22 @@ STRONGEST = 4.0
 
 
 class Grip(Act, frozen=True, kw_only=True):
-    """Spring [Nm/rad], damper [Nm s/rad] and strongest torque [Nm] per joint."""
+    """Spring [Nm/rad], damper [Nm s/rad] and largest torque [Nm] per joint."""
 
     stiffness: Positive = 40.0
     damping: NotNegative = 2.0
-    # as `Hand` derives it from the torque of the joint's motor and its friction, if None
+    # None: derived by `Hand` from the motor's torque limit and the joint's friction
     max_torque: Strength | None = STRONGEST
 
 
 class Hold(Grip, frozen=True, kw_only=True, tag="hold"):
-    """Hold joints where they are."""
+    """Hold joints at their present positions."""
 
     joints: tuple[str, ...]
 
 
 class Guide(Grip, frozen=True, kw_only=True, tag="guide"):
-    """Take joints and lead them to positions [rad] at a speed [rad/s]; holds on at the end."""
+    """Lead joints to positions [rad] at a speed [rad/s], and hold them there."""
 
     to: dict[str, Angle]
     speed: Annotated[float, Meta(gt=0.0, le=20.0)]
@@ -67,7 +67,7 @@ class Release(Act, frozen=True, kw_only=True, tag="release"):
 
 
 class Lean(Act, frozen=True, kw_only=True, tag="lean"):
-    """Lean on one joint with a torque [Nm], rising over so many seconds, until `release`."""
+    """Lean on one joint with a torque [Nm] that rises over `rise_s`, until `release`."""
 
     joint: str
     torque: Torque
@@ -75,8 +75,8 @@ class Lean(Act, frozen=True, kw_only=True, tag="lean"):
 
 
 class Press(Act, frozen=True, kw_only=True, tag="press"):
-    """A force on the tool (`Plant.held_at`), x y z along the axes of the URDF's last link [N],
-    rising over so many seconds; for a time, or until `release`."""
+    """Force on the tool (`Plant.held_at`), x y z along the axes of the URDF's last link [N], that
+    rises over `rise_s`; for `duration_s`, or until `release`."""
 
     force: tuple[Newtons, Newtons, Newtons]
     rise_s: Positive = 0.1
@@ -84,7 +84,7 @@ class Press(Act, frozen=True, kw_only=True, tag="press"):
 
 
 class Clamp(Act, frozen=True, kw_only=True, tag="clamp"):
-    """Something hard that joints are caught in where they are, until `release`."""
+    """Clamp joints rigidly at their present positions, until `release`."""
 
     joints: tuple[str, ...]
     stiffness: Positive = 1000.0
@@ -93,19 +93,19 @@ class Clamp(Act, frozen=True, kw_only=True, tag="clamp"):
 
 
 class Gap(Act, frozen=True, kw_only=True, tag="gap"):
-    """Move one link softly between the borders of its gap, as `contactd identify gap` asks for:
-    beyond one, rest, beyond the other, so many times, carrying the weight that the joint bears."""
+    """Move one link gently between the borders of its gap, as `contactd identify gap` requires:
+    against one border, rest, against the other, `times` times, while carrying the link's weight."""
 
     joint: str
-    # pressed with at most [Nm], beside the weight; `hand.SOFT` of the motor's torque if None
+    # largest torque in addition to the weight [Nm]; None: `hand.SOFT` times the motor's limit
     torque: Strength | None = None
     times: Annotated[int, Meta(ge=1, le=1000)] = 30
-    reach: Positive = 0.06  # each way, more than the gap [rad]
+    reach: Positive = 0.06  # in each direction, more than the gap [rad]
 
 
 class Give(Act, frozen=True, kw_only=True, tag="give"):
-    """Put a mass [kg] into the arm's hand, at a place in the frame of the URDF's last link [m],
-    without one where a hand would hold it (`Plant.held_at`); 0 takes it away again."""
+    """Give the arm a mass [kg] to carry, at a position in the frame of the URDF's last link [m]
+    (default: `Plant.held_at`); 0 removes it again."""
 
     mass: Annotated[float, Meta(ge=0.0, le=100.0)]
     com: tuple[Coordinate, Coordinate, Coordinate] | None = None
@@ -118,7 +118,7 @@ _OF_ACT = re.compile(r"\[(\d+)\]\.?(.*)")
 
 
 def read_script(path: Path) -> Script:
-    """A YAML (or JSON) list of acts, in order of time. Raises ConfigurationError."""
+    """Read a YAML (or JSON) list of acts, sorted by time. Raises ConfigurationError."""
     try:
         script = msgspec.convert(read_yaml(path).data, type=Script)
         return tuple(sorted(script, key=lambda act: act.at_s))
@@ -127,7 +127,7 @@ def read_script(path: Path) -> Script:
 
 
 def _in_words(error: msgspec.ValidationError) -> str:
-    """Text of an error: act of the script, counted from 1, place in it, and the known acts."""
+    """Text of an error: number of the act (from 1), field in it, and the known acts."""
     message, _, where = str(error).partition(" - at `$")
     act = _OF_ACT.match(where.rstrip("`"))
     if act is None:
@@ -138,7 +138,7 @@ def _in_words(error: msgspec.ValidationError) -> str:
 
 
 def joints_of(act: AnyAct) -> tuple[str, ...]:
-    """Names of the joints that an act is about."""
+    """Names of the joints that an act addresses."""
     if isinstance(act, Push | Lean | Gap):
         return (act.joint,)
     if isinstance(act, Hold | Clamp):
@@ -147,7 +147,7 @@ def joints_of(act: AnyAct) -> tuple[str, ...]:
 
 
 def described(act: AnyAct) -> str:
-    """Description of an act, in words."""
+    """Description of an act, as text."""
     match act:
         case Push():
             words = f"push {act.joint} {act.torque:g} Nm"

@@ -1,4 +1,4 @@
-# Types of links.py, for the compiler alone.
+# C types of links.py, read by the compiler only.
 
 from common.elementary cimport cosine, sine
 

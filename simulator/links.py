@@ -1,14 +1,14 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Accelerations of a tree of links, in world coordinates: mass matrix by composite bodies, bias by
-Newton and Euler, and both solved along the branches of the tree.
+"""Forward dynamics of a tree of links, in world coordinates: mass matrix by composite rigid bodies,
+bias by Newton-Euler, and a sparse solution along the branches of the tree.
 
     M(q) q_dotdot + c(q, q_dot) = tau
 
-Forces, momenta and inertias are taken about the world's origin, where those of all that a joint
-carries are plain sums. Nothing here is shared with the estimator, which goes through frames of the
-joints and never makes M: an error of one does not hide in the other. Ordinary Python, which runs
-as it is; `links.pxd` names the types for the compiler, decision 0037.
+Forces, momenta and inertias are taken about the world's origin, where those of all bodies carried
+by a joint simply add up. Nothing here is shared with the estimator, which works in joint frames and
+never forms M, so that an error in one is not hidden by the other. Ordinary Python that also runs
+uncompiled; `links.pxd` declares the C types (decision 0037).
 """
 
 import numpy as np
@@ -19,8 +19,8 @@ from common.elementary import cosine, sine
 
 
 class Links:
-    """Links of a pinocchio model whose joints turn about or slide along one axis each; parents come
-    first. `gravity` (3,) [m/s^2], in the world, may be written to."""
+    """Links of a pinocchio model with single-axis revolute or prismatic joints, parents first.
+    `gravity` (3,) [m/s^2], in world coordinates, is writable."""
 
     def __init__(self, model: pin.Model) -> None:
         n = self.n = model.nv
@@ -34,7 +34,8 @@ class Links:
         axes = np.array(subspaces)  # linear, angular
         self._sliding, self._turning = axes[:, :3].copy(), axes[:, 3:].copy()
         self._slides = np.any(axes[:, :3] != 0.0, axis=1).astype(np.int64)
-        # Rotation behind the parent: placement (1 + sin(q) [a] + (1 - cos(q)) [a]^2), Rodrigues.
+        # Rotation relative to the parent, by Rodrigues: placement (1 + sin(q) [a] +
+        # (1 - cos(q)) [a]^2).
         placement = np.array([model.jointPlacements[i + 1].rotation for i in range(n)])
         cross = np.array([np.cross(axis, np.eye(3)).T for axis in axes[:, 3:]])
         turned = product(placement, cross)
@@ -44,21 +45,21 @@ class Links:
         self._mass = np.array([body.mass for body in bodies])
         self._lever = np.array([body.lever for body in bodies])
         self._inertia = np.array([body.inertia for body in bodies])
-        # In world coordinates; row n belongs to the world, which stands still. Of each joint:
-        # rotation, place, axis with the velocity at the origin that it gives; bias acceleration.
+        # In world coordinates; row n is the fixed world. Per joint: rotation; position, axis and
+        # velocity at the origin for q_dot = 1; angular velocity and bias accelerations.
         self._R = np.repeat([np.eye(3)], n + 1, axis=0)
         self._p, self._z, self._s = np.zeros((3, n + 1, 3))
         self._w, self._wd, self._a = np.zeros((3, n + 1, 3))
-        # Of all that it carries, about the origin: bias force and moment; mass, first and second
-        # moments of mass (xx, xy, xz, yy, yz, zz).
+        # Of all bodies that a joint carries, about the origin: bias force and moment, mass, first
+        # and second moments of mass (xx, xy, xz, yy, yz, zz).
         self._F, self._N, self._h = np.zeros((3, n + 1, 3))
         self._m, self._J = np.zeros(n + 1), np.zeros((n + 1, 6))
         self._M, self._bias = np.zeros((n, n)), np.zeros(n)
         self._turned = np.zeros((3, 3))
 
     def load(self, i: int, mass: float, lever: Vector, inertia: Matrix) -> None:
-        """Make the body of joint i another: mass [kg], its centre (3,) [m] in the joint's frame,
-        and its inertia about that (3, 3) [kg m2]."""
+        """Replace the body of joint i: mass [kg], centre of mass (3,) [m] in the joint frame, and
+        inertia about it (3, 3) [kg m2]."""
         self._mass[i] = mass
         for row in range(3):
             self._lever[i, row] = lever[row]
@@ -66,8 +67,8 @@ class Links:
                 self._inertia[i, row, c] = inertia[row, c]
 
     def accelerate(self, q: Vector, q_dot: Vector, tau: Vector, out: Vector) -> None:
-        """Write the accelerations (n,) at q, q_dot and joint torque tau, (n,) each, to out, which
-        may be tau."""
+        """Write the accelerations (n,) for q, q_dot and joint torques tau, (n,) each, to `out`,
+        which may be `tau`."""
         self._a[self.n, 0] = -self.gravity[0]
         self._a[self.n, 1] = -self.gravity[1]
         self._a[self.n, 2] = -self.gravity[2]
@@ -81,7 +82,7 @@ class Links:
         self._solve(out)
 
     def _pose(self, i: int, q: float, q_dot: float) -> None:
-        """Rotation, place, axis and bias acceleration of joint i from those of its parent."""
+        """Compute rotation, position, axis and bias acceleration of joint i from its parent's."""
         k = self._parent[i] if self._parent[i] >= 0 else self.n
         sin, versine = sine(q), 1.0 - cosine(q)
         for row in range(3):
@@ -110,7 +111,7 @@ class Links:
                     x * self._sliding[i, 0] + y * self._sliding[i, 1] + u * self._sliding[i, 2]
                 )
             self._p[i, row] = self._p[k, row] + away + q * self._s[i, row]
-        # Acceleration of the parent's body in this place, and what comes with sliding along it.
+        # Acceleration of the parent's body at this point, with the Coriolis term of sliding.
         dx, dy, dz = (
             self._p[i, 0] - self._p[k, 0],
             self._p[i, 1] - self._p[k, 1],
@@ -146,7 +147,7 @@ class Links:
         self._s[i, 2] += self._p[i, 0] * zy - self._p[i, 1] * zx
 
     def _body(self, i: int) -> None:
-        """Inertia and bias force of the body of joint i alone, about the origin."""
+        """Compute inertia and bias force of the body of joint i alone, about the origin."""
         m = self._mass[i]
         R00, R01, R02 = self._R[i, 0, 0], self._R[i, 0, 1], self._R[i, 0, 2]
         R10, R11, R12 = self._R[i, 1, 0], self._R[i, 1, 1], self._R[i, 1, 2]
@@ -169,7 +170,7 @@ class Links:
         y = R20 * J01 + R21 * J11 + R22 * J12
         z = R20 * J02 + R21 * J12 + R22 * J22
         zz = x * R20 + y * R21 + z * R22
-        # Lever of the centre of mass, from the joint and from the origin.
+        # Centre of mass relative to the joint, and relative to the origin.
         cx, cy, cz = self._lever[i, 0], self._lever[i, 1], self._lever[i, 2]
         rx = R00 * cx + R01 * cy + R02 * cz
         ry = R10 * cx + R11 * cy + R12 * cz
@@ -183,14 +184,14 @@ class Links:
         fy = m * (self._a[i, 1] + az * rx - ax * rz + wz * vx - wx * vz)
         fz = m * (self._a[i, 2] + ax * ry - ay * rx + wx * vy - wy * vx)
         self._F[i, 0], self._F[i, 1], self._F[i, 2] = fx, fy, fz
-        # Euler: moment is the change of angular momentum.
+        # Euler: moment is the rate of change of angular momentum.
         kx = xx * wx + xy * wy + xz * wz
         ky = xy * wx + yy * wy + yz * wz
         kz = xz * wx + yz * wy + zz * wz
         self._N[i, 0] = xx * ax + xy * ay + xz * az + wy * kz - wz * ky + y * fz - z * fy
         self._N[i, 1] = xy * ax + yy * ay + yz * az + wz * kx - wx * kz + z * fx - x * fz
         self._N[i, 2] = xz * ax + yz * ay + zz * az + wx * ky - wy * kx + x * fy - y * fx
-        # Steiner's theorem.
+        # Parallel axis theorem.
         self._m[i] = m
         self._h[i, 0], self._h[i, 1], self._h[i, 2] = m * x, m * y, m * z
         self._J[i, 0] = xx + m * (y * y + z * z)
@@ -200,8 +201,8 @@ class Links:
         self._J[i, 5] = zz + m * (x * x + y * y)
 
     def _carry(self, i: int) -> None:
-        """Row i of mass matrix and bias, once joint i has all that it carries; then its parent
-        carries that, too."""
+        """Compute row i of mass matrix and bias, once joint i holds the sum of all bodies that it
+        carries; then add that sum to its parent."""
         zx, zy, zz, sx, sy, sz = (
             self._z[i, 0],
             self._z[i, 1],
@@ -213,7 +214,7 @@ class Links:
         hx, hy, hz, m = self._h[i, 0], self._h[i, 1], self._h[i, 2], self._m[i]
         self._bias[i] = zx * self._N[i, 0] + zy * self._N[i, 1] + zz * self._N[i, 2]
         self._bias[i] += sx * self._F[i, 0] + sy * self._F[i, 1] + sz * self._F[i, 2]
-        # Momentum, linear and angular, of all that joint i carries, at q_dot_i = 1.
+        # Linear and angular momentum of all bodies carried by joint i, at q_dot_i = 1.
         lx, ly, lz = (
             m * sx + zy * hz - zz * hy,
             m * sy + zz * hx - zx * hz,
@@ -241,7 +242,7 @@ class Links:
             self._J[k, row] += self._J[i, row]
 
     def _solve(self, x: Vector) -> None:
-        """Solve M x = x by M = L^T D L, whose L is as sparse as the tree branches."""
+        """Solve M x = x in place by M = L^T D L, where L has the sparsity of the tree."""
         for i in range(self.n - 1, -1, -1):
             j = self._parent[i]
             while j >= 0:

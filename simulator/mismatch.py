@@ -1,4 +1,4 @@
-"""True arm, made of the nominal one and its mismatch: pure and seeded."""
+"""True arm, derived from the nominal one and its mismatch: pure and seeded."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from simulator.gears import Gears
 from simulator.servo import SERVO_PERIOD_S
 
 STEADY = 1.0
-"""Most by which friction may change a rotor's velocity in a step, as a share of it; its motor's own
-damping needs the rest of 2."""
+"""Largest relative change of a rotor's velocity by friction in a step; the stability limit is 2, of
+which the motor's own damping needs the rest."""
 STEADY_LINK = 1.5
-"""The same of a link: at 2 it chatters."""
+"""The same for a link: at 2 it chatters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class PlantParameters:
 
 
 def load_model(description: ArmDescription) -> pin.Model:
-    """The nominal pinocchio model. Raises ModelError when it is not the described chain."""
+    """Nominal pinocchio model. Raises ModelError if it does not match the described joints."""
     try:
         model = pin.buildModelFromXML(read_text(description.urdf))
     except OSError as error:
@@ -53,20 +53,20 @@ def load_model(description: ArmDescription) -> pin.Model:
     found, expected = list(model.names)[1:], [joint.name for joint in description.joints]
     if found != expected or model.nq != model.nv:
         strangers = [name for name in expected if name not in found]
-        first = f"no joint {strangers[0]!r} moves: " if strangers else ""
+        first = f"no movable joint {strangers[0]!r}: " if strangers else ""
         raise ModelError(
-            f"{description.urdf}: {first}it moves {', '.join(found)}; to be simulated are "
-            f"{', '.join(expected)}, which have to be the same in the same order"
+            f"{description.urdf}: {first}its movable joints are {', '.join(found)}; they must be "
+            f"the simulated ones in the same order: {', '.join(expected)}"
         )
     return model
 
 
 def true_parameters(description: ArmDescription, settings: SimulationSettings) -> PlantParameters:
-    """Nominal values times (1 +- mismatch): always the whole percentage, only the sign is drawn.
+    """Nominal values times (1 +- mismatch): always the full percentage, only the sign is random.
 
     A sign is drawn per joint and quantity from `settings.seed`, in a fixed order; motor and link
-    friction of a joint share theirs. Masses take their inertia tensor along; a centre of mass
-    moves along its own direction.
+    friction of a joint share one. Inertia tensors scale with their mass; a centre of mass moves
+    along its own direction.
     """
     rng = np.random.default_rng(settings.seed)
     joints, mismatch = description.joints, settings.mismatch
@@ -116,7 +116,7 @@ def true_parameters(description: ArmDescription, settings: SimulationSettings) -
 def true_gears(
     description: ArmDescription, settings: SimulationSettings, torque_constant: Vector
 ) -> Gears:
-    """Gears of the true arm, whose torque constant is (n,) [Nm/A]."""
+    """Gears of the true arm. torque_constant: true values (n,) [Nm/A]."""
     rated = np.array([joint.rated_current_A for joint in description.joints])
     gear = np.array([joint.gear for joint in description.joints])
     return Gears(settings.gears, gear, rated * torque_constant, settings.step_s, settings.seed)
@@ -129,12 +129,12 @@ def contact(
     settings: SimulationSettings,
     own: Vector | None = None,
 ) -> tuple[Vector, Vector]:
-    """Stiffness and damping (n,) of gap borders and end stops that an explicit step can carry.
+    """Stiffness and damping (n,) of gap borders and end stops, limited for a stable integration.
 
-    own: stiffness (n,) that the joints would have, instead of the settings'.
+    own: desired stiffness (n,), instead of that of the settings.
 
     With m the reduced mass of link and rotor, semi-implicit Euler needs step * sqrt(k / m) and
-    step * d / m well below 2 and 1; several joints in contact at once take a share each.
+    step * d / m well below 2 and 1; several joints in contact share that margin.
     """
     step = settings.step_s
     light = lightest * rotor / (lightest + rotor)
@@ -146,7 +146,7 @@ def contact(
 
 
 def _apparent_inertia(model: pin.Model, lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
-    """Smallest and mean 1 / (M^-1)_ii over 200 poses inside the end stops."""
+    """Smallest and mean 1 / (M^-1)_ii over 200 random poses within the end stops."""
     rng, data = np.random.default_rng(0), model.createData()
     rows = np.empty((200, model.nv))
     for row in rows:
@@ -156,8 +156,8 @@ def _apparent_inertia(model: pin.Model, lower: Vector, upper: Vector) -> tuple[V
 
 
 def steady_steps(settings: SimulationSettings, parameters: PlantParameters) -> int:
-    """Least number of steps per ms in which smooth friction turns no rotor round by itself, and
-    lets no link chatter, whose mean friction would be less than Coulomb's."""
+    """Smallest number of steps per ms at which smooth friction is stable: no rotor is reversed by
+    it, and no link chatters, which would reduce its mean friction."""
     if settings.friction != "smooth":
         return 1
     steep = parameters.coulomb / settings.friction_width + parameters.viscous

@@ -1,6 +1,6 @@
-"""Motor, its gear, encoder and controller in one, as a bus sees it: what all makes of them share.
+"""Motor with integrated gear, encoder and controller, as seen from the bus: base of all makes.
 
-It keeps its last command until the next, or until its time-out, and is limp after that.
+It keeps its last command until the next one or its timeout, and is limp after that.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from simulator.surroundings import Surroundings
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Contents of a command, in the motor's own sense: position [rad], velocity [rad/s] (the
-    highest, where there is a position loop), gains, torque [Nm] and share of the current."""
+    """Contents of a command, in the motor's own direction: position [rad], velocity [rad/s] (its
+    limit in a position loop), gains, torque [Nm] and share of the current."""
 
     position: float = 0.0
     velocity: float = 0.0
@@ -25,28 +25,28 @@ class Command:
 
 
 class Motor:
-    """One motor: frames in, frames out. Time is an argument [s]; `tick` is due from `due` on.
+    """One motor: frames in, frames out. Time is an argument [s]; call `tick` from `due` on.
 
-    Faults: `silent` cuts it off the bus, `frozen` stops its encoders, `boot` resets it, `fail`
-    raises an error, which comes again for as long as it is `trouble`.
+    Faults: `silent` cuts it off the bus, `frozen` freezes its encoders, `boot` resets it, `fail`
+    raises an error, which recurs as long as it is the `trouble`.
     """
 
     extended = False
-    """It minds identifiers of 29 bits, and no others."""
+    """True if it responds to 29-bit identifiers only, False for 11-bit ones only."""
 
     def __init__(self, joint: int, wired: Surroundings, make: MotorMake, filter_ms: float) -> None:
         about = wired.description.joints[joint]
         self._joint, self._wired, self._make, self._about = joint, wired, make, about
         self._servo, self._laws = wired.servo, wired.laws
         self.due = inf
-        """Nothing happens by itself before this time [s]."""
+        """Time of the next action of its own [s]."""
         self.silent = self.frozen = False
         self.degC = (30.0, 35.0)
-        """temperatures of MOSFET and rotor"""
+        """Temperatures of MOSFET and rotor."""
         self.command = Command()
         self.trouble = 0
         self._heard_at = 0.0
-        # Positions of output and rotor, and what is added to them: zeros that were set, turns.
+        # Positions of output and rotor, and their offsets: zeros that were set, turns.
         self._output = self._motor = self._velocity = self._current = 0.0
         self._zero_output, self._zero_motor = 0.0, -make.motor_sign * make.offset
         self._turns = 0.0
@@ -67,11 +67,11 @@ class Motor:
         raise NotImplementedError
 
     def boot(self) -> None:
-        """Power-up or reset."""
+        """Power up or reset."""
         raise NotImplementedError
 
     def tick(self, now: float) -> None:
-        """Do what is due."""
+        """Perform due actions."""
         raise NotImplementedError
 
     def _limp(self) -> None:
@@ -85,7 +85,7 @@ class Motor:
             self._wired.plant.brake(self._joint, closed)
 
     def _impede(self, per_ampere: float, highest: float) -> None:
-        """Follow the command as an impedance, with at most the `highest` current [A]."""
+        """Execute the command as an impedance, with at most the `highest` current [A]."""
         c, sign, joint = self.command, self._make.motor_sign, self._joint
         self._servo.release(joint)
         self._laws.scale(joint, 1.0 / per_ampere, min(highest, self._about.max_current_A))
@@ -93,34 +93,35 @@ class Motor:
 
     @property
     def _goal(self) -> float:
-        """Commanded position, as the joint counts."""
+        """Commanded position in the joint's coordinates [rad]."""
         return self._make.motor_sign * (self.command.position - self._zero_motor - self._turns)
 
     def _zero(self) -> None:
-        """Make the present position 0."""
+        """Set the present position to 0."""
         self._wired.sample()
         motor, output = self.positions
         self._zero_motor -= motor
         self._zero_output -= output
 
     def measure(self, link: int, motor: int, velocity: int, current: int) -> None:
-        """Take the counts that the sensors have sampled."""
+        """Store the counts sampled by the sensors."""
         if not self.frozen:
             self._output, self._motor = self._per_output * link, self._per_count * motor
         self._velocity, self._current = velocity * self._per_velocity, current * self._per_effort
 
     @property
     def positions(self) -> tuple[float, float]:
-        """Positions of rotor, through the gear, and output as the motor knows them [rad]."""
+        """Positions of the rotor (behind the gear) and the output in the motor's coordinates
+        [rad]."""
         turns = self._turns
         return self._motor + self._zero_motor + turns, self._output + self._zero_output + turns
 
 
 def to_uint(x: float, low: float, high: float, bits: int) -> int:
-    """The number that stands for x, which is clipped to the range; rounded down."""
+    """Integer code of x, which is saturated at the range; rounded down."""
     return int((min(max(x, low), high) - low) * ((1 << bits) - 1) / (high - low))
 
 
 def to_float(u: int, low: float, high: float, bits: int) -> float:
-    """The value that a number stands for."""
+    """Value of an integer code."""
     return u * (high - low) / ((1 << bits) - 1) + low

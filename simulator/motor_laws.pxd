@@ -1,4 +1,4 @@
-# Types of motor_laws.py, for the compiler alone.
+# C types of motor_laws.py, read by the compiler only.
 
 cdef class MotorLaws:
     cdef Py_ssize_t _n

@@ -4,7 +4,7 @@ from enum import IntEnum
 
 
 class Nmt(IntEnum):
-    """NMT states by the value that the heartbeat carries."""
+    """NMT states, with their values in a heartbeat."""
 
     BOOT = 0
     STOPPED = 4

@@ -1,4 +1,4 @@
-"""The object dictionary of one drive: values, access, limits, as its EDS declares them."""
+"""Object dictionary of one drive: values, access rights and limits as declared in its EDS."""
 
 import struct
 from collections.abc import Callable
@@ -24,13 +24,13 @@ NOT_MAPPABLE = 0x06040041
 PDO_TOO_LONG = 0x06040042
 
 FORMATS = {2: "b", 3: "h", 4: "i", 5: "B", 6: "H", 7: "I"}
-"""struct codes by CANopen data type: INTEGER8 to UNSIGNED32."""
+"""Struct codes by CANopen data type: INTEGER8 to UNSIGNED32."""
 SPANS = {
     code: (0, 256**size - 1) if code.isupper() else (-(256**size) // 2, 256**size // 2 - 1)
     for code in FORMATS.values()
     for size in (struct.calcsize("<" + code),)
 }
-"""Lowest and highest value of each."""
+"""Lowest and highest value by struct code."""
 
 HEARTBEATS = 0x1016
 Value = int | bytes
@@ -39,7 +39,7 @@ Guard = Callable[[int, int], None]
 
 
 def key(index: int, subindex: int = 0) -> int:
-    """One number for an object: index and subindex."""
+    """Single number that combines index and subindex of an object."""
     return index << 8 | subindex
 
 
@@ -57,22 +57,22 @@ class Entry:
 
 
 class Objects:
-    """Values by `key(index, subindex)`. Reading and writing here follows the rules of an SDO."""
+    """Values by `key(index, subindex)`; `read` and `write` follow the rules of SDO."""
 
     def __init__(self, eds: Path, node: int) -> None:
-        """Raises ConfigurationError when the EDS is missing or unreadable."""
+        """Raises ConfigurationError if the EDS is missing or unreadable."""
         self.entries = dict(entries(eds, node))
         self._indices = {k >> 8 for k in self.entries}
         self._spans = {k: SPANS[entry.code] for k, entry in self.entries.items() if entry.code}
         self.values: dict[int, Value] = {k: entry.default for k, entry in self.entries.items()}
         self.guards: dict[int, Guard] = {}
-        """By index; asked before a value is stored."""
+        """Guards by index, called before a value is stored."""
         self.written: Callable[[int], None] = lambda _: None
-        """Called with the key after a value was stored."""
+        """Function called with the key after a value is stored."""
 
     def set_default(self, where: int, value: int) -> None:
-        """Set a default that belongs to the device and not to its EDS, e.g. the serial number;
-        nothing where the EDS does not have the object."""
+        """Set a default of the individual device, e.g. the serial number; no effect if the EDS
+        lacks the object."""
         old = self.entries.get(where)
         if old is None:
             return
@@ -80,12 +80,12 @@ class Objects:
         self.values[where] = value
 
     def show(self, where: int, value: int) -> None:
-        """Let the drive itself set a value, if it has the object."""
+        """Set a value from inside the drive, if it has the object."""
         if where in self.values:
             self.values[where] = value
 
     def hold(self, where: int, value: int) -> None:
-        """Let an integer object hold a measurement, the nearest value that its type has."""
+        """Store a measurement in an integer object, saturated at the range of its type."""
         lowest, highest = self._spans.get(where, (value, value))
         self.values[where] = lowest if value < lowest else highest if value > highest else value
 
@@ -96,13 +96,13 @@ class Objects:
                 self.values[k] = entry.default
 
     def number(self, index: int, subindex: int = 0) -> int:
-        """The value of a numeric object; 0 where the EDS does not have it."""
-        value = self.values.get(index << 8 | subindex, 0)  # as `key`, without its call
+        """Value of a numeric object; 0 if the EDS lacks it."""
+        value = self.values.get(index << 8 | subindex, 0)  # `key` inlined for speed
         assert isinstance(value, int)
         return value
 
     def read(self, index: int, subindex: int) -> bytes:
-        """Answer of an SDO upload. Raises SdoAbortedError."""
+        """Data of an SDO upload. Raises SdoAbortedError."""
         entry = self._find(index, subindex)
         if not entry.readable:
             raise SdoAbortedError(WRITE_ONLY)
@@ -122,7 +122,7 @@ class Objects:
         self.written(key(index, subindex))
 
     def accepts(self, where: int, value: int) -> bool:
-        """True where an RPDO may set the object to this value."""
+        """True if an RPDO may set the object to this value."""
         try:
             self._check(where, self.entries[where], value)
         except SdoAbortedError:
@@ -147,8 +147,8 @@ class Objects:
 
 @cache
 def entries(eds: Path, node: int) -> dict[int, Entry]:
-    """All variables of the EDS, with the values that it does not give. Raises ConfigurationError.
-    Reading takes 10 ms, and an arm has seven."""
+    """All variables of the EDS, with missing values supplied. Raises ConfigurationError. Cached, as
+    reading takes 10 ms per drive."""
     sheet = read_eds(eds)
     objects = {**sheet.objects, **supplied(sheet)}
     return {key(*place): _entry(one, node) for place, one in objects.items()}
@@ -158,7 +158,7 @@ def _entry(one: EdsObject, node: int) -> Entry:
     code = FORMATS.get(one.type, "")
     default = one.of_node(node)
     number = default if isinstance(default, int) else 0
-    # Each entry holds a node id and a time; some makers limit it to the time.
+    # Each entry holds a node ID and a time, but some EDS limit it as if it were a time only.
     limits = (None, None) if one.index == HEARTBEATS else (one.low, one.high)
     return Entry(
         code=code,

@@ -1,4 +1,4 @@
-"""Process data objects of one drive: mapping by the procedure of CiA 301, packing, triggers."""
+"""Process data objects of one drive: mapping as in CiA 301, packing, triggers."""
 
 import struct
 from collections.abc import Callable
@@ -10,34 +10,34 @@ from simulator.surroundings import Send
 
 INVALID = 1 << 31
 SYNCHRONOUS = 240
-"""Transmission types up to here wait for the SYNC; 254 and 255 do not."""
+"""Highest synchronous transmission type; 254 and 255 are event-driven."""
 
 Apply = Callable[[tuple[int, ...], tuple[int, ...]], None]
-"""(keys, values): write what an RPDO brings."""
+"""(keys, values): writes the contents of an RPDO."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """Objects of a PDO, in their order, and the layout that packs them."""
+    """Objects of a PDO, in order, and the layout that packs them."""
 
     keys: tuple[int, ...]
     layout: struct.Struct
 
 
 def mapping(objects: Objects, index: int) -> Mapping:
-    """The mapping that 16xx or 1Axx `index` holds now."""
+    """Mapping presently in object 16xx or 1Axx (`index`)."""
     count = objects.number(index, 0)
     keys = tuple(objects.number(index, sub) >> 8 for sub in range(1, count + 1))
     return Mapping(keys, struct.Struct("<" + "".join(objects.entries[k].code for k in keys)))
 
 
 def pdo_numbers(objects: Objects, communication: int) -> list[int]:
-    """Numbers of the drive's PDOs, from 0; `communication` is 0x1400 or 0x1800."""
+    """Numbers of the drive's PDOs, from 0; communication: 0x1400 or 0x1800."""
     return [n for n in range(0x200) if key(communication + n, 1) in objects.entries]
 
 
 class ReceivePdo:
-    """One RPDO: latched until the SYNC, or handed on at once."""
+    """One RPDO: latched until the SYNC, or applied at once."""
 
     def __init__(self, objects: Objects, number: int, apply: Apply) -> None:
         self._objects, self.number, self._apply = objects, number, apply
@@ -45,7 +45,7 @@ class ReceivePdo:
         self.reload()
 
     def reload(self) -> None:
-        """Take over the values of 14xx and 16xx."""
+        """Read the configuration from 14xx and 16xx."""
         cob = self._objects.number(0x1400 + self.number, 1)
         self.cob_id = -1 if cob & INVALID else cob & 0x7FF
         self._waits = self._objects.number(0x1400 + self.number, 2) <= SYNCHRONOUS
@@ -54,7 +54,7 @@ class ReceivePdo:
 
     @property
     def length(self) -> int:
-        """Shortest frame that carries the mapping [byte]."""
+        """Length of the mapped data [bytes]."""
         return self._mapping.layout.size
 
     def receive(self, data: bytes) -> None:
@@ -64,7 +64,7 @@ class ReceivePdo:
             self.latch()
 
     def latch(self) -> None:
-        """SYNC: hand on what came since the last one."""
+        """Apply the frame received since the last SYNC, if any."""
         if self._pending is not None:
             layout, data = self._mapping.layout, self._pending
             self._pending = None
@@ -79,7 +79,7 @@ class TransmitPdo:
         self.reload()
 
     def reload(self) -> None:
-        """Take over the values of 18xx and 1Axx."""
+        """Read the configuration from 18xx and 1Axx."""
         objects, index = self._objects, 0x1800 + self.number
         cob = objects.number(index, 1)
         self.cob_id = -1 if cob & INVALID else cob & 0x7FF
@@ -93,16 +93,16 @@ class TransmitPdo:
 
     @property
     def by_event(self) -> bool:
-        """True where it is sent on its own initiative."""
+        """True if it is event-driven."""
         return self.cob_id >= 0 and self._type > SYNCHRONOUS
 
     def pack(self) -> bytes:
-        """The present values of the mapped objects."""
+        """Packed present values of the mapped objects."""
         values = self._objects.values
         return self._mapping.layout.pack(*map(values.__getitem__, self._mapping.keys))
 
     def on_sync(self) -> bytes | None:
-        """The frame for this SYNC, if there is one: type 0 on change, type n on every n-th."""
+        """Data to send at this SYNC, or None: type 0 on change, type n at every n-th SYNC."""
         if self.cob_id < 0 or self._type > SYNCHRONOUS:
             return None
         self._syncs += 1
@@ -116,7 +116,7 @@ class TransmitPdo:
         return self.pack()
 
     def on_time(self, now: float) -> bytes | None:
-        """The frame that a change or the event timer calls for."""
+        """Data to send because of a change or the event timer, or None."""
         waited = now - self._sent_at
         if waited < self._inhibit_s:
             return None
@@ -128,7 +128,7 @@ class TransmitPdo:
 
 
 class Pdos:
-    """All PDOs of one drive; a frame of the wrong length is an error."""
+    """All PDOs of one drive; a frame of wrong length raises an error."""
 
     def __init__(self, objects: Objects, errors: Emergencies, apply: Apply, send: Send) -> None:
         self.received = [ReceivePdo(objects, n, apply) for n in pdo_numbers(objects, 0x1400)]
@@ -136,14 +136,14 @@ class Pdos:
         self._send, self._errors = send, errors
 
     def reload(self, number: int | None = None) -> None:
-        """Take over the objects of all PDOs, or of those with one number."""
+        """Read the configuration of all PDOs, or of those with one number."""
         every: list[ReceivePdo | TransmitPdo] = [*self.received, *self.sent]
         for pdo in every:
             if number in (None, pdo.number):
                 pdo.reload()
 
     def listens(self, cob_id: int) -> bool:
-        """True where one of the RPDOs has this identifier, as configured now."""
+        """True if one of the RPDOs is presently configured to this identifier."""
         return any(pdo.cob_id == cob_id for pdo in self.received)
 
     def receive(self, cob_id: int, data: bytes, *, minds_longer: bool) -> None:
@@ -158,18 +158,18 @@ class Pdos:
                     pdo.receive(data)
 
     def latch(self) -> None:
-        """SYNC: act on the RPDOs that came since the last one."""
+        """Apply, at a SYNC, the RPDOs received since the last one."""
         for pdo in self.received:
             pdo.latch()
 
     def transmit(self) -> None:
-        """SYNC: send the TPDOs that wait for it."""
+        """Send the synchronous TPDOs at a SYNC."""
         for pdo in self.sent:
             if (data := pdo.on_sync()) is not None:
                 self._send(pdo.cob_id, data)
 
     def transmit_due(self, now: float) -> None:
-        """Send the TPDOs that a change or the event timer calls for."""
+        """Send the event-driven TPDOs that are due."""
         for pdo in self.sent:
             if pdo.by_event and (data := pdo.on_time(now)) is not None:
                 self._send(pdo.cob_id, data)

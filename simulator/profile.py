@@ -1,5 +1,5 @@
-"""Simulated makes of drives, each as its maker fixed it: a wrong object, scale, sign or offset in a
-configuration shows here."""
+"""Simulated makes of drives, as fixed by the manufacturer: a wrong object, scale, sign or offset in
+a configuration has its real effect."""
 
 from dataclasses import dataclass
 from math import pi
@@ -15,77 +15,77 @@ RPM = TURN / 60.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMake:
-    """Objects that carry a drive's quantities, and the size of one count. Motor quantities are
-    before the gear; objects are keys, see `objects.key`."""
+    """Objects that hold a drive's quantities, and the value of one count. Motor quantities are at
+    the motor shaft; objects are given by `objects.key`."""
 
     link_position: int = key(0x60E4, 1)
     motor_position: int | None = key(0x6064)
     motor_velocity: int = key(0x606C)
     efforts: tuple[int, ...] = (key(0x6078), key(0x6077))
-    """Current or torque: as shares of the rated value they are the same."""
+    """Current or torque: as shares of the rated value they are equal."""
     speed_limit: int | None = key(0x6080)
 
     link_counts: int = 131072
-    """Counts per link revolution (17 bit); negative where the encoder counts backwards."""
+    """Counts per link revolution (17 bit); negative if the encoder counts backwards."""
     link_zero: int = 0
-    """Counts where the link stands at 0."""
+    """Counts at link position 0."""
     link_at_motor: bool = False
-    """No link encoder: `link_position` is the motor's, through the gear."""
+    """True without link encoder: `link_position` is the motor's, behind the gear."""
     motor_counts: int = 4096
-    """Counts per motor revolution. Negative, like the units of velocity and effort, where the motor
-    sits in its joint the other way round."""
+    """Counts per motor revolution. Negative, like the units of velocity and effort, if the motor is
+    mounted the other way round."""
     measured_velocity_unit: float = 0.1 * RPM
     """Unit of `motor_velocity` [rad/s of the motor shaft]."""
     effort_unit: float = 0.001
-    """Unit of `efforts`, share of the rated value; negative where the drive reports the opposing
-    effort. Limits (6072, 6073) are per mille in every drive."""
+    """Unit of `efforts`, as a share of the rated value; negative if the drive reports the opposite
+    sign. Limits (6072, 6073) are per mille in every drive."""
     velocity_unit: float = 0.1 * RPM
-    """60FF [rad/s of the motor shaft]."""
+    """Unit of 60FF [rad/s of the motor shaft]."""
     acceleration_unit: float = 0.1 * RPM
-    """6085 [rad/s^2 of the motor shaft]."""
+    """Unit of 6085 [rad/s^2 of the motor shaft]."""
     speed_unit: float = RPM
     """Unit of `speed_limit` [rad/s of the motor shaft]."""
     interpolation_s: float = 0.0
-    """Time over which a setpoint is approached where there is no 60C2."""
+    """Interpolation time of a setpoint without 60C2 [s]."""
     locks: bool = False
-    """The loss of the master's heartbeat (8130) is a fault, whatever 6007 says, and no fault reset
-    is taken before NMT reset communication."""
+    """True if loss of the master's heartbeat (8130) is a fault, regardless of 6007, that accepts no
+    fault reset before NMT reset communication."""
     says_over: bool = False
-    """One that locks reports its error as over (EMCY 0) as soon as it hears the master again, but
+    """True if a locked drive reports its error as over (EMCY 0) once it hears the master again, but
     stays locked; 603F keeps the code."""
     boot_s: float = 0.0
-    """From power-up or a reset to the boot-up message; it answers nothing meanwhile."""
+    """Time from power-up or reset to the boot-up message, without any answers."""
     sdo_delay_s: float = 0.0
-    """From an SDO request to its answer."""
+    """Time from an SDO request to its answer."""
     minds_longer: bool = False
-    """An RPDO that is longer than its mapping is an error (8220), as CiA 301 allows."""
+    """True if an RPDO longer than its mapping is an error (8220), as CiA 301 allows."""
     emergency_delay_s: float = 0.0
-    """From an error to its EMCY message, as by an inhibit time (1015)."""
+    """Time from an error to its EMCY message, as by an inhibit time (1015)."""
     hears_master: bool = True
-    """It watches the master's heartbeat by 1016; one that does not goes on without it."""
+    """True if it monitors the master's heartbeat by 1016; otherwise it continues without."""
     current_filter_ms: float | None = None
-    """Filter of the reported current, instead of that of the settings."""
+    """Filter of the reported current; None: that of the settings."""
     velocity_step: float = 0.0
-    """The measured velocity comes in steps of this [rad/s of the motor shaft]; 0: in counts."""
+    """Resolution of the measured velocity [rad/s of the motor shaft]; 0: one count."""
 
 
 class MotorMake(Protocol):
-    """A motor with its controller in one, as it sits in its joint."""
+    """Motor with integrated controller, as mounted in its joint."""
 
     @property
     def motor_sign(self) -> int:
-        """-1 where it turns against the joint."""
+        """Direction: -1 if it turns opposite to the joint."""
 
     @property
     def offset(self) -> float:
-        """Position of the joint where its encoders stand at 0 [rad]."""
+        """Joint position at which its encoders read 0 [rad]."""
 
     def sensors(self) -> SimulatedMake:
-        """Its encoders and measurements; the motor's own zero is not in them."""
+        """Encoders and measurements, without the motor's own zero."""
 
 
 PROFILE = SimulatedMake()
-"""configs/romeo_left_arm/drive.eds: two encoders, current."""
+"""Drive of configs/romeo_left_arm/drive.eds: two encoders, current."""
 
 LOCKING = SimulatedMake(
     link_position=key(0x6064),
@@ -103,7 +103,7 @@ LOCKING = SimulatedMake(
     interpolation_s=0.004,
     locks=True,
 )
-"""configs/desk_arm/drive.eds: a link encoder, a tachometer, torque, and a lock after 8130."""
+"""Drive of configs/desk_arm/drive.eds: link encoder, tachometer, torque, locks after 8130."""
 
 _BY_PRODUCT = {0x402: PROFILE, 0x403: LOCKING}
 
@@ -117,26 +117,27 @@ NEEDED = {
     key(0x6085): "deceleration of a quick stop",
     key(0x60FF): "target velocity",
 }
-"""Objects that every simulated drive has."""
+"""Objects that every simulated drive must have."""
 
 
 def profile_of(eds: Path) -> SimulatedMake:
-    """The drive of an EDS, known by its product code (1018 sub 2). Raises ConfigurationError for
-    any other, and when the EDS lacks an object that the simulation needs."""
+    """Make of the drive of an EDS, identified by its product code (1018:2). Raises
+    ConfigurationError for an unknown one, and if the EDS lacks an object that the simulation needs.
+    """
     product = entries(eds, 1).get(key(0x1018, 2))
     number = int(product.default) if product else 0
     if number not in _BY_PRODUCT:
         known = ", ".join(f"0x{code:X}" for code in _BY_PRODUCT)
         raise ConfigurationError(
-            f"{eds}: product 0x{number:X} is of no make that is known here ({known}); others are "
-            "described under `drives` of simulation.yaml"
+            f"{eds}: product 0x{number:X} is of no built-in make ({known}); describe others under "
+            "`drives` of simulation.yaml"
         )
     refuse_incomplete(eds, _BY_PRODUCT[number])
     return _BY_PRODUCT[number]
 
 
 def refuse_incomplete(eds: Path, profile: SimulatedMake) -> None:
-    """Raise ConfigurationError when an EDS lacks an object that the simulation of a make needs."""
+    """Raise ConfigurationError if an EDS lacks an object that the simulation of a make needs."""
     known = entries(eds, 1)
     needed = {
         profile.link_position: "its link position",

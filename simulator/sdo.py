@@ -1,4 +1,4 @@
-"""SDO server of one drive: canopen's, driven frame by frame and without a thread."""
+"""SDO server of one drive: that of canopen, driven frame by frame without a thread."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,11 +28,11 @@ class _Wire:
 
 
 def sdo_server(node: int, objects: Objects, send: Callable[[int, bytes], None]) -> Any:
-    """Feed it `on_request(cob_id, data, 0.0)`; it answers through `send` before that returns."""
+    """SDO server whose `on_request(cob_id, data, 0.0)` answers by `send` before it returns."""
     wire = _Wire(objects, send)
     server = SdoServer(0x600 + node, 0x580 + node, wire)
     server.network = wire
-    # A segment or an abort without a transfer would otherwise meet None.
+    # Initialised, as canopen fails on a segment or abort without a transfer.
     server._index = server._subindex = 0
     server._buffer = bytearray()
     return server

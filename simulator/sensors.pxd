@@ -1,4 +1,4 @@
-# Types of sensors.py, for the compiler alone.
+# C types of sensors.py, read by the compiler only.
 
 from common.elementary cimport sine
 

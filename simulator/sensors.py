@@ -3,7 +3,7 @@
 """Sensors of the drives: encoders, motor velocity and current, with their noise, delay and
 filters.
 
-Ordinary Python, which runs as it is; `sensors.pxd` names the types for the compiler, decision 0037.
+Ordinary Python that also runs uncompiled; `sensors.pxd` declares the C types (decision 0037).
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from simulator.servo import SERVO_PERIOD_S
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """One sample of all drives in the drives' own counts; lists of n integers."""
+    """One sample of all drives, in the drives' own counts; lists of n integers."""
 
     link_position: list[int]
     motor_position: list[int]
@@ -30,10 +30,10 @@ class Readings:
 
 
 class Sensors:
-    """Sensors of all joints. `update` is called every millisecond, `read` whenever a drive samples.
-    Noise comes from the seed.
+    """Sensors of all joints: call `update` every millisecond, `read` whenever a drive samples.
+    Noise is determined by the seed.
 
-    The reported current is low-passed; the link encoder may be late.
+    The reported current is low-pass filtered; the link encoder may have a latency.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Sensors:
         q: Vector,
         makes: Sequence[SimulatedMake] = (),
     ) -> None:
-        """makes: of the joints' drives; without, all are a `PROFILE`."""
+        """makes: make of each joint's drive; if empty, all are `PROFILE`."""
         joints, n = description.joints, len(description.joints)
         gear = np.array([joint.gear for joint in joints], dtype=np.float64)
         rated = np.array([joint.rated_current_A for joint in joints], dtype=np.float64)
@@ -72,7 +72,7 @@ class Sensors:
         self._history = np.repeat([q], self._rows, axis=0)
 
     def update(self, q: Vector, current: Vector) -> None:
-        """Follow one servo period: link positions (n,) [rad], motor currents (n,) [A]."""
+        """Advance by one servo period: link positions (n,) [rad], motor currents (n,) [A]."""
         for i in range(self._n):
             self._current[i] += (current[i] - self._current[i]) * self._gain[i]
         if self._late:
@@ -85,7 +85,7 @@ class Sensors:
         return self._counts(q, theta, theta_dot, self._rng.standard_normal((2, self._n)))
 
     def _counts(self, q: Vector, theta: Vector, theta_dot: Vector, noise: Matrix) -> Readings:
-        """The same, with noise (2, n) of velocity and current, of variance 1."""
+        """Sample with given noise (2, n) of velocity and current, of unit variance."""
         link, motor, velocities, currents = [], [], [], []
         newer = (self._oldest + 1) % self._rows
         for i in range(self._n):
@@ -113,7 +113,7 @@ class Sensors:
 
 
 def _of(encoder: str, errors: Sequence[Sequence[EncoderError]]) -> NDArray[np.float64]:
-    """Order, amplitude and phase (n, k, 3) of the errors of one encoder, filled up with zeros."""
+    """Order, amplitude and phase (n, k, 3) of the errors of one encoder, padded with zeros."""
     of = [[one for one in joint if one.encoder == encoder] for joint in errors]
     table = np.zeros((len(of), max(map(len, of), default=0), 3))
     for row, joint in zip(table, of, strict=True):
@@ -123,7 +123,7 @@ def _of(encoder: str, errors: Sequence[Sequence[EncoderError]]) -> NDArray[np.fl
 
 
 def repeated(errors: NDArray[np.float64], joint: int, angle: float) -> float:
-    """Error of a joint's encoder [rad], by a table (n, k, 3) and the angle of its shaft [rad]."""
+    """Periodic encoder error of a joint [rad], from its table (n, k, 3) and shaft angle [rad]."""
     off = 0.0
     for k in range(errors.shape[1]):
         off += errors[joint, k, 1] * sine(errors[joint, k, 0] * angle + errors[joint, k, 2])
@@ -131,13 +131,13 @@ def repeated(errors: NDArray[np.float64], joint: int, angle: float) -> float:
 
 
 def _share(make: SimulatedMake, settings: SimulationSettings) -> float:
-    """Share of a new current that the filter of the reported one takes over in a period."""
+    """Share by which the filter of the reported current approaches a new value in a period."""
     own = make.current_filter_ms
     filter_s = 1e-3 * (settings.current_filter_ms if own is None else own)
     return 1.0 - float(np.exp(-SERVO_PERIOD_S / filter_s)) if filter_s > 0.0 else 1.0
 
 
 def whole(x: float) -> int:
-    """The nearest whole number, even between two; |x| below 2^51."""
+    """Nearest integer, ties to even; |x| below 2^51."""
     # Adding and subtracting 1.5 * 2^52 rounds.
     return int((x + 6755399441055744.0) - 6755399441055744.0)

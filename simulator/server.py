@@ -22,19 +22,19 @@ from simulator.hand_script import AnyAct
 from simulator.socketcand import HELLO, Conversation, Reply, frame_line
 
 PULSE_S = 0.001
-"""The plant moves on at least this often, with or without a SYNC."""
+"""Longest interval between two advances of the plant, with or without a SYNC."""
 LONGEST_GAP_S = 0.1
-"""Further behind, the simulation gives up racing after the present."""
+"""Lag from which the simulation no longer tries to catch up."""
 LONGEST_TURN_S = 0.002
-"""Longest time that the plant catches up with between two looks at the bus."""
+"""Longest time simulated between two polls of the bus."""
 SETTLING_S = 0.05
-"""python-can reads the answer to rawmode as one chunk: frames must not follow too soon."""
+"""Time without frames after the answer to rawmode, which python-can reads as one chunk."""
 MOST_UNSENT = 1 << 20
-"""A client that lets more bytes than this pile up is dropped."""
+"""Number of unsent bytes from which a slow client is dropped."""
 
 
 class RealTimeArm:
-    """A simulated arm bound to CLOCK_MONOTONIC; it reports its events as JSON lines."""
+    """Simulated arm that follows CLOCK_MONOTONIC and reports its events as JSON lines."""
 
     def __init__(
         self,
@@ -51,25 +51,25 @@ class RealTimeArm:
             description, settings, send, hand_script=hand_script, on_event=self.report
         )
         self._origin = self._lived_s = time.monotonic()
-        self._complained_s = 0.0
+        self._reported_s = 0.0
         self.arm.power_on()
 
     def live(self) -> float:
-        """Bring the plant up to the present, a little at a time; returns it [s, monotonic].
+        """Advance the plant towards the present time, which is returned [s, monotonic].
 
-        Between two calls a frame can be answered, so a plant that is behind catches up in several.
-        If it cannot, on a machine that is too slow, the drives' clocks go on without it; if this
-        process was held up, time is left out, for the drives were not.
+        Frames are answered between calls, so a lagging plant catches up over several. If the
+        machine is too slow for that, the drives' clocks advance without the plant; if this process
+        was suspended, the lost time is left out for plant and drives.
         """
         now = time.monotonic()
         behind = now - self._origin - self.arm.now
         if behind > LONGEST_GAP_S:
             if now - self._lived_s > LONGEST_GAP_S:
                 self._origin += behind - PULSE_S
-                self._complain(now, f"held up for {behind:.3f} s, time left out")
+                self._report_lag(now, f"held up for {behind:.3f} s, time left out")
             else:
                 self.arm.skip(now - self._origin - PULSE_S)
-                self._complain(now, f"too slow by {behind:.3f} s: the plant stood still")
+                self._report_lag(now, f"too slow by {behind:.3f} s: the plant stood still")
         self._lived_s = now
         if self._door is not None:
             self._door.serve(self.arm.hand.take)
@@ -77,18 +77,18 @@ class RealTimeArm:
         return now
 
     def catch_up(self) -> None:
-        """Bring the plant up to the present at once, as far as `live` would: before a frame, which
-        may be a SYNC, and drives sample where they are then."""
+        """Advance the plant to the present time at once, by calls of `live`: needed before a frame,
+        which may be a SYNC, at which drives sample."""
         while self.live() - self._origin - self.arm.now > PULSE_S:
             pass
 
-    def _complain(self, now: float, text: str) -> None:
-        if now - self._complained_s > 1.0:
-            self._complained_s = now
+    def _report_lag(self, now: float, text: str) -> None:
+        if now - self._reported_s > 1.0:
+            self._reported_s = now
             self.report(Happening(self.arm.now, "server", text))
 
     def report(self, event: Happening) -> None:
-        """Write `{monotonic_s, simulated_s, kind, text}` as one line."""
+        """Write an event as a JSON line `{monotonic_s, simulated_s, kind, text}`."""
         if self._events is not None:
             line = {
                 "monotonic_s": round(self._origin + event.at_s, 6),
@@ -99,12 +99,12 @@ class RealTimeArm:
             try:
                 self._events.write(msgspec.json.encode(line) + b"\n")
                 self._events.flush()
-            except OSError:  # the reader is gone; the arm lives on
+            except OSError:  # the reader is gone; continue without it
                 self._events = None
 
 
 class _Client:
-    """TCP connection, with the bytes that it has not taken yet."""
+    """TCP connection with its queue of unsent bytes."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -115,7 +115,7 @@ class _Client:
         self.unsent = bytearray(HELLO)
 
     def flush(self) -> bool:
-        """Send as much as the socket takes; False when the client is gone or far too slow."""
+        """Send as much as the socket accepts; False if the client is gone or far too slow."""
         try:
             while self.unsent:
                 del self.unsent[: self.connection.send(self.unsent)]
@@ -127,7 +127,7 @@ class _Client:
 
 
 class Server:
-    """A socketcand server whose bus has one arm on it; `arm` is open to tests in this process."""
+    """Socketcand server whose bus has one arm; `arm` is accessible to tests in this process."""
 
     def __init__(
         self,
@@ -140,8 +140,8 @@ class Server:
         events: BinaryIO | None = None,
         door: HandDoor | None = None,
     ) -> None:
-        """Raises BusError when the port cannot be had; port 0 takes a free one, see `port`.
-        door: where a live hand is listened for."""
+        """Raises BusError if the port is not available; port 0 selects a free one, see `port`.
+        door: socket for requests to the hand."""
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         try:
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -173,7 +173,7 @@ class Server:
             self.turn(PULSE_S)
 
     def turn(self, timeout: float) -> None:
-        """Wait up to `timeout` s for a client, serve what came, and let the plant live."""
+        """Wait up to `timeout` s for clients, serve them, and advance the plant."""
         ready = self._selector.select(timeout)
         now = self._real_time.live()
         for entry, _ in ready:
@@ -237,7 +237,7 @@ class Server:
 
 
 def serve(server: Server) -> None:
-    """Serve the arm until SIGTERM or SIGINT, and close it."""
+    """Serve the arm until SIGTERM or SIGINT, then close the server."""
     try:
         server.run(_stop_on_signals())
     finally:
@@ -255,8 +255,8 @@ def serve_on_bus(
     door: HandDoor | None = None,
     stop: threading.Event | None = None,
 ) -> None:
-    """Be the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; wait for a bus that
-    goes. Raises BusError if there is none at the beginning."""
+    """Simulate the nodes of the arm on a CAN bus until `stop`, SIGTERM or SIGINT; a lost bus is
+    reopened. Raises BusError if it is missing at the start."""
     stop = stop or _stop_on_signals()
     reports: list[str] = []
     bus_end = BusEnd(interface, channel, reports.append)

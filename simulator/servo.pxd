@@ -1,4 +1,4 @@
-# Types of servo.py, for the compiler alone.
+# C types of servo.py, read by the compiler only.
 
 cdef class Servo:
     cdef Py_ssize_t _n

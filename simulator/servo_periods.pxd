@@ -1,4 +1,4 @@
-# Types of servo_periods.py, for the compiler alone.
+# C types of servo_periods.py, read by the compiler only.
 
 from simulator.motor_laws cimport MotorLaws
 from simulator.sensors cimport Sensors

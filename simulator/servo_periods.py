@@ -1,9 +1,8 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Servo periods of the whole arm: servo, sensors and plant in their order, many in one call.
+"""Servo periods of the whole arm: servo, sensors and plant in sequence, several per call.
 
-Ordinary Python, which runs as it is; `servo_periods.pxd` names the types for the compiler, decision
-0037.
+Ordinary Python that also runs uncompiled; `servo_periods.pxd` declares the C types (decision 0037).
 """
 
 from collections.abc import Callable
@@ -16,8 +15,8 @@ from simulator.two_masses import TwoMasses
 
 
 class ServoPeriods:
-    """Servo, sensors and plant of one arm; torque_constant (n,) [Nm/A] is the true one, and `laws`
-    those of motors that have some."""
+    """Servo, sensors and plant of one arm; torque_constant (n,) [Nm/A] is the true one, `laws` are
+    control laws of motors in addition to the velocity loop."""
 
     def __init__(
         self,
@@ -32,7 +31,7 @@ class ServoPeriods:
         self._torque_constant, self._current = torque_constant, servo.current
 
     def begin(self) -> None:
-        """Begin a period: new currents, and sensors that follow."""
+        """Begin a period: update currents and sensors."""
         masses, laws = self._masses, self._laws
         if laws.positions > 0:
             laws.steer(masses.q, masses.phi)
@@ -45,7 +44,7 @@ class ServoPeriods:
         self._sensors.update(masses.q, self._current)
 
     def advance(self, steps: int, touch: Callable[[], None] | None) -> None:
-        """So many steps of the plant; impedances follow each of them."""
+        """Advance the plant by `steps` steps, with impedances evaluated at each."""
         masses, laws = self._masses, self._laws
         if laws.impedances == 0:
             masses.advance(steps, touch)
@@ -60,14 +59,14 @@ class ServoPeriods:
             self._masses.motor[i] = self._torque_constant[i] * self._current[i]
 
     def run(self, periods: int, steps: int, touch: Callable[[], None] | None) -> None:
-        """So many periods of `steps` steps each; `touch` as `TwoMasses.advance` has it."""
+        """Advance by `periods` periods of `steps` steps each; `touch` as in `TwoMasses.advance`."""
         for _ in range(periods):
             self.begin()
             self.advance(steps, touch)
 
     def record(self, external: Matrix, steps: int, phi: Matrix, gear_torque: Matrix) -> None:
-        """A period for each row of `external`, torque on the links in it [Nm]; write phi [rad] and
-        what the gear hands to the link [Nm] after each; all (periods, n)."""
+        """Run one period per row of `external`, the torque on the links [Nm], and write phi [rad]
+        and the torque of the gear on the link [Nm] after each; all (periods, n)."""
         masses = self._masses
         for period in range(external.shape[0]):
             for i in range(masses.n):

@@ -1,4 +1,4 @@
-"""The socketcand protocol in raw mode, as far as python-can's client speaks it; no I/O here."""
+"""Socketcand protocol in raw mode, as far as python-can's client uses it; no I/O here."""
 
 from dataclasses import dataclass
 
@@ -12,22 +12,22 @@ LONGEST_COMMAND = 200
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Bytes for this client."""
+    """Reply to this client."""
 
     data: bytes
     raw_mode: bool = False
-    """From here on the client takes frames."""
+    """True if the client receives frames from now on."""
 
 
 class Conversation:
-    """Server's side of one client's connection: bytes in, replies and frames out."""
+    """Server side of one client's connection: bytes in, replies and frames out."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self._opened = self.raw_mode = False
 
     def feed(self, data: bytes) -> list[Reply | can.Message]:
-        """Take received bytes; what they ask for, in order. Commands may arrive in pieces."""
+        """Parse received bytes into replies and frames, in order. Commands may arrive in pieces."""
         self._buffer += data
         answers: list[Reply | can.Message] = []
         while (end := self._buffer.find(b">")) >= 0:
@@ -57,7 +57,8 @@ class Conversation:
 
 
 def _frame(words: list[bytes]) -> can.Message | None:
-    """`ID LENGTH BYTE...`, all hexadecimal; an id of eight digits is an extended one."""
+    """Frame from `ID LENGTH BYTE...`, all hexadecimal; an eight-digit ID is extended. None if
+    invalid."""
     try:
         numbers = [int(word, 16) for word in words]
     except ValueError:
@@ -73,7 +74,7 @@ def _frame(words: list[bytes]) -> can.Message | None:
 
 
 def frame_line(message: can.Message, timestamp: float) -> bytes:
-    """A frame as the server sends it to its clients; `timestamp` in s."""
+    """Text of a frame for the server's clients; timestamp in s."""
     width = 8 if message.is_extended_id else 3
     text = f"< frame {message.arbitration_id:0{width}X} {timestamp:.6f} {message.data.hex()} >"
     return text.encode("ascii")

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 
 class State(Enum):
-    """States of CiA 402 part 2; the value is the base of the statusword."""
+    """States of CiA 402 part 2; the values are the state bits of the statusword."""
 
     NOT_READY_TO_SWITCH_ON = 0x0000
     SWITCH_ON_DISABLED = 0x0040
@@ -21,7 +21,7 @@ class State(Enum):
 
 
 class Trigger(Enum):
-    """Commands of the controlword, and events inside the drive."""
+    """Commands of the controlword, and internal events of the drive."""
 
     SHUTDOWN = "shutdown"
     SWITCH_ON = "switch on"
@@ -37,14 +37,14 @@ class Trigger(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """Number in CiA 402 and the state it leads to."""
+    """Transition: its number in CiA 402 and its target state."""
 
     number: int
     target: State
 
 
 HOLDING_OPTIONS = frozenset({5, 6, 7, 8})
-"""605A: the drive stays in quick stop active, and transition 16 leads back."""
+"""Values of 605A with which the drive stays in quick stop active; transition 16 leads back."""
 
 CONTROLWORD_MASKS: tuple[tuple[int, int, Trigger], ...] = (
     (0x02, 0x00, Trigger.DISABLE_VOLTAGE),
@@ -53,7 +53,7 @@ CONTROLWORD_MASKS: tuple[tuple[int, int, Trigger], ...] = (
     (0x0F, 0x07, Trigger.SWITCH_ON),
     (0x0F, 0x0F, Trigger.ENABLE_OPERATION),
 )
-"""(mask, value, command); every controlword fits exactly one row."""
+"""Rows (mask, value, command); every controlword matches exactly one."""
 
 _S, _E = State, Trigger
 TRANSITIONS: Mapping[tuple[State, Trigger], Transition] = MappingProxyType(
@@ -61,7 +61,7 @@ TRANSITIONS: Mapping[tuple[State, Trigger], Transition] = MappingProxyType(
         (_S.NOT_READY_TO_SWITCH_ON, _E.INITIALISED): Transition(1, _S.SWITCH_ON_DISABLED),
         (_S.SWITCH_ON_DISABLED, _E.SHUTDOWN): Transition(2, _S.READY_TO_SWITCH_ON),
         (_S.READY_TO_SWITCH_ON, _E.SWITCH_ON): Transition(3, _S.SWITCHED_ON),
-        # Enable operation seen here passes through switched on by itself (3, then 4).
+        # Enable operation in this state passes through switched on automatically (3, then 4).
         (_S.READY_TO_SWITCH_ON, _E.ENABLE_OPERATION): Transition(3, _S.SWITCHED_ON),
         (_S.SWITCHED_ON, _E.ENABLE_OPERATION): Transition(4, _S.OPERATION_ENABLED),
         (_S.OPERATION_ENABLED, _E.SWITCH_ON): Transition(5, _S.SWITCHED_ON),
@@ -88,15 +88,15 @@ TRANSITIONS: Mapping[tuple[State, Trigger], Transition] = MappingProxyType(
 
 
 def command(controlword: int) -> Trigger:
-    """The command that bits 0 to 3 of a controlword ask for."""
+    """Command in bits 0 to 3 of a controlword."""
     return next(event for mask, value, event in CONTROLWORD_MASKS if controlword & mask == value)
 
 
 def step(state: State, event: Trigger, quick_stop_option: int = 6) -> State:
-    """The state after one event; without a row in the table the state stays.
+    """State after one event; unchanged if the table has no such transition.
 
-    `quick_stop_option` is 605A: quick stop done (12) needs an option that does not hold, the way
-    back (16) one that does.
+    quick_stop_option: value of 605A; quick stop done (12) needs an option that does not hold, the
+    way back (16) one that does.
     """
     transition = TRANSITIONS.get((state, event))
     if transition is None:
@@ -110,9 +110,9 @@ def step(state: State, event: Trigger, quick_stop_option: int = 6) -> State:
     return transition.target
 
 
-@lru_cache(maxsize=1024)  # asked by every drive in every tick, nearly always the same
+@lru_cache(maxsize=1024)  # called by every drive in every tick, mostly with the same arguments
 def on_controlword(state: State, previous: int, controlword: int, quick_stop_option: int) -> State:
-    """The state after a controlword: fault reset on the rising edge of bit 7, else its command."""
+    """State after a controlword: fault reset on the rising edge of bit 7, else its command."""
     if controlword & ~previous & 0x80:
         after = step(state, Trigger.FAULT_RESET, quick_stop_option)
         if after is not state:

@@ -1,5 +1,5 @@
-"""Values that CiA 301 and CiA 402 ask of a drive, supplied where an EDS gives no default: a real
-drive holds its own, and a maker need not write them down."""
+"""Values required by CiA 301 and CiA 402, supplied if an EDS gives no default: a real drive has its
+own, and an EDS need not state them."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,20 +7,20 @@ from dataclasses import replace
 from common.eds import INTEGER_BITS, Eds, EdsObject
 
 DEVICE_TYPE = 0x00020192
-"""A servo drive of device profile 402."""
+"""Device type of a servo drive, device profile 402."""
 CYCLIC_VELOCITY = 1 << 8
-"""Bit of 0x6502."""
+"""Bit of cyclic synchronous velocity in 0x6502."""
 _SYNC, _EMERGENCY = 0x80, 0x80
 _BY_EVENT = 255
 _PDO_ID = {0x1400: 0x200, 0x1800: 0x180}
-"""COB-IDs of the first PDOs (CiA 301), less the node id."""
-_PDOS = 4  # that CiA 301 gives COB-IDs
+"""COB-IDs of the first PDOs (CiA 301), without the node ID."""
+_PDOS = 4  # number of PDOs with predefined COB-IDs in CiA 301
 _UNSIGNED8, _TEXT = 0x05, 0x09
 _PACKED = frozenset(code for code, bits in INTEGER_BITS.items() if abs(bits) in (8, 16, 32))
 
 
 def supplied(eds: Eds) -> dict[tuple[int, int], EdsObject]:
-    """Objects with a value that the EDS lacks, by index and subindex."""
+    """Objects whose value the EDS lacks, with a supplied value, by index and subindex."""
     found = {(one.index, one.subindex): one for one in _values(eds)}
     with_values = {**eds.objects, **found}
     found |= {(one.index, one.subindex): one for one in _mappings(with_values)}
@@ -28,7 +28,7 @@ def supplied(eds: Eds) -> dict[tuple[int, int], EdsObject]:
 
 
 def in_words(eds: Eds) -> list[str]:
-    """One line for each object that was supplied and is no parameter of a PDO."""
+    """One line for each supplied object, except PDO parameters."""
     lines = []
     for (index, subindex), one in sorted(supplied(eds).items()):
         shown = f"0x{one.default:X}" if isinstance(one.default, int) else f"{one.default!r}"
@@ -38,8 +38,8 @@ def in_words(eds: Eds) -> list[str]:
 
 
 def _values(eds: Eds) -> Iterator[EdsObject]:
-    """Identity, modes and COB-IDs. An object that is not there stays so, but for the error
-    register, which every device has."""
+    """Identity, modes and COB-IDs. Missing objects are not added, except the error register, which
+    every device has."""
     if (0x1001, 0) not in eds.objects:
         yield EdsObject(0x1001, 0, "Error register", _UNSIGNED8, "ro", False, 0)
     numbers = ("VendorNumber", "ProductNumber", "RevisionNumber")
@@ -71,7 +71,7 @@ def _values(eds: Eds) -> Iterator[EdsObject]:
 
 
 def _mappings(objects: dict[tuple[int, int], EdsObject]) -> Iterator[EdsObject]:
-    """Mappings that begin empty: those whose objects are not given, or of no simulated type."""
+    """Mappings that begin empty: their objects are not given, or of a type not simulated."""
     for (index, subindex), count in objects.items():
         if subindex or not (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00):
             continue

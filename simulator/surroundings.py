@@ -1,4 +1,4 @@
-"""Surroundings of a simulated drive: the parts of the arm that it is connected to."""
+"""Surroundings of a simulated drive: the parts of the arm to which it is connected."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from simulator.servo import Servo
 
 
 class Send(Protocol):
-    """Way onto the bus."""
+    """Function that sends a frame."""
 
     def __call__(self, cob_id: int, data: bytes, extended: bool = False) -> None:
-        """Put a frame on it; extended: its identifier has 29 bits."""
+        """Send a frame; extended: its identifier has 29 bits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Parts of the simulated arm that a drive is connected to."""
+    """Parts of the simulated arm to which a drive is connected."""
 
     description: ArmDescription
     drives: tuple[DriveDescription, ...]
@@ -28,7 +28,7 @@ class Surroundings:
     plant: Plant
     send: Send
     sample: Callable[[], None]
-    """Have the sensors measure, if time has passed since they did."""
+    """Sample all sensors, if time has passed since the last sample."""
     report: Callable[[str], None]
     now: Callable[[], float]
     """Simulated time [s]."""

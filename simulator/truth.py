@@ -1,9 +1,8 @@
-"""Truth of a simulated arm: schema of `simulation.yaml`, which stands beside `config.yaml` and
-shares nothing with it, so that correcting the one does not move the other.
+"""True properties of a simulated arm: schema of `simulation.yaml`, which lies beside `config.yaml`
+but shares no values with it, so that correcting one does not change the other.
 
-Properties that a maker built and fixed stand here as numbers of their own: joints, gears, motors,
-friction, gaps, end stops, drives with their counts, units and quirks. `docs/rehearsing.md` explains
-it.
+It states the properties fixed by the manufacturer: joints, gears, motors, friction, gaps, end
+stops, and drives with their counts, units and quirks. `docs/rehearsing.md` explains it.
 """
 
 from collections.abc import Collection
@@ -36,12 +35,12 @@ MOTORS: dict[str, Collection[str]] = {
     **dict.fromkeys((f"damiao:{model}" for model in damiao.MODELS), damiao.REGISTERS),
     **dict.fromkeys((f"robstride:{model}" for model in robstride.MODELS), robstride.PARAMETERS),
 }
-"""Values of a joint's `drive` that are motors with their controllers in one, and the names of their
+"""Motors with integrated controllers, by the value of a joint's `drive`, with the names of their
 registers or parameters."""
 
 
 class Stated(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Base of everything that is read from `simulation.yaml`."""
+    """Base of all settings read from `simulation.yaml`."""
 
 
 class TrueEncoder(Stated, frozen=True, kw_only=True):
@@ -49,40 +48,40 @@ class TrueEncoder(Stated, frozen=True, kw_only=True):
 
     object: Index
     subindex: SubIndex = 0
-    counts: int  # per turn; below 0 where it counts backwards
-    zero: int = 0  # counts where it stands at 0
+    counts: int  # per turn; below 0 if it counts backwards
+    zero: int = 0  # counts at position 0
 
 
 class TrueUnit(Stated, frozen=True, kw_only=True):
-    """Quantity of a drive and the size of one count."""
+    """Quantity of a drive, and the value of one count."""
 
     object: Index
     subindex: SubIndex = 0
     unit: Positive  # rad/s or rad/s2 of the motor shaft, or share of the rated value
-    sign: Sign = 1  # -1 where the drive counts it against the motor
+    sign: Sign = 1  # -1 if the drive counts it opposite to the motor
 
 
 class Quirks(Stated, frozen=True, kw_only=True):
-    """Peculiarities of a drive. Fixed PDOs are the EDS's: mappings with AccessType `const`."""
+    """Quirks of a drive. Fixed PDOs are set in the EDS: mappings with AccessType `const`."""
 
     needs_nmt_reset: bool = False  # after the loss of the master (0x8130), before a fault reset
     says_over: bool = False  # it reports this error as over, but stays locked
-    no_heartbeat_consumer: bool = False  # it takes 0x1016, but watches no heartbeat
+    no_heartbeat_consumer: bool = False  # it accepts 0x1016, but monitors no heartbeat
     sdo_delay_ms: Annotated[float, Meta(ge=0, le=2000)] = 0.0  # until it answers an SDO
     boot_ms: Annotated[float, Meta(ge=0, le=60_000)] = 0.0  # from a reset to its boot-up message
     # Of the reported current; 0 is unfiltered, left out that of `settings`.
     current_filter_ms: Annotated[float, Meta(ge=0, le=50)] | None = None
-    velocity_step: NotNegative = 0.0  # coarse velocity: in steps of so many rad/s of the motor
+    velocity_step: NotNegative = 0.0  # resolution of the velocity [rad/s of the motor]
     interpolation_ms: Annotated[float, Meta(ge=0, le=100)] = 0.0  # of setpoints, without 0x60C2
 
 
 class TrueDrive(Stated, frozen=True, kw_only=True):
-    """One make of drive, as its maker fixed it. Setpoints are on 0x60FF, the quick stop's
-    deceleration on 0x6085."""
+    """One make of drive, as fixed by its manufacturer. Setpoints are in 0x60FF, the quick stop's
+    deceleration in 0x6085."""
 
     eds: str  # relative to this file
     link_position: TrueEncoder
-    link_encoder: bool = True  # false: link_position is the motor's, through the gear
+    link_encoder: bool = True  # false: link_position is the motor's, behind the gear
     motor_position: TrueEncoder | None = None
     motor_velocity: TrueUnit
     effort: TrueUnit  # current or torque, share of the rated value
@@ -102,12 +101,12 @@ class TrueFriction(Stated, frozen=True, kw_only=True):
 
 
 class TrueJoint(Stated, frozen=True, kw_only=True):
-    """One joint as it was built."""
+    """One joint as built."""
 
     name: str  # as in the URDF
     node: Annotated[int, Meta(ge=1, le=127)]
-    drive: str  # a key of `drives`, or as `damiao:DM4340`, `robstride:RS02`
-    master_id: Annotated[int, Meta(ge=0, le=0x7FF)] | None = None  # Damiao; else node + 16
+    drive: str  # a key of `drives`, or such as `damiao:DM4340`, `robstride:RS02`
+    master_id: Annotated[int, Meta(ge=0, le=0x7FF)] | None = None  # Damiao; default: node + 16
     registers: dict[str, float] = {}  # of such a motor, or its parameters, by name
     gear: Positive  # turns of the motor per turn of the joint
     rated_current_A: Positive
@@ -119,25 +118,25 @@ class TrueJoint(Stated, frozen=True, kw_only=True):
     friction: TrueFriction = TrueFriction()
     lower: float  # end stop [rad]
     upper: float  # end stop [rad]
-    motor_sign: Sign = 1  # -1 where the motor turns against the joint
-    link_sign: Sign = 1  # -1 where the link encoder counts against the joint
-    link_offset: float = 0.0  # position of the joint where its encoder stands at 0 [rad]
-    encoder_errors: tuple[EncoderError, ...] = ()  # that repeat with a turn
+    motor_sign: Sign = 1  # -1 if the motor turns opposite to the joint
+    link_sign: Sign = 1  # -1 if the link encoder counts opposite to the joint
+    link_offset: float = 0.0  # joint position at which its encoder reads 0 [rad]
+    encoder_errors: tuple[EncoderError, ...] = ()  # periodic with a turn
     brake: bool = False  # holds the motor whenever the drive is not energised
 
 
 class SimulationFile(Stated, frozen=True, kw_only=True):
-    """Contents of the file. Without `joints` it describes no arm."""
+    """Contents of `simulation.yaml`. Without `joints` it describes no arm."""
 
     urdf: str = "simulation.urdf"  # links of the true arm, relative to this file
-    initial_position: dict[str, float] = {}  # by joint [rad], others 0
+    initial_position: dict[str, float] = {}  # by joint [rad]; default: 0
     joints: list[TrueJoint] = []  # in the order of the URDF
     drives: dict[str, TrueDrive] = {}
     settings: SimulationSettings = SimulationSettings()
 
 
 def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescription:
-    """The arm that a file at `path` describes. Raises ConfigurationError with file and field."""
+    """Arm described by a file at `path`. Raises ConfigurationError with file and field."""
     _refuse_impossible(truth, path)
     joints = []
     for i, joint in enumerate(truth.joints):
@@ -172,7 +171,7 @@ def described(truth: SimulationFile, path: Path, period_s: float) -> ArmDescript
 
 
 def _refuse_impossible(truth: SimulationFile, path: Path) -> None:
-    """Raise ConfigurationError for what joins several fields and is no arm."""
+    """Raise ConfigurationError for contradictions between fields."""
     known = [joint.name for joint in truth.joints]
     for name in truth.initial_position:
         if name not in known:
@@ -186,8 +185,8 @@ def _refuse_impossible(truth: SimulationFile, path: Path) -> None:
             raise ConfigurationError(f"{at}.name: two joints have this name")
         if joint.node in by_node:
             raise ConfigurationError(
-                f"{at}.node: {joint.node} is that of {by_node[joint.node]}, too; each drive needs "
-                "one of its own"
+                f"{at}.node: {joint.node} is also that of {by_node[joint.node]}; each drive needs "
+                "its own node ID"
             )
         by_node[joint.node] = joint.name
         if not joint.lower < joint.upper:
@@ -205,15 +204,15 @@ def _refuse_impossible(truth: SimulationFile, path: Path) -> None:
             encoder: TrueEncoder | None = getattr(drive, field)
             if encoder is not None and encoder.counts == 0:
                 raise ConfigurationError(
-                    f"{path}: drives.{name}.{field}.counts: 0 per turn is no encoder; below 0 it "
-                    "counts backwards"
+                    f"{path}: drives.{name}.{field}.counts: must not be 0 per turn; below 0 the "
+                    "encoder counts backwards"
                 )
 
 
 def built(
     joint: TrueJoint, start: float, drive: DriveDescription | None = None
 ) -> JointDescription:
-    """The joint as it was built, that begins at `start` [rad], with its drive."""
+    """Joint as built, starting at `start` [rad], with its drive."""
     same = {name: getattr(joint, name) for name in _SAME}
     friction = msgspec.structs.asdict(joint.friction)
     return JointDescription(**same, **friction, initial_position=start, drive=drive)
@@ -225,7 +224,7 @@ _SAME = {field.name for field in fields(JointDescription)} & {*TrueJoint.__struc
 
 
 def _motor(joint: TrueJoint) -> DriveDescription:
-    """Motor with its controller in one."""
+    """Description of a motor with integrated controller."""
     kind, model = joint.drive.split(":")
     make: MotorMake
     if kind == "damiao":
@@ -241,7 +240,7 @@ def _motor(joint: TrueJoint) -> DriveDescription:
 
 
 def _make(drive: TrueDrive, joint: TrueJoint) -> SimulatedMake:
-    """A make as it sits in a joint, whose motor or encoder may turn the other way round."""
+    """Make as mounted in a joint, whose motor or encoder may be reversed."""
     link, motor, quirks = drive.link_position, drive.motor_position, drive.quirks
     counts = joint.link_sign * link.counts
     return SimulatedMake(

@@ -1,4 +1,4 @@
-# Types of two_masses.py, for the compiler alone.
+# C types of two_masses.py, read by the compiler only.
 
 from common.elementary cimport decay, smooth_sign
 from simulator.gears cimport Gears

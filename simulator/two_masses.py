@@ -1,9 +1,9 @@
 # cython: language_level=3, infer_types=True, annotation_typing=False
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""One step of two masses per joint, link and motor: gap, end stop, and the law of friction.
+"""Two-mass model of each joint, link and motor, with gap, end stop and friction: one step.
 
-Ordinary Python, which runs as it is; `two_masses.pxd` names the types for the compiler, decision
-0037. `Plant` is what others use.
+Ordinary Python that also runs uncompiled; `two_masses.pxd` declares the C types (decision 0037).
+Other modules use it by `Plant`.
 """
 
 from collections.abc import Callable
@@ -18,8 +18,8 @@ from simulator.mismatch import PlantParameters
 
 
 class TwoMasses:
-    """State of all joints, vectors (n,) in SI at the link. `external` and `motor` are torques to
-    be written to; `gear`, `stop` and `friction` (2, n), of link and motor, those of the last step.
+    """State of all joints; vectors (n,) in SI units at the link. `external` and `motor` are input
+    torques; `gear`, `stop` and `friction` (2, n) of link and motor are torques of the last step.
     """
 
     def __init__(
@@ -43,21 +43,21 @@ class TwoMasses:
         self._lower, self._upper = p.lower.copy(), p.upper.copy()
         self._stiffness, self._damping = p.stiffness.copy(), p.damping.copy()
         self.free = np.ones(n)
-        """0 where a brake holds the motor, else 1"""
-        # Of link and motor: friction, and deflection in units of the largest.
+        """0 if a brake holds the motor, else 1."""
+        # Of link and motor: friction, and bristle deflection relative to its maximum.
         self.coulomb, self.viscous = p.coulomb.reshape(2, n).copy(), p.viscous.reshape(2, n).copy()
         self.deflection = np.zeros((2, n))
         presliding = law.presliding
         self._per_slip = step_s / presliding if self._stiction else 1.0 / law.width
         self._breakaway, self._per_stribeck = law.stribeck - 1.0, 1.0 / law.stribeck_velocity
-        # sigma_1 damps the swinging of each mass on its bristles to 0.7; times z_max / step, as it
-        # meets the change of z in a step.
+        # sigma_1 gives the oscillation of each mass on its bristles a damping ratio of 0.7; times
+        # z_max / step, as it multiplies the change of z in a step.
         masses = np.stack((p.lightest_link, p.rotor_inertia))
         sigma_1 = 1.4 * np.sqrt(p.coulomb.reshape(2, n) / presliding * masses)
         self._bristle_damping = sigma_1 * presliding / step_s
 
     def advance(self, steps: int, touch: Callable[[], None] | None) -> None:
-        """Integrate over `steps` steps; `touch`, if any, writes to `external` before each."""
+        """Integrate `steps` steps; `touch`, if given, writes to `external` before each."""
         for _ in range(steps):
             if touch is not None:
                 touch()
@@ -68,7 +68,7 @@ class TwoMasses:
                 self._move(i)
 
     def _push(self, i: int) -> None:
-        """All torques on link and motor of joint i."""
+        """Compute all torques on link and motor of joint i."""
         q, q_dot, theta_dot, phi = self.q[i], self.q_dot[i], self.theta_dot[i], self.phi[i]
         alpha, gears = self.half_gap[i], self.gears
         if gears.active:
@@ -85,14 +85,14 @@ class TwoMasses:
         self._link[i] = self.external[i] - gear - stop - self.friction[0, i]
 
     def _border(self, i: int, delta: float, delta_dot: float) -> float:
-        """A spring and a damper, behind delta: a border pushes, it never pulls."""
+        """Torque of a unilateral spring-damper at penetration delta: it pushes, but never pulls."""
         torque = delta * self._stiffness[i] + self._damping[i] * delta_dot
         return float(torque) if torque * delta > 0.0 else 0.0
 
     def _rub(self, side: int, i: int, velocity: float, load: float) -> float:
-        """Coulomb's torque over the velocity's tanh, or Dahl's with stiction; and viscous. Near
-        rest the Coulomb torque is larger by Stribeck's share; Dahl's with that is LuGre's. `load`
-        is Coulomb friction of the torque that the gear transmits."""
+        """Friction torque: Coulomb with tanh of the velocity, or Dahl's model with stiction; plus
+        viscous. Near rest the Stribeck effect increases the Coulomb torque; Dahl with Stribeck is
+        LuGre. load: Coulomb friction due to the torque that the gear transmits."""
         factor = self.gears.factor[side, i] if self.gears.active else 1.0
         way, coulomb = self._per_slip * velocity, factor * self.coulomb[side, i] + load
         slow = velocity * self._per_stribeck
@@ -105,10 +105,10 @@ class TwoMasses:
 
     def _slide(self, side: int, i: int, way: float, coulomb: float, share: float) -> float:
         """Dahl: z_dot = v - |v| z / (s z_max), torque = T_c z / z_max + sigma_1 z_dot, at most
-        s T_c; s: Stribeck's share, 1 without.
+        s T_c; s: Stribeck factor, 1 without.
 
         The implicit step z = (z + v h) / (1 + |v| h / (s z_max)) keeps |z| <= s z_max at any speed.
-        Without LuGre's sigma_1 a joint at rest goes on swinging on its bristles and creeps away.
+        Without LuGre's sigma_1 a joint at rest would keep oscillating on its bristles and creep.
         """
         before = self.deflection[side, i]
         z = (before + way) / (abs(way) / share + 1.0)
@@ -117,7 +117,7 @@ class TwoMasses:
         return float(max(min(torque, share * coulomb), -share * coulomb))
 
     def _move(self, i: int) -> None:
-        """Semi-implicit Euler: the new velocities move joint i."""
+        """Integrate joint i by semi-implicit Euler: positions use the new velocities."""
         h = self._step
         self.q_dot[i] += h * self._link[i]
         push = self.motor[i] + self.gear[i] - self.friction[1, i]

@@ -1,1 +1,1 @@
-"""CAN interfaces: each opens its bus, and reads and writes frames at the cost of the tick."""
+"""CAN interfaces: each opens its bus, and reads and writes frames fast enough for the tick."""

@@ -1,4 +1,4 @@
-"""The CAN bus as the configuration names it."""
+"""CAN bus, opened by the interface that the configuration names."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -13,10 +13,10 @@ from drivers.can.socketcand import open_socketcand
 from drivers.can.virtual import open_virtual
 from drivers.can.wire import OpenBus
 
-#: Errors of python-can's interfaces for a bus that is closed, down or full: not only its own.
+#: Errors that python-can's interfaces raise for a bus that is closed, down or full.
 BUS_FAILURES: Final = (can.CanError, OSError, ValueError)
 
-# Keyed so that mypy names an interface of the settings that is forgotten here.
+# Keyed by Interface, so that mypy reports an interface missing here.
 INTERFACES: Final[Mapping[Interface, Callable[[BusSettings], OpenBus]]] = {
     "socketcan": open_socketcan,
     "socketcand": open_socketcand,
@@ -26,7 +26,7 @@ INTERFACES: Final[Mapping[Interface, Callable[[BusSettings], OpenBus]]] = {
 
 
 def open_bus(settings: BusSettings) -> OpenBus:
-    """Open the bus; raises BusError with advice."""
+    """Open the bus. Raises BusError, with advice where possible."""
     try:
         return INTERFACES[settings.interface](settings)
     except (*BUS_FAILURES, ImportError) as error:

@@ -1,17 +1,17 @@
-"""Events of a bus that fails: exceptions of its interface, error frames of its controller."""
+"""Events for bus failures: exceptions of the interface, and error frames of the controller."""
 
 import errno
 from typing import Final
 
 from drivers.api import Event, Kind
 
-# A socket that raised one of these does not come back, whatever becomes of the adapter. ENETDOWN is
-# not among them: an interface that is set up again serves the sockets it had.
+# A socket that raised one of these never recovers, even if the adapter returns. ENETDOWN is not
+# among them: an interface that is brought up again serves its existing sockets.
 _GONE: Final = frozenset({errno.ENODEV, errno.ENXIO, errno.EBADF, errno.EIO, errno.ESHUTDOWN})
 
 
 def bus_failure(doing: str, error: Exception) -> Event:
-    """Event for a failure of the bus; `doing` is "sending" or "receiving"."""
+    """Event for an exception of the interface; `doing` is "sending" or "receiving"."""
     number = getattr(error, "errno", None) or getattr(error, "error_code", None)
     # select() raises ValueError for a socket that was closed.
     gone = isinstance(error, ConnectionError | ValueError) or number in _GONE
@@ -19,7 +19,7 @@ def bus_failure(doing: str, error: Exception) -> Event:
     return Event(kind, f"{doing} failed: {error}")
 
 
-# Classes of Linux' error frames (linux/can/error.h), and the bits that detail class 4.
+# Error classes of Linux error frames (linux/can/error.h), and the detail bits of class 4.
 _CONTROLLER: Final = 0x004
 _BUS_OFF: Final = 0x040
 _PASSIVE: Final = 0x30  # data[1]: receiving or transmitting
@@ -37,8 +37,8 @@ _ERROR_CLASSES: Final = (
 
 
 def error_frame(error_class: int, data: bytes | bytearray) -> Event:
-    """Event for an error frame; `error_class` is its identifier. An adapter that reports trouble of
-    the controller without detail (socketcand) is taken to mean error-passive."""
+    """Event for an error frame; `error_class` is its identifier. A controller problem reported
+    without detail (socketcand) is taken to be error-passive."""
     if error_class & _BUS_OFF:
         return Event(Kind.OFF_BUS, "")
     if error_class & _CONTROLLER and (len(data) < 2 or data[1] & _PASSIVE):

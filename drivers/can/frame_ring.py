@@ -1,9 +1,9 @@
 """Ring buffer of the last minute of raw frames, both directions, in a memory-mapped file.
 
-It survives the daemon. A record has a fixed size, and writing one is one `pack_into`: no system
-call, nothing that grows, nothing to flush. The file belongs on a tmpfs (/run): the kernel writes no
-page of it back, so that no tick ever waits for a disk. A record is visible to other processes at
-once, also after the writer was killed.
+The file outlives the daemon. Records have a fixed size, and writing one is a single `pack_into`: no
+system call, no growth, no flush. The file belongs on a tmpfs (/run): the kernel never writes its
+pages back, so that no tick waits for a disk. A record is visible to other processes at once, even
+after the writer is killed.
 """
 
 import mmap
@@ -21,15 +21,15 @@ from drivers.can.wire import Frame, Wire
 
 KEPT_S: Final = 60.0
 _MAGIC: Final = b"contactd"
-# Magic, version, records, and the offset from their times to the time of day [s].
+# Magic, version, capacity in records, and the offset from record times to the time of day [s].
 _HEADER: Final = struct.Struct("<8sIId")
 _HEADER_SIZE: Final = 64
-# Time (monotonic) [s], number counting from 1, identifier with Linux' flags, size, sent, data.
+# Time (monotonic) [s], number counting from 1, identifier with Linux flags, size, sent, data.
 _RECORD: Final = struct.Struct("<dQIB?2x8s")
 _RECORD_SIZE: Final = _RECORD.size
 _PACK_INTO: Final = _RECORD.pack_into
 _VERSION: Final = 1
-_LARGEST_BYTES: Final = 64 << 20  # of a file with a ring's header: 40000 frames a second
+_LARGEST_BYTES: Final = 64 << 20  # bound on the file size: enough for 40000 frames per second
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +43,10 @@ class Recorded:
 
 
 class FrameRing:
-    """Written by the owner of the bus; `capacity` frames are kept."""
+    """Ring that the owner of the bus writes; it keeps the last `capacity` frames."""
 
     def __init__(self, path: Path, capacity: int, clock: Callable[[], float]) -> None:
-        """Make the file anew, all of its memory at once. Raises OSError."""
+        """Create the file anew with all of its memory allocated. Raises OSError."""
         path.unlink(missing_ok=True)
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         file = os.open(path, flags, 0o640)
@@ -64,32 +64,32 @@ class FrameRing:
         self._number = 0
 
     def put(self, time_s: float, can_id: int, data: bytes | bytearray, sent: bool) -> None:
-        """Keep a frame; the oldest gives way."""
+        """Store a frame; it overwrites the oldest."""
         number = self._number = self._number + 1
         at = _HEADER_SIZE + number % self._capacity * _RECORD_SIZE
         _PACK_INTO(self._memory, at, time_s, number, can_id, len(data) & 0xFF, sent, data)
 
     def close(self) -> None:
-        """Give the memory back; the file stays."""
+        """Unmap the memory; the file stays."""
         self._memory.close()
 
 
 class RecordedWire:
-    """Wire whose frames go into a ring."""
+    """Wire whose frames are recorded in a ring."""
 
     def __init__(self, wire: Wire, ring: FrameRing) -> None:
         self._receive, self._send = wire.receive, wire.send
         self._put, self._clock = ring.put, ring.clock
 
     def receive(self, timeout: float) -> Frame | None:
-        """The next frame of the wire, kept."""
+        """Receive the next frame of the wire, and record it."""
         frame = self._receive(timeout)
         if frame is not None:
             self._put(self._clock(), frame[0], frame[1], False)
         return frame
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send by the wire, and keep the frames that it does not refuse."""
+        """Send frames on the wire, and record them unless it raises."""
         self._send(frames)
         now = self._clock()
         for can_id, data in frames:
@@ -97,10 +97,10 @@ class RecordedWire:
 
 
 def read_frames(path: Path) -> list[Recorded]:
-    """All frames that a ring holds, oldest first, whether its writer lives or not.
+    """All frames in a ring file, oldest first, whether or not its writer is alive.
 
-    Raises LogError when the file is none of ours. A record that is being written just now may be
-    torn; it is left out when its time shows it.
+    Raises LogError if the file is not a frame ring. A record that is being written meanwhile may be
+    torn; it is left out if its time reveals that.
     """
     try:
         with open_regular(path, follow=False) as stream:
@@ -108,10 +108,10 @@ def read_frames(path: Path) -> list[Recorded]:
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from error
     if len(content) < _HEADER_SIZE or not content.startswith(_MAGIC):
-        raise LogError(f"{path}: no ring of frames")
+        raise LogError(f"{path}: not a frame ring")
     _, version, capacity, to_wall_s = _HEADER.unpack_from(content)
     if version != _VERSION or len(content) != _HEADER_SIZE + capacity * _RECORD.size:
-        raise LogError(f"{path}: a ring of frames of another version, or cut short")
+        raise LogError(f"{path}: a frame ring of another version, or truncated")
     records = sorted(_RECORD.iter_unpack(content[_HEADER_SIZE:]), key=lambda record: record[1])
     frames: list[Recorded] = []
     latest = float("-inf")

@@ -1,4 +1,4 @@
-"""Load of the bus by periodic frames, at worst: computed before the first one is sent."""
+"""Worst-case bus load of the periodic frames, computed before the first one is sent."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ from typing import Final
 from common.errors import ConfigurationError
 from drivers.can.wire import EXTENDED
 
-#: Set-up, errors and repetitions need room, too.
+#: The rest is reserved for set-up, errors and retransmissions.
 HIGHEST_LOAD: Final = 0.8
 
 
 @dataclass(frozen=True, slots=True)
 class FrameLoad:
-    """One kind of frame on the bus."""
+    """One periodic frame on the bus."""
 
     name: str
     cob_id: int
@@ -23,16 +23,16 @@ class FrameLoad:
 
     @property
     def bits(self) -> int:
-        """Length on the wire with the most stuff bits that can be, and the gap to the next."""
+        """Length on the wire with the worst-case stuff bits and the interframe space [bits]."""
         return frame_bits(self.size, extended=self.cob_id >= EXTENDED)
 
 
 def frame_bits(size: int, *, extended: bool = False) -> int:
-    """Bits of a data frame with `size` bytes and an identifier of 11 bits, or 29, at worst.
+    """Worst-case bits of a data frame with `size` bytes and an 11-bit, or extended, identifier.
 
-    44 bits of frame and 3 of interframe space around the data; of these the first 34 and the data
-    are stuffed: a bit after the first five equal ones, then at worst after every four. An extended
-    identifier adds 20.
+    44 bits of frame and 3 of interframe space surround the data; the first 34 of them and the data
+    are subject to bit stuffing: one bit after the first five equal bits, then at worst after every
+    four. An extended (29-bit) identifier adds 20 bits.
     """
     more = 20 if extended else 0
     stuffed = 34 + more + 8 * size
@@ -40,12 +40,12 @@ def frame_bits(size: int, *, extended: bool = False) -> int:
 
 
 def bus_load(frames: Sequence[FrameLoad], bitrate: int) -> float:
-    """Fraction of the bus that these frames take at worst (1.0 is all of it)."""
+    """Worst-case bus load of these frames, as a fraction of the bitrate."""
     return sum(frame.bits * frame.rate_hz for frame in frames) / bitrate
 
 
 def refuse_overload(frames: Sequence[FrameLoad], period_s: float, bitrate: int) -> None:
-    """Raise ConfigurationError for frames that take more than `HIGHEST_LOAD`."""
+    """Raise ConfigurationError if the load of these frames exceeds `HIGHEST_LOAD`."""
     load = bus_load(frames, bitrate)
     if load > HIGHEST_LOAD:
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""Settings of the bus, with bounds where they are read."""
+"""Settings of the bus, with bounds that are checked on reading."""
 
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ Interface = Literal["socketcan", "socketcand", "slcan", "virtual"]
 
 
 class BusSettings(Settings, frozen=True):
-    """Place of the CAN bus: a python-can interface with its channel."""
+    """Address of the CAN bus: a python-can interface and its channel."""
 
     interface: Interface
     channel: Name

@@ -1,4 +1,4 @@
-"""slcan: an adapter on a serial line, each frame a line of text."""
+"""slcan: a CAN adapter on a serial line, with each frame as a line of text."""
 
 import os
 import re
@@ -20,7 +20,7 @@ def open_slcan(settings: BusSettings) -> OpenBus:
 
 
 class SlcanWire:
-    """slcan over a serial line that was opened without waiting: text, a frame per line."""
+    """slcan over a serial line opened in non-blocking mode: text, one frame per line."""
 
     _LINE: Final = re.compile(rb"([tTrR])([0-9A-Fa-f]+)\r")
     _READ_SIZE: Final = 4096
@@ -45,7 +45,7 @@ class SlcanWire:
         )
         sent = 0 if self._unsent else os.write(self._port, text)
         if sent != len(text):
-            # The frame that was cut has to be completed; the others would be old by then.
+            # The truncated frame has to be completed; the others would be outdated by then.
             self._unsent = self._unsent or text[sent : text.find(b"\r", sent) + 1]
             raise can.CanOperationError("the adapter does not keep up")
 
@@ -61,16 +61,15 @@ class SlcanWire:
             if frame is not None:
                 self._queue.append(frame)
             end = match.end()
-        # A line may be cut in two; garbage must not pile up.
+        # A read may end within a line; garbage must not accumulate.
         self._rest = text[end:][-64:]
 
 
 def _slcan_frame(kind: bytes, digits: bytes) -> Frame | None:
-    """`t` or `r` with three digits of identifier, `T` or `R` with eight; then length and data.
+    """Frame of one line: `t` or `r` and a three-digit identifier, or `T` or `R` and an eight-digit
+    one; then length, data and an optional time stamp.
 
-    None for a line that is garbled, or that no bus can have carried; what follows the data is a
-    time stamp.
-    """
+    None if the line is garbled or encodes an impossible frame."""
     width = 3 if kind in b"tr" else 8
     size = int(digits[width : width + 1] or b"F", 16)
     remote = kind in b"rR"

@@ -1,4 +1,4 @@
-"""socketcan: the kernel's own CAN interfaces, each frame a packet."""
+"""socketcan: the kernel's CAN interfaces, with each frame as a packet."""
 
 import select
 import socket
@@ -17,7 +17,7 @@ _IFF_UP: Final = 0x1
 
 
 def open_socketcan(settings: BusSettings) -> OpenBus:
-    """Open a network interface; raises BusError where it is missing or down."""
+    """Open a network interface. Raises BusError if it is missing or down."""
     _refuse_missing_interface(settings)
     bus = can.Bus(interface="socketcan", channel=settings.channel)
     return OpenBus(bus, RawWire(bus.socket))  # type: ignore[attr-defined]  # of SocketcanBus
@@ -39,7 +39,7 @@ def _refuse_missing_interface(settings: BusSettings) -> None:
 
 
 class RawWire:
-    """Linux' CAN_RAW socket: a read is a frame (struct can_frame of linux/can.h)."""
+    """Linux CAN_RAW socket: each read returns one frame (struct can_frame of linux/can.h)."""
 
     _LAYOUT: Final = struct.Struct("=IB3x8s")
 
@@ -47,7 +47,7 @@ class RawWire:
         self._socket = raw
 
     def receive(self, timeout: float) -> Frame | None:
-        # Of the answers to one SYNC most are there already: reading first spares the waiting.
+        # Most answers to a SYNC are already queued: reading first saves the call of select().
         frame = self._read()
         if frame is None and timeout > 0.0 and select.select([self._socket], [], [], timeout)[0]:
             frame = self._read()

@@ -1,4 +1,4 @@
-"""socketcand: a CAN bus over TCP, each frame a piece of text."""
+"""socketcand: a CAN bus over TCP, with each frame as text."""
 
 import re
 import socket
@@ -16,7 +16,7 @@ _CONNECT_TIMEOUT_S: Final = 2.0
 
 
 def open_socketcand(settings: BusSettings) -> OpenBus:
-    """Open a bus that a server has; raises BusError if there is none, or not this bus."""
+    """Open a bus of a socketcand server. Raises BusError if the server or its bus is missing."""
     _refuse_missing_server(settings)
     bus = can.Bus(
         interface="socketcand",
@@ -25,28 +25,30 @@ def open_socketcand(settings: BusSettings) -> OpenBus:
         channel=settings.channel,
         tcp_tune=True,
     )
-    # python-can keeps its connection to itself.
+    # python-can has no public attribute for its connection.
     stream = getattr(bus, "_SocketCanDaemonBus__socket", None)
     if not isinstance(stream, socket.socket):
         bus.shutdown()
-        raise BusError(f"bus socketcand: python-can {can.__version__} hides its connection")
+        raise BusError(f"bus socketcand: python-can {can.__version__} does not expose its socket")
     return OpenBus(bus, StreamWire(stream))
 
 
 def _refuse_missing_server(settings: BusSettings) -> None:
     where = f"{settings.host}:{settings.port}"
-    # python-can would retry a refused connection for ten seconds, wait for a greeting for ever, and
-    # leave its socket open after a refusal; so a connection of our own tries first.
+    # python-can would retry a refused connection for ten seconds, wait for a greeting indefinitely,
+    # and leave its socket open after a refusal; so probe with a connection of our own first.
     try:
         with socket.create_connection((settings.host, settings.port), _CONNECT_TIMEOUT_S) as probe:
             greeting = probe.recv(64)
             if greeting != b"< hi >":
-                raise BusError(f"bus socketcand: {where} answers, but not as socketcand does")
+                raise BusError(f"bus socketcand: {where} answers, but is no socketcand server")
             probe.sendall(f"< open {settings.channel} >".encode())
             answer = probe.recv(256)
             if answer != b"< ok >":
                 words = answer.decode(errors="replace")
-                raise BusError(f"bus socketcand: {where} opens no {settings.channel!r}: {words!r}")
+                raise BusError(
+                    f"bus socketcand: {where} does not open {settings.channel!r}: {words!r}"
+                )
     except ConnectionRefusedError as error:
         raise BusError(
             f"bus socketcand: nothing listens on {where}; is `contactd simulate` running?"
@@ -56,9 +58,9 @@ def _refuse_missing_server(settings: BusSettings) -> None:
 
 
 class StreamWire:
-    """socketcand's raw mode over TCP: text, any number of frames in a read."""
+    """socketcand's raw mode over TCP: text, with any number of frames per read."""
 
-    # Data may be followed by what other versions add, but not by more data.
+    # Other versions append fields to the data; more data than this is invalid.
     _FRAME: Final = re.compile(
         rb"< (frame|error) ([0-9A-Fa-f]+) [0-9.]+ ?([0-9A-Fa-f]*)(?: [^<>]*)?>"
     )
@@ -78,7 +80,7 @@ class StreamWire:
             for can_id, data in frames
         )
         if self._socket.send(text, socket.MSG_DONTWAIT) != len(text):
-            # What follows would be read as the end of the frame that was cut.
+            # The next frame would be read as the rest of the truncated one.
             self._socket.shutdown(socket.SHUT_RDWR)
             raise ConnectionError("the peer does not keep up; connection closed")
 
@@ -96,16 +98,13 @@ class StreamWire:
             if frame is not None:
                 self._queue.append(frame)
             end = match.end()
-        # A frame may be cut in two; garbage must not pile up.
+        # A read may end within a frame; garbage must not accumulate.
         self._rest = text[end:][-64:]
 
 
 def _socketcand_frame(kind: bytes, digits: bytes, data: bytes) -> Frame | None:
-    """Three digits of an 11-bit identifier, or eight of one with 29 bits; at most eight bytes.
-
-    None for a frame that no bus can have carried: the sample that it was to be is then missing, and
-    counts so.
-    """
+    """Frame with a three-digit 11-bit identifier or an eight-digit 29-bit one, and at most eight
+    bytes. None for an impossible frame: its sample is then missing."""
     if len(digits) > 8 or len(data) > 16 or len(data) % 2:
         return None
     identifier = int(digits, 16)

@@ -1,6 +1,6 @@
-"""Traffic on the bus beside the arm's own frames: how loaded it is, and by whom. Pure.
+"""Bus load measured at run time, and the senders of unknown frames. Pure.
 
-The arm's own periodic frames are computed once; only the others are counted, as they come. Time is
+The load of the arm's own periodic frames is computed once; only other frames are counted. Time is
 an argument.
 """
 
@@ -11,30 +11,30 @@ from typing import Final
 from drivers.can.load import HIGHEST_LOAD, FrameLoad
 from drivers.can.wire import EXTENDED, IDENTIFIER
 
-#: Long enough for a rate, shorter than any drive waits for our heartbeat.
+#: Long enough to measure a rate, shorter than any drive's heartbeat timeout.
 WINDOW_S: Final = 0.05
-#: Share of the unknown frames by which the identifier that is named outvotes the others.
+#: Lead in votes, as a share of the unknown frames, for an identifier to be named.
 NAMED_SHARE: Final = 0.1
 
-# Bits of a frame and the gap to the next, without stuff bits, which depend on the data: the real
-# load is at least the reported one.
+# Bits of a frame with interframe space but without stuff bits, which depend on the data: the
+# reported load is a lower bound.
 _FRAME_BITS, _EXTENDED_BITS = 47, 67
 
 
 @dataclass(frozen=True, slots=True)
 class BusLoaded:
-    """Too much of the bus is taken, by frames of others beside those of the arm."""
+    """Overload of the bus, by the arm's own frames and those of others."""
 
-    load: float  # share of the bus, at least
-    unknown_hz: float  # frames of unknown senders, per second
-    most: int | None  # identifier of the most of these, if one stands out
+    load: float  # share of the bus, a lower bound
+    unknown_hz: float  # rate of frames from unknown senders
+    most: int | None  # their most frequent identifier, if one stands out
 
     @property
     def text(self) -> str:
-        """Load and its senders in words."""
+        """Load and its senders as text."""
         unknown = f", {self.unknown_hz:.0f} unknown frames/s" if self.unknown_hz else ""
         most = "" if self.most is None else f", 0x{self.most:03X} among them"
-        return f"at least {self.load:.0%} of the bus is taken{unknown}{most}".replace("%", " %")
+        return f"bus load at least {self.load:.0%}{unknown}{most}".replace("%", " %")
 
 
 class Traffic:
@@ -48,20 +48,20 @@ class Traffic:
         self._own_bits = sum(
             (_FRAME_BITS + 8 * frame.size) * frame.rate_hz for frame in own if frame.every_tick
         )
-        # An answer that is not awaited, as a mean.
+        # Typical size of an unawaited answer.
         self._answer_bits = _FRAME_BITS + 64
         self.begin(0.0, 0)
 
     def begin(self, now: float, late_frames: int) -> None:
-        """Begin to count at `now`."""
+        """Begin a window at `now`; late_frames: as in `step`."""
         self.loaded: BusLoaded | None = None
-        """The load, where it is too high."""
+        """Load in the last window if it was too high, else None."""
         self._begun_s, self._late = now, late_frames
         self._bits = self._unknown = 0
-        self._most, self._votes = 0, 0  # a majority's identifier, if there is one (Boyer, Moore)
+        self._most, self._votes = 0, 0  # majority identifier (Boyer-Moore vote)
 
     def take(self, can_id: int, size: int, *, unknown: bool) -> None:
-        """Count a frame that is none of the arm's answers."""
+        """Count a frame that is not one of the arm's answers."""
         self._bits += (_EXTENDED_BITS if can_id & EXTENDED else _FRAME_BITS) + 8 * size
         if not unknown:
             return
@@ -74,7 +74,7 @@ class Traffic:
             self._most, self._votes = can_id, 1
 
     def step(self, now: float, late_frames: int) -> None:
-        """Once per tick; late_frames: answers until now that were not awaited."""
+        """Evaluate the window, once per tick; late_frames: total of unawaited answers so far."""
         passed_s = now - self._begun_s
         if passed_s < self._window_s:
             return

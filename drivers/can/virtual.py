@@ -1,7 +1,4 @@
-"""virtual: python-can's bus inside one process, for benches, tests and in-process simulation.
-
-No robot has one.
-"""
+"""virtual: python-can's bus within one process, for benches, tests and in-process simulation."""
 
 import queue
 import time
@@ -17,18 +14,18 @@ from drivers.can.wire import EXTENDED, IDENTIFIER, Frame, OpenBus, frame_of
 
 
 def open_virtual(settings: BusSettings) -> OpenBus:
-    """One more end of the bus that has this name in this process."""
+    """Open another end of the bus with this channel name in this process."""
     return open_end(cast(VirtualBus, can.Bus(interface="virtual", channel=settings.channel)))
 
 
 def open_end(bus: VirtualBus) -> OpenBus:
-    """An end that is there, as an open bus."""
+    """Wrap an existing end as an open bus."""
     return OpenBus(bus, QueueWire(bus))
 
 
 class QueueWire:
-    """python-can's virtual bus: a queue per end. Reading takes all that is queued under one lock;
-    writing gives each other end messages of its own."""
+    """python-can's virtual bus: one queue per end. A read drains the queue under one lock; a write
+    puts separate message objects into the queue of each other end."""
 
     def __init__(self, bus: VirtualBus) -> None:
         self._own, self._ends = bus.queue, bus.channel
@@ -48,7 +45,7 @@ class QueueWire:
                 continue
             try:
                 for i, data in frames:
-                    # A copy: the data of a setpoint is written anew by the next command.
+                    # A copy: the next command overwrites the data of a setpoint in place.
                     end.put_nowait(
                         can.Message(
                             now, i & IDENTIFIER, i >= EXTENDED, channel=name, data=bytearray(data)

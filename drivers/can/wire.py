@@ -1,9 +1,9 @@
-"""Frames, and the wire that takes them in and out of an open bus at the cost of the tick.
+"""Frames, and the wire that receives and sends them on an open bus, fast enough for the tick.
 
-A frame is (can_id, data), can_id with Linux' flags above the identifier, so that one look-up finds
-the TPDOs among all frames. python-can builds an object and asks the kernel several times for every
-frame; where the bus is a socket, a serial line or a queue, its wire reads and writes that itself. A
-wire never blocks on sending, and raises one of `drivers.can.bus.BUS_FAILURES` when the bus fails.
+A frame is (can_id, data), where can_id has Linux flags above the identifier, so that one look-up
+identifies a TPDO. python-can builds an object and makes several system calls per frame; a wire uses
+the socket, serial line or queue of the bus directly. A wire never blocks on sending, and raises one
+of `drivers.can.bus.BUS_FAILURES` when the bus fails.
 """
 
 import select
@@ -19,29 +19,29 @@ import can
 EXTENDED: Final = 0x8000_0000
 REMOTE: Final = 0x4000_0000
 ERROR: Final = 0x2000_0000
-IDENTIFIER: Final = 0x1FFF_FFFF  # the bits below them: 29, of which 11 are usual
+IDENTIFIER: Final = 0x1FFF_FFFF  # identifier bits below these flags: 29, of which 11 are usual
 
 Frame = tuple[int, bytes | bytearray]
 
 
 class Wire(Protocol):
-    """Wire to a bus, as a tick needs it."""
+    """Interface to receive and send frames within a tick."""
 
     def receive(self, timeout: float) -> Frame | None:
-        """The next frame, waiting at most `timeout` s (0: not at all); None if none came."""
+        """Next frame, waiting at most `timeout` s (0: not at all). None on timeout."""
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send frames in order; the first failure ends it."""
+        """Send frames in order, up to the first failure."""
 
 
 @dataclass(frozen=True, slots=True)
 class OpenBus:
-    """Open bus: python-can's own object, which has opened it and shuts it down, and the wire,
-    by which alone frames come and go, those of SDO and those of the tick.
+    """Open bus: the python-can object, which opens it and shuts it down, and the wire, which alone
+    carries its frames, both SDO and cyclic ones.
 
-    A wire keeps the bytes that it has read and not handed out, half a frame too, so there must be
-    no other reader: python-can's `recv` would take such pieces and keep them for itself. Nor may
-    two threads receive by a wire at once; one may send meanwhile.
+    A wire buffers bytes that it has read but not yet returned, even partial frames, so it must be
+    the only reader: python-can's `recv` would consume such bytes. Two threads must not receive from
+    a wire at the same time; another may send meanwhile.
     """
 
     python_can: can.BusABC
@@ -49,7 +49,7 @@ class OpenBus:
 
 
 def frame_of(message: can.Message) -> Frame:
-    """A frame that python-can received, with Linux' flags in the identifier."""
+    """Frame of a python-can message, with Linux flags in the identifier."""
     can_id = message.arbitration_id
     if message.is_error_frame:
         can_id |= ERROR
@@ -61,18 +61,18 @@ def frame_of(message: can.Message) -> Frame:
 
 
 def digits_of(can_id: int) -> bytes:
-    """Identifier as text adapters write it: three digits, or eight of one with 29 bits."""
+    """Identifier in hexadecimal for text protocols: three digits, or eight for 29 bits."""
     return b"%03X" % can_id if can_id < EXTENDED else b"%08X" % (can_id & IDENTIFIER)
 
 
 def first_of(
     frames: deque[Frame], port: socket.socket | int, read: Callable[[], None], timeout: float
 ) -> Frame | None:
-    """First of `frames`, which `read` fills from `port`. A read may return a piece of a frame, or
-    an adapter's acknowledgement: the whole timeout is waited for a frame."""
+    """First of `frames`, which `read` fills from `port`; None on timeout. As a read may return only
+    part of a frame, or an adapter's acknowledgement, it is repeated until the timeout."""
     left, deadline = timeout, time.monotonic() + timeout
     while not frames:
-        # Not only to wait: an idle line reads like one that has ended.
+        # Needed even without waiting: a read of an idle line looks like end of file.
         if not select.select([port], [], [], max(left, 0.0))[0]:
             return None
         read()

@@ -1,4 +1,4 @@
-"""Answers of the drives to SYNC: TPDOs received so far, and the samples made of them."""
+"""Answers of the drives to SYNC: received TPDOs, and the samples decoded from them."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,7 +12,7 @@ from drivers.canopen.settings import CanopenDrive
 
 
 class Answers:
-    """TPDOs in, samples out."""
+    """Receiver of TPDOs that produces the samples of each tick."""
 
     def __init__(
         self,
@@ -23,7 +23,7 @@ class Answers:
         """Raises ConfigurationError if a PDO layout does not fit."""
         self._report = report
         self.late_frames = 0
-        """TPDOs that were not awaited when they came"""
+        """Number of TPDOs that were not awaited when they arrived."""
         self._nodes = tuple(drive.node for drive in drives)
         self._decoder = SampleDecoder(drives)
         self._raw = self._decoder.raw
@@ -39,16 +39,16 @@ class Answers:
         self.punctuality = self.awaited.punctuality
         self._statuswords: tuple[int, ...] = ()
         self.states: tuple[DriveState, ...] = ()
-        """States that the last statuswords encode."""
-        self._drives: tuple[DriveStatus, ...] = ()  # the same, in the words of the daemon
+        """States encoded in the last statuswords."""
+        self._drives: tuple[DriveStatus, ...] = ()  # the same for the daemon
         self.samples = self._samples(self.awaited.freshness, ())
-        """Samples of the last tick; before the first, NaN and unknown states."""
+        """Samples of the last tick; NaN and unknown states before the first."""
 
     def _nodes_of(self, tpdos: int) -> tuple[int, ...]:
         return tuple(self._nodes[i] for i in self.awaited.joints_of(tpdos))
 
     def judge(self) -> None:
-        """Report drives that answer twice, or a period late, by the numbers of their answers."""
+        """Report drives that answer twice or a period late, as counted by `punctuality`."""
         found = self.punctuality
         if found.twice:
             text = "two drives answer as this node"
@@ -58,7 +58,7 @@ class Answers:
             self._report(Fact(Kind.OLD_SAMPLES, self._nodes_of(found.old), text))
 
     def take(self, cob_id: int, data: bytes | bytearray) -> bool:
-        """Keep a frame if it is a TPDO; False if it is none."""
+        """Store a frame if it is a TPDO of these drives; otherwise return False."""
         slot = self._tpdos.get(cob_id)
         if slot is None:
             return False
@@ -69,12 +69,12 @@ class Answers:
         if not self.awaited.take(bit):
             self.late_frames += 1
             if self.punctuality.unawaited(bit):
-                text = "answers later than a whole period"
+                text = "answers more than a period late"
                 self._report(Fact(Kind.DISTURBED, (cob_id & NODE,), text))
         return True
 
     def finish(self, events: tuple[Event, ...]) -> Samples:
-        """Make the samples of this tick from the frames received so far, with `events`."""
+        """End the tick: decode the frames received so far into samples, with `events`."""
         self._decoder.decode()
         self.samples = self._samples(self.awaited.finish(), events)
         return self.samples

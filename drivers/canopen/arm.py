@@ -1,4 +1,4 @@
-"""CANopen drives of one arm over their whole life: `drivers.api.BootableDrives`."""
+"""CANopen drives of one arm over their life cycle: `drivers.api.BootableDrives`."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,7 +10,7 @@ from drivers.canopen.drives import CanopenDrives
 
 
 class CanopenArm(CanopenDrives):
-    """Drives in the tick, and their set-up by SDO before it and between two."""
+    """Drives in the tick, with their set-up by SDO before the first tick and between ticks."""
 
     def __init__(
         self, wire: Wire, boot: DriveBoot, period_s: float, clock: Callable[[], float], bitrate: int
@@ -22,7 +22,7 @@ class CanopenArm(CanopenDrives):
 
     @property
     def identities(self) -> tuple[str, ...]:
-        """Make and number of each drive that was set up, in words."""
+        """Make and serial number of each drive that was set up, as text."""
         return tuple(map(str, self.boot.identities))
 
     @property
@@ -31,19 +31,19 @@ class CanopenArm(CanopenDrives):
         return [identity.serial for identity in self.boot.identities]
 
     def boot_up(self, report: Report) -> None:
-        """Set all drives up, and read back, as `DriveBoot.boot_up`."""
+        """Set up all drives and read the settings back, as `DriveBoot.boot_up`."""
         self.boot.boot_up(report)
 
     def start(
         self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
     ) -> None:
-        """Begin to tick, as `CanopenDrives.start`, with what the boot heard meanwhile."""
+        """Start cyclic operation as `CanopenDrives.start`, with the frames heard during boot-up."""
         super().start(now, renewed, [*self.boot.heard.take(), *heard])
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
-        """Read all drives, and set up again those that differ, whose joints are returned.
+        """Read back all drives, and set up again those that differ; returns their joints.
 
-        Raises ContactdError. After any other exception the values of every drive are unknown.
+        Raises ContactdError. After any other exception no drive counts as set up.
         """
         try:
             if unset := self._not_set_up(meanwhile, warn):
@@ -56,7 +56,7 @@ class CanopenArm(CanopenDrives):
         return unset
 
     def _not_set_up(self, meanwhile: Callable[[], None], warn: Report) -> list[int]:
-        """Joints whose drives must be set up again: known already, or found by reading."""
+        """Joints whose drives must be set up again: already known, or found by reading back."""
         known = self.unfit()
         for i in known:
             warn(f"{self.names[i]}: silent, restarted, or locked: setting it up again")
@@ -69,5 +69,5 @@ class CanopenArm(CanopenDrives):
         return sorted([*known, *found])
 
     def let_go(self) -> None:
-        """End the drives' watch on us, as `DriveBoot.let_go`."""
+        """Disable the drives' monitoring of the master, as `DriveBoot.let_go`."""
         self.boot.let_go()

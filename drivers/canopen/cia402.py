@@ -1,6 +1,6 @@
-"""CiA 402 power state machine as data (IEC 61800-7-201): statusword -> state -> controlword.
+"""CiA 402 power state machine as tables (IEC 61800-7-201): statusword -> state -> controlword.
 
-Nothing here waits: one statusword in, one controlword out, every tick. The tables are complete.
+Nothing here blocks: each tick maps one statusword to one controlword. The tables are complete.
 """
 
 from enum import IntEnum
@@ -36,8 +36,8 @@ STATUSWORD_TABLE: Final = (
     (0x4F, 0x08, DriveState.FAULT),
 )
 
-#: Bits of the statusword beside the state: the power stage has voltage, in any state; the drive
-#: follows the command value (in cyclic synchronous velocity). Not every drive has them.
+#: Statusword bits beyond the state: the power stage has voltage, in any state; the drive follows
+#: the command value (in cyclic synchronous velocity mode). Not every drive implements them.
 VOLTAGE_ENABLED: Final = 1 << 4
 FOLLOWS: Final = 1 << 12
 
@@ -50,11 +50,11 @@ FAULT_RESET: Final = 0x0080
 
 _S = DriveState
 
-# Rows are states, columns are targets. One statusword may be false, so no controlword does more
-# harm in another state than in the reported one: the quick stop changes nothing in a drive without
-# power (CiA 402, transitions 7 and 10), starts a ramp in operation (11) and nothing in a fault; bit
-# 7 stays clear, so that a reset finds its rising edge. OFF is for drives that stand, and no other
-# target takes power.
+# Rows are states, columns are targets. A single statusword may be wrong, so every controlword is
+# harmless in states other than the reported one: quick stop changes nothing in an unpowered drive
+# (CiA 402, transitions 7 and 10), starts a ramp in operation (11), and does nothing in a fault; bit
+# 7 stays clear, so that a reset has a rising edge. OFF is for drives at standstill, and no other
+# target removes power.
 CONTROLWORD_TABLE: Final = {
     #                            OFF              ON                QUICK_STOP
     _S.UNKNOWN:                (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
@@ -68,10 +68,10 @@ CONTROLWORD_TABLE: Final = {
     _S.FAULT:                  (DISABLE_VOLTAGE, QUICK_STOP,       QUICK_STOP),
 }  # fmt: skip
 
-# On the way to ON these take the power of a drive that is in operation already (8, 5).
+# Towards ON, these remove power from a drive that is already in operation (transitions 8, 5).
 _TAKES_POWER: Final = frozenset({SHUTDOWN, SWITCH_ON})
 
-# The motor has no torque in these; quick stop asks no more of them.
+# States without motor torque, in which quick stop has no further effect.
 UNPOWERED: Final = frozenset(
     {
         _S.NOT_READY_TO_SWITCH_ON,
@@ -96,7 +96,7 @@ CONDITION_OF: Final = {
     _S.FAULT: _C.FAILED,
 }
 
-# Statuswords of one drive differ in few bits; those of all drives that are in use find room.
+# Statuswords of a drive differ in few bits; this cache holds all that occur in practice.
 _STATUSES_KEPT: Final = 512
 
 
@@ -107,12 +107,12 @@ def _classify(statusword: int) -> DriveState:
     return DriveState.UNKNOWN
 
 
-# Only bits 0-3, 5 and 6 encode the state, so that 112 entries serve all 65 536 statuswords.
+# Only bits 0-3, 5 and 6 encode the state, so 112 entries cover all 65 536 statuswords.
 _STATES: Final = tuple(_classify(bits) for bits in range(0x6F + 1))
 
 
 def drive_state(statusword: int) -> DriveState:
-    """State encoded in an object 0x6041; the other bits are ignored."""
+    """State encoded in a statusword (0x6041); the other bits are ignored."""
     return _STATES[statusword & 0x6F]
 
 
@@ -130,7 +130,7 @@ def in_words(statusword: int) -> str:
 
 @lru_cache(_STATUSES_KEPT)
 def drive_status(statusword: int) -> DriveStatus:
-    """Report of a drive in the words of the daemon; negative: none received yet."""
+    """Status of a drive for the daemon, from its statusword; negative: none received yet."""
     state = drive_state(statusword)
     none = statusword < 0
     return DriveStatus(
@@ -145,13 +145,13 @@ def drive_status(statusword: int) -> DriveStatus:
 def controlword(
     state: DriveState, target: PowerTarget, previous: int = 0, reset: bool = False
 ) -> int:
-    """Next object 0x6040 on the way from `state` to `target`.
+    """Next controlword (0x6040) from `state` towards `target`.
 
-    A fault is left only when `reset` is asked, by a rising edge of bit 7: `previous`, the
-    controlword sent last, decides which half of the edge comes now, so that a reset that is asked
-    for several ticks gives an edge every other tick. Where `previous` was for a drive in operation
-    and the drive now reports that it is in none, it gets a quick stop in between: the way up begins
-    with the next statusword, so that a single false one does no harm.
+    A fault is left only on request (`reset`), by a rising edge of bit 7: `previous`, the last
+    controlword sent, determines which half of the edge comes now, so that a reset requested for
+    several ticks gives an edge every other tick. If `previous` enabled operation but the drive
+    reports another state, it gets one quick stop in between: power-up begins with the next
+    statusword, so that a single wrong one does no harm.
     """
     if reset and state is DriveState.FAULT:
         return DISABLE_VOLTAGE if previous & FAULT_RESET else FAULT_RESET

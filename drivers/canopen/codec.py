@@ -1,4 +1,4 @@
-"""PDOs of the whole arm: layouts compiled once to `struct`, counts <-> SI values at the link side.
+"""PDO codec of the whole arm: `struct` layouts, and conversion of counts to SI at the link side.
 
 A quantity of a drive is value = sign * (offset + scale * counts), in the drive's unit (rad or rad/s
 of the motor shaft, fraction of the rated current). At the link side:
@@ -7,8 +7,8 @@ of the motor shaft, fraction of the rated current). At the link side:
     motor_velocity [rad/s]  motor_sign * value / gear             (motor_position [rad] likewise)
     link_position  [rad]    link_sign * value + link_offset - `link_correction`
 
-and a target velocity goes the same way backwards. All but the correction is affine, so that the
-whole arm is one multiplication and one addition. COB-IDs are those of `drivers.canopen.ids`.
+and a target velocity is converted by the inverse. All but the correction is affine: the whole arm
+takes one multiplication and one addition. COB-IDs are those of `drivers.canopen.ids`.
 """
 
 import struct
@@ -43,7 +43,7 @@ MEASURED: Final[tuple[PdoEntry, ...]] = (
 
 
 class LayoutError(ConfigurationError):
-    """PDOs that cannot be laid out; `at` is their place in the profile."""
+    """Invalid PDO layout; `at` is its location in the profile."""
 
     def __init__(self, text: str, *at: str) -> None:
         super().__init__(text)
@@ -59,7 +59,7 @@ def type_limits(type_name: str) -> tuple[int, int]:
 
 @dataclass(frozen=True, slots=True)
 class PdoField:
-    """Mapped object: its meaning here, and its place in the drive."""
+    """Mapped object: its entry in the profile, and its address and type in the drive."""
 
     entry: PdoEntry
     index: int
@@ -121,10 +121,10 @@ def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed:
             at, entry = (kind, str(pdo.number)), field.entry
             if entry not in allowed:
                 raise LayoutError(
-                    f"{kind}: {entry} is not for a {kind}: {', '.join(sorted(allowed))}", *at
+                    f"{kind}: {entry} is not allowed; use {', '.join(sorted(allowed))}", *at
                 )
             if entry in carried:
-                raise LayoutError(f"{kind}: {entry} is carried more than once", *at)
+                raise LayoutError(f"{kind}: {entry} is mapped more than once", *at)
             carried.append(entry)
     missing = sorted(required.difference(carried))
     if missing:
@@ -132,7 +132,7 @@ def _refuse_entries(pdos: Sequence[Pdo], kind: str, required: set[str], allowed:
 
 
 def transmit_pdos(drive: CanopenDrive) -> tuple[Pdo, ...]:
-    """PDOs that a drive sends; LayoutError if a quantity is missing, double or too long."""
+    """PDOs that a drive sends. Raises LayoutError if an entry is missing, duplicate or too long."""
     pdos = _pdos(drive, "tpdo", drive.profile.tpdo, TPDO)
     required = {"statusword", drive.profile.effort, "link_position", "motor_velocity"}
     _refuse_entries(pdos, "tpdo", required, required | {"motor_position"})
@@ -140,7 +140,7 @@ def transmit_pdos(drive: CanopenDrive) -> tuple[Pdo, ...]:
 
 
 def receive_pdos(drive: CanopenDrive) -> tuple[Pdo, ...]:
-    """PDOs that a drive takes; LayoutError as for `transmit_pdos`."""
+    """PDOs that a drive receives. Raises LayoutError as `transmit_pdos`."""
     pdos = _pdos(drive, "rpdo", drive.profile.rpdo, RPDO)
     entries = {"controlword", "target_velocity"}
     _refuse_entries(pdos, "rpdo", entries, entries)
@@ -150,7 +150,7 @@ def receive_pdos(drive: CanopenDrive) -> tuple[Pdo, ...]:
 def link_side(drive: CanopenDrive, entry: PdoEntry) -> tuple[float, float]:
     """(gain, bias) such that the SI value at the link is gain * counts + bias.
 
-    A drive's torque over its rated torque is its current over its rated current.
+    Torque is treated as current: both are fractions of the rated value.
     """
     where, wiring = quantity(drive.profile, entry), drive.wiring
     if entry in ("current", "torque"):
@@ -164,16 +164,16 @@ def link_side(drive: CanopenDrive, entry: PdoEntry) -> tuple[float, float]:
 
 
 class SampleDecoder:
-    """TPDOs of the whole arm -> arrays of shape (n,), new and read-only with every `decode`.
+    """Decoder of the arm's TPDOs into arrays of shape (n,), new and read-only after each `decode`.
 
-    Values are NaN, and statuswords -1, until a frame has brought them. `motor_position` is None
-    unless every drive sends one.
+    Values are NaN, and statuswords -1, until the first frame with them arrives. `motor_position` is
+    None unless every drive sends one.
     """
 
     def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         n = len(drives)
         self.statuswords = (-1,) * n
-        # Raw counts of every frame, one after the other, as `struct` leaves them.
+        # Raw counts of all frames, concatenated, as unpacked by `struct`.
         self.raw: list[float] = []
         #: COB-ID -> (joint, first slot, last slot + 1, layout)
         self.slots: dict[int, tuple[int, int, int, struct.Struct]] = {}
@@ -205,12 +205,12 @@ class SampleDecoder:
         self.decode()
 
     def decode(self) -> None:
-        """Bring the arrays and the statuswords up to the counts in `raw`."""
+        """Update the arrays and the statuswords from the counts in `raw`."""
         values = np.empty(self._gain.shape)
         decode(self.raw, self._order, self._gain, self._bias, values)
         current, link_position, motor_velocity = self._rows
         correct(values[link_position], self._offset, self._harmonics)
-        values.setflags(write=False)  # and so is every row of it
+        values.setflags(write=False)  # its rows inherit this
         self.current: Vector = values[current]
         self.link_position: Vector = values[link_position]
         self.motor_velocity: Vector = values[motor_velocity]
@@ -221,7 +221,7 @@ class SampleDecoder:
 
 
 class SetpointEncoder:
-    """Target velocities of the whole arm [rad/s at the link] -> counts."""
+    """Encoder of the arm's target velocities [rad/s at the link] into counts."""
 
     def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         affine = np.array([link_side(drive, "target_velocity") for drive in drives])
@@ -230,14 +230,13 @@ class SetpointEncoder:
         self._lowest = np.array([float(lowest) for lowest, _ in limits])
         self._highest = np.array([float(highest) for _, highest in limits])
         self._counts = np.zeros(len(drives))
-        #: Counts of standing still.
+        #: Counts of zero velocity.
         self.standstill = self.encode(np.zeros(len(drives)))
 
     def encode(self, velocity: Vector) -> list[int]:
         """Counts, rounded to the nearest (ties to even) and saturated at the object's limits.
 
-        Raises ValueError if a velocity is not finite: saturated, it would be a setpoint of full
-        speed.
+        Raises ValueError if a velocity is not finite: saturated, it would command full speed.
         """
         check_shapes(self._gain.shape, velocity=velocity)
         if not encode(velocity, self._gain, self._bias, self._lowest, self._highest, self._counts):

@@ -1,9 +1,9 @@
-"""CANopen drives of one arm on their bus: every tick SYNC out, samples in, setpoints out.
+"""CANopen drives of one arm on their bus: each tick sends SYNC, reads samples, sends setpoints.
 
-One thread owns the bus: no lock, no thread, no SDO that is waited for, no log line. Time is an
-argument; the `clock` only measures how much of a deadline is left, and how long reading took.
-Everything beside the samples is reported as events; nothing that arrives, and no failure of the
-bus, is an exception.
+One thread owns the bus: no locks, no further threads, no blocking SDO, no logging. Time is an
+argument; `clock` only measures the remaining time of a deadline and the duration of reading.
+Everything except samples is reported as events; no received frame and no bus failure raises an
+exception.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,7 +29,7 @@ _OFF, _ON, _STOP = PowerTarget
 
 
 class CanopenDrives:
-    """Drives of an arm on one bus, set up by others: `drivers.api.Drives`, their start and end."""
+    """Drives of an arm on one bus, without their set-up: `drivers.api.Drives`, start and end."""
 
     def __init__(
         self,
@@ -73,13 +73,13 @@ class CanopenDrives:
     def start(
         self, now: float, renewed: Sequence[int] | None = None, heard: Sequence[Frame] = ()
     ) -> None:
-        """NMT operational for every drive that is set up: PDOs flow, and heartbeats are watched
-        from `now` on.
+        """Set all drives that are set up to NMT operational: PDOs flow, and heartbeats are
+        monitored from `now` on.
 
-        renewed: joints whose drives were just set up; None is all, at the first start, when queued
-        frames and earlier knowledge are forgotten. Otherwise only the reports of these drives about
-        their lost set-up are dropped. All else that was `heard` between ticks, oldest first, is
-        reported with the next samples; what is known of the other drives is kept.
+        renewed: joints whose drives were just set up. None means all, at the first start: queued
+        frames and all history are discarded. Otherwise only messages of these drives about their
+        lost set-up are dropped; all other frames `heard` between ticks (oldest first) are reported
+        with the next samples, and the history of the other drives is kept.
         """
         self._now = now
         if renewed is None or len(renewed) == len(self.names) or not self._stops.silent:
@@ -96,54 +96,54 @@ class CanopenDrives:
         queued = self._inbox.queued()
         self._nodes.start(now, renewed)
         self._emergencies.renewed(renewed)
-        # `queued` came after the set-up: a boot-up message among them is news.
+        # `queued` arrived after the set-up: a boot-up message among them must be reported.
         self._inbox.take_after_set_up(heard, (HEARTBEAT, EMERGENCY), renewed or (), now)
         self._inbox.take_after_set_up(queued, (EMERGENCY,), renewed or (), now)
         self._address()
-        if not self._stops.silent:  # which ends when all drives are set up again
+        if not self._stops.silent:  # silence ends when all drives are set up again
             self._outbox.start(self._nodes.fit)
 
     def _address(self) -> None:
-        """Let setpoints go to the drives that are set up, and to no others."""
+        """Send setpoints only to drives that are set up."""
         self._setpoints.address(self._nodes.fit)
 
     def distrust(self, joints: Sequence[int]) -> None:
-        """Take the drives of these joints for not set up, until they are."""
+        """Count the drives of these joints as not set up, until they are set up again."""
         self._nodes.distrust(joints)
         self._address()
 
     def unfit(self) -> list[int]:
-        """Joints whose drives must be set up again before a reset can help: all, once they were
-        left to themselves; else those that their `NodeWatches` find unfit."""
+        """Joints whose drives must be set up again before a reset can succeed: all of them after
+        silence, else those that `NodeWatches` finds unfit."""
         every = list(range(len(self.names)))
         return every if self._stops.silent else self._nodes.unfit(self._answers.states)
 
     def sync(self, now: float) -> None:
-        """Begin a tick: read what came since the last, beat if it is time, then send SYNC.
+        """Begin a tick: read the frames since the last one, send a heartbeat if due, then SYNC.
 
-        After a gap in our own presence every drive is commanded to stop, and no SYNC goes out
+        After a gap in the master's presence every drive is commanded to stop, and no SYNC is sent
         before all have confirmed: they may have stopped by themselves meanwhile, and a SYNC would
-        have them execute an old setpoint. In the last stage of a stop nothing goes out.
+        make them execute an old setpoint. In the last stage of a stop nothing is sent.
         """
         entered_s = self._clock()
         self._now = now
-        # Before the drives' own reports of it: it is the cause.
+        # Reported before the drives' own reports of it, as it is their cause.
         self._notice_absence(now)
-        # A TPDO that is here before its SYNC is a late answer to the one before.
+        # A TPDO that arrives before its SYNC is a late answer to the previous one.
         self._answers.awaited.expect_none()
         self._backlog = not self._inbox.read_queued(now)
         self._report(*self._nodes.check(now))
         if self._stops.silent:
             self._backlog = True  # no frame counts as an answer
             return
-        # Reading may have taken long, or the process have been held up in it.
+        # Reading may have taken long, or the process may have been suspended meanwhile.
         self._notice_absence(now + self._clock() - entered_s)
         presence = self._presence
         frames = self._frames_after_absence() if presence.absent else []
         beats = presence.beats(now)
         if beats:
             frames.append(self._outbox.heartbeat)
-        # A tick without SYNC shows drives that answer a period late; not in the middle of a stop.
+        # A tick without SYNC reveals drives that answer a period late; never during a stop.
         looks = not self._stops.busy and self._answers.punctuality.leaves_out(now)
         if presence.absent or looks:
             self._backlog = True
@@ -156,12 +156,12 @@ class CanopenDrives:
     def _notice_absence(self, now: float) -> None:
         gap_s = self._presence.gap_s(now)
         if gap_s is not None and not self._stops.silent:
-            text = f"the drives heard nothing of it for {1000 * gap_s:.0f} ms"
+            text = f"the drives received nothing from it for {1000 * gap_s:.0f} ms"
             self._report(Fact(Kind.ABSENT, text=text))
             self._presence.lost()
 
     def _frames_after_absence(self) -> list[Frame]:
-        """Stop commands until they are confirmed: over what the drives have pending, and by SDO."""
+        """Stop commands until they are confirmed: in place of pending setpoints, and by SDO."""
         if self._presence.news:
             self._presence.news = False
             return [*self._setpoints.quick_stops, *self._stops.begin_all(self._now, self.samples)]
@@ -169,11 +169,10 @@ class CanopenDrives:
         return []
 
     def collect(self, deadline: float) -> Samples:
-        """Read until every TPDO of this SYNC is in, or `deadline` on the caller's clock has passed.
+        """Read until all TPDOs of this SYNC have arrived, or until `deadline` on `clock`.
 
-        Frames that are queued already are read even when it has. Without a SYNC, or after one
-        before which not all could be read (the bus has come back, or is flooded), nothing counts
-        as its answer.
+        Frames already queued are read even after the deadline. Without a SYNC, or if not all frames
+        could be read before it (a bus that recovered or is flooded), no frame counts as its answer.
         """
         answers, inbox, frames_left = self._answers, self._inbox, FRAMES_PER_PASS
         awaited, clock = answers.awaited, self._clock
@@ -205,11 +204,11 @@ class CanopenDrives:
         reset: bool = False,
         ask: bool = False,
     ) -> None:
-        """Send every drive that is set up its next controlword towards `power` and its target
-        velocity; `ask` lets drives be asked whether they answer SDO.
+        """Send each drive that is set up its next controlword towards `power` and its target
+        velocity; `ask` permits a query whether drives still answer SDO.
 
-        velocity: (n,) rad/s at the link. A drive that is not in operation, or not wanted there,
-        gets zero. A velocity that is not finite stops all drives and is an event.
+        velocity: (n,) rad/s at the link; zero is sent to a drive that is not in operation or has
+        another target. A velocity that is not finite stops all drives and is reported as an event.
         """
         targets = [power] * len(self.names) if isinstance(power, PowerTarget) else list(power)
         if self._presence.absent:
@@ -220,7 +219,7 @@ class CanopenDrives:
             if frames:
                 self._outbox.send(frames)
             self._report(*events)
-            # Power is taken from drives that stand. A moving one gets a ramp first.
+            # Power is removed only at standstill: a moving drive is ramped down first.
             targets = [
                 _STOP if target is _OFF and not self._stops.may_be_off(i) else target
                 for i, target in enumerate(targets)
@@ -242,23 +241,23 @@ class CanopenDrives:
         return self._named(self._stops.unproved)
 
     def stopped_in_vain(self, joint: int) -> bool:
-        """True where a quick stop was seen not to stop a joint: it may lose its power in motion."""
+        """True if a quick stop was observed not to stop a joint: its power may be cut in motion."""
         return self._stops.stopped_in_vain(joint)
 
     @property
     def left_alone(self) -> bool:
-        """True in the last stage of a stop, when every drive has had the time to miss us and to
-        stop by itself."""
+        """True in the last stage of a stop, once every drive has had the time to miss the master
+        and to stop by itself."""
         return self._stops.left_alone(self._now)
 
     @property
     def silenced(self) -> bool:
-        """True in the last stage of a stop: the drives hear nothing of us until `start`."""
+        """True in the last stage of a stop: nothing but SDO is sent to the drives until `start`."""
         return self._stops.silent
 
     def quick_stop(self) -> None:
-        """Command all drives to quick-stop and hold, now, whatever else is broken or unknown: those
-        that are set up with a SYNC, all without."""
+        """Command all drives to quick-stop and hold immediately, whatever has failed or is unknown:
+        those that are set up by RPDO and SYNC, all by SDO."""
         if not self._stops.silent:
             self._outbox.quick_stop()
 
@@ -267,15 +266,15 @@ class CanopenDrives:
         self._outbox.end()
 
     def restarted(self) -> tuple[str, ...]:
-        """Joints whose drives restarted and have not been set up again since."""
+        """Joints whose drives have lost their set-up and are not set up again yet."""
         return self._named(self._nodes.unset)
 
     def silent(self) -> tuple[str, ...]:
-        """Joints whose drive sends no heartbeat, or reports that it is not operational."""
+        """Joints whose drives send no heartbeat, or one that does not report operational."""
         return self._named(self._nodes.unheard)
 
     def objections(self) -> tuple[Objection, ...]:
-        """Reasons against arming that samples do not show."""
+        """Reasons against arming that are not visible in the samples."""
         doubted = self._answers.punctuality.doubted(self._now)
         found = objections_of(
             no_sdo=self._named(self._sdo_watch.silent),
@@ -287,7 +286,7 @@ class CanopenDrives:
         return tuple(found)
 
     def acknowledge(self) -> None:
-        """A person has reset the fault: emergencies that no drive shows any more are over."""
+        """Acknowledge a fault on the operator's reset: clear emergencies of drives not in fault."""
         self._emergencies.acknowledge()
 
     def _named(self, joints: Iterable[int]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Emergencies of drives that are not over, which a single tick does not show."""
+"""Active emergencies of the drives, tracked across ticks."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -7,7 +7,7 @@ from drivers.canopen.events import BusEvent, Emergency, Fact, described
 
 
 class Emergencies:
-    """Last emergency of each drive of one arm."""
+    """Last active emergency of each drive of one arm."""
 
     def __init__(self, joints: Mapping[int, str]) -> None:
         """joints: names by node, in the order of the arm."""
@@ -16,7 +16,7 @@ class Emergencies:
         self._in_fault: set[int] = set()
 
     def watch(self, events: Sequence[BusEvent], drives: Sequence[DriveStatus]) -> None:
-        """Note the emergencies of one tick, and those that are over."""
+        """Record the emergencies that began or ended in one tick."""
         for event in events:
             if isinstance(event, Emergency) and not event.over:
                 self._open[event.node] = event
@@ -25,7 +25,7 @@ class Emergencies:
             ):
                 for node in event.nodes:
                     self._over(node)
-        # A drive that leaves its fault has no emergency any more, whether it reports this or not.
+        # Leaving the fault state ends an emergency, whether or not the drive reports its end.
         for node in tuple(self._open):
             if node in self._index and drives[self._index[node]].condition.in_fault:
                 self._in_fault.add(node)
@@ -33,16 +33,16 @@ class Emergencies:
                 self._over(node)
 
     def renewed(self, joints: Iterable[int] | None) -> None:
-        """Forget those of drives that were set up again, None for all: as no tick ran meanwhile,
-        the end of an emergency was not received."""
+        """Clear emergencies of drives that were set up again (None: all): as no tick ran meanwhile,
+        their end was not received."""
         chosen = None if joints is None else set(joints)
         for node, joint in self._index.items():
             if chosen is None or joint in chosen:
                 self._over(node)
 
     def acknowledge(self) -> None:
-        """Forget those of drives that are not in fault, after a reset by a person: some drives
-        never report that an emergency is over."""
+        """Clear emergencies of drives that are not in fault, on the operator's reset: some drives
+        never report the end of an emergency."""
         for node in tuple(self._open):
             if node not in self._in_fault:
                 self._over(node)
@@ -52,8 +52,8 @@ class Emergencies:
         self._in_fault.discard(node)
 
     def objections(self) -> Iterator[Objection]:
-        """Emergencies that are not over."""
+        """Active emergencies, as reasons against arming."""
         for emergency in self._open.values():
-            text = f"emergency of {described(emergency, self._joints)}, and not over"
+            text = f"emergency of {described(emergency, self._joints)}, still active"
             unheard = emergency.kind is Kind.UNHEARD
             yield Objection("heartbeats" if unheard else "emergencies", text)

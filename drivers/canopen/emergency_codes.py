@@ -1,19 +1,19 @@
-"""Error codes of an EMCY message (0x603F): their kinds, and words for them, after CiA 301, 7.2.7.1,
-and CiA 402-2, annex of error codes.
+"""Error codes of EMCY messages (0x603F), their classes and texts, after CiA 301, 7.2.7.1, and the
+annex on error codes of CiA 402-2.
 """
 
 from typing import Final
 
-#: Kinds of emergency codes (CiA 301): of communication, after which some drives take a reset only
-#: when set up again; and of the frames that were sent to them.
+#: Classes of error codes (CiA 301): communication errors, after which some drives accept a reset
+#: only when set up again; and protocol errors, about frames sent to them.
 COMMUNICATION_ERROR: Final = 0x8100
 PROTOCOL_ERROR: Final = 0x8200
-#: A drive misses our heartbeat.
+#: The drive misses the master's heartbeat.
 MASTER_SILENT: Final = 0x8130
 OF_COMMUNICATION: Final = frozenset({COMMUNICATION_ERROR, PROTOCOL_ERROR})
-#: An earlier emergency is over.
+#: Error reset or no error: an earlier emergency is over.
 NO_LONGER: Final = 0x0000
-#: Code of a message that is too short to have one.
+#: Code assigned to a message that is too short to contain one.
 UNKNOWN_CODE: Final = -1
 
 _WORDS: Final = {
@@ -42,7 +42,7 @@ _WORDS: Final = {
     0x8611: "following error",
 }
 
-# Where a code is not in the table, its first digits still give its kind.
+# Error classes by leading digits, for codes that are not in the table.
 _KINDS: Final = (
     (0xFF00, 0x2100, "current, input side"),
     (0xFF00, 0x2200, "current inside the drive"),
@@ -52,7 +52,7 @@ _KINDS: Final = (
     (0xFF00, 0x3200, "DC link voltage"),
     (0xFF00, 0x3300, "output voltage"),
     (0xF000, 0x3000, "voltage"),
-    (0xFF00, 0x4100, "temperature of the surroundings"),
+    (0xFF00, 0x4100, "ambient temperature"),
     (0xFF00, 0x4200, "temperature of the drive"),
     (0xFF00, 0x4300, "temperature of the motor"),
     (0xF000, 0x4000, "temperature"),
@@ -75,7 +75,7 @@ _KINDS: Final = (
 
 
 def emergency_words(code: int) -> str:
-    """Words for an error code (0x603F); empty for one that no standard defines."""
+    """Text for an error code (0x603F); empty if no standard defines it."""
     if words := _WORDS.get(code):
         return words
     return next((words for mask, kind, words in _KINDS if code & mask == kind), "")

@@ -1,4 +1,4 @@
-"""Events of the bus beside the samples: typed facts, and as they cross the line to the daemon."""
+"""Bus events reported with the samples: typed here, and converted to text for the daemon."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from drivers.canopen.emergency_codes import MASTER_SILENT, NO_LONGER, UNKNOWN_CO
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """Event about the drives of these nodes; without any, about the bus."""
+    """Event that concerns the drives of these nodes, or the bus if there are none."""
 
     kind: Kind
     nodes: tuple[int, ...] = ()
@@ -18,7 +18,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """A drive's EMCY message: error code (0x603F; 0 is "no longer"), error register (0x1001)."""
+    """EMCY message of a drive: error code (0x603F; 0 is "no error"), error register (0x1001)."""
 
     node: int
     code: int
@@ -26,24 +26,24 @@ class Emergency:
 
     @property
     def over(self) -> bool:
-        """True for the message that an earlier emergency is over."""
+        """True if the message ends an earlier emergency."""
         return self.code == NO_LONGER
 
     @property
     def kind(self) -> Kind:
-        """Error of the drive, or that it missed us."""
+        """Kind of event: missed heartbeat of the master, or another error."""
         return Kind.UNHEARD if self.code == MASTER_SILENT else Kind.ERROR
 
     @property
     def nodes(self) -> tuple[int, ...]:
-        """Its sender."""
+        """Node that sent it."""
         return (self.node,)
 
     @property
     def text(self) -> str:
-        """Code and register in words."""
+        """Error code and register as text."""
         if self.code == UNKNOWN_CODE:
-            return "of unknown code, the message is cut short"
+            return "unknown code, the message is truncated"
         words = emergency_words(self.code)
         code = f"0x{self.code:04X}{words and f' ({words})'}"
         return f"{code}, error register 0x{self.register:02X}"
@@ -54,7 +54,7 @@ Report = Callable[[BusEvent | None], None]
 
 
 def crossing(event: BusEvent, joints: Mapping[int, str]) -> Event | None:
-    """Event for the daemon; None for an emergency that is over. joints: names by node."""
+    """Event for the daemon; None for the end of an emergency. joints: names by node."""
     if isinstance(event, Emergency) and event.over:
         return None
     if isinstance(event, Event):
@@ -63,7 +63,7 @@ def crossing(event: BusEvent, joints: Mapping[int, str]) -> Event | None:
 
 
 def described(event: Fact | Emergency, joints: Mapping[int, str]) -> str:
-    """Text of an event, with the joint of each drive."""
+    """Text of an event, with the node and joint of each drive."""
     drives = ", ".join(
         f"node {node} ({joints[node]})" if node in joints else f"node {node}"
         for node in event.nodes

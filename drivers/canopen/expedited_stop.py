@@ -1,8 +1,8 @@
-"""Expedited SDO to one drive inside the tick: one frame out, its answer read like any other.
+"""Expedited SDO to one drive within the tick: one request, whose answer is read like any frame.
 
-Nothing waits. An SDO acts at once, in NMT pre-operational, too, and needs neither SYNC nor mapping:
-it stops drives that no setpoint reaches, and confirms their standstill. An answer has eight bytes
-and names its object, which separates it from answers to other clients (CiA 301, 7.2.4.3).
+Nothing blocks. An SDO acts at once, even in NMT pre-operational, and needs no SYNC or mapping: it
+stops drives that no setpoint reaches, and confirms their standstill. An answer has eight bytes and
+names its object, which separates it from answers to other clients (CiA 301, 7.2.4.3).
 """
 
 import math
@@ -22,11 +22,11 @@ from drivers.counts import correct
 from drivers.drive import harmonics
 from drivers.stopping.stop_watch import OBEYING, Seen
 
-#: Without an answer for so many ticks the question is sent again; a late answer still counts.
+#: Ticks without an answer after which a request is repeated; a late answer still counts.
 ANSWER_TICKS: Final = 5
 
-# First byte of a request and of its answer. In that of a value, bits 2 and 3 give the number of its
-# four bytes that do not count; bit 0 is set where they do.
+# First byte of a request and of its answer. In an upload answer, bits 2 and 3 hold the number of
+# unused data bytes; bit 0 says that this number is given.
 _WRITE_TWO_BYTES: Final = 0x2B
 _WRITTEN: Final = 0x60
 _READ: Final = 0x40
@@ -40,19 +40,19 @@ _COMMAND_FRAMES: Final = {
     for target, word in _WORD_OF.items()
 }
 
-# Steps: command and readings, one after the other. After the velocity comes one of the drive's
-# positions, then the statusword again.
+# Steps in sequence: the command, then readings. After the velocity comes one of the drive's
+# positions in turn, then the statusword again.
 _COMMAND, _STATUSWORD, _VELOCITY = range(3)
 
 
 class Reading:
-    """Quantity of one drive that is read by SDO, SI at the link."""
+    """Quantity of one drive that is read by SDO, in SI units at the link."""
 
     def __init__(self, drive: CanopenDrive, entry: PdoEntry) -> None:
         where = quantity(drive.profile, entry)
         self.place = where.object, where.subindex
         self.value = math.nan
-        """As last read; NaN before."""
+        """Last value read; NaN before the first."""
         self._layout = struct.Struct("<" + STRUCT_CODES[where.type])
         self._gain, self._bias = link_side(drive, entry)
         self._harmonics = harmonics([drive])
@@ -60,7 +60,7 @@ class Reading:
         self._corrected = entry == "link_position"
 
     def take(self, data: bytes | bytearray) -> None:
-        """Take the bytes of an answer."""
+        """Decode an answer frame."""
         self.value = self._gain * self._layout.unpack_from(data, 4)[0] + self._bias
         if self._corrected:
             corrected = np.array([self.value])
@@ -69,7 +69,7 @@ class Reading:
 
 
 class ExpeditedStop:
-    """Client that commands one drive to stop, and reads whether it does."""
+    """SDO client that commands one drive to stop, and reads back whether it does."""
 
     def __init__(self, drive: CanopenDrive) -> None:
         self._velocity = Reading(drive, "motor_velocity")
@@ -85,22 +85,22 @@ class ExpeditedStop:
         )
         self._ask = [_FRAME.pack(_READ, *place, 0) for place in self._places]
         self._step = _COMMAND
-        self._next = 0  # of the positions
-        self._ticks_left = 0  # for an answer; 0 when none is awaited
+        self._next = 0  # index of the next position
+        self._ticks_left = 0  # until the request is repeated; 0 if no answer is awaited
         self._statusword = 0
         self._seen: Seen | None = None
         self.confirmed = False
-        """The drive has taken the command since `begin`."""
+        """True once the drive has acknowledged the command since `begin`."""
 
     def begin(self) -> None:
-        """Start over with the command, whatever was read before."""
+        """Start over with the command, discarding earlier readings."""
         self._step, self._ticks_left = _COMMAND, 0
         self._seen, self.confirmed = None, False
         for position in self._positions:
             position.value = math.nan
 
     def request(self, target: PowerTarget) -> Frame | None:
-        """Frame of this tick, towards `target`; None while an answer is awaited."""
+        """Request of this tick, towards `target`; None while an answer is awaited."""
         if self._ticks_left > 1:
             self._ticks_left -= 1
             return None
@@ -109,18 +109,18 @@ class ExpeditedStop:
         return self._cob_id, data
 
     def hear(self, data: bytes | bytearray) -> None:
-        """Take a frame of its SDO server; an answer to no request, or to one of another client,
-        changes nothing."""
+        """Take a frame of its SDO server; answers that match no request of this client are
+        ignored."""
         if not self._ticks_left or len(data) < 8 or _PLACE.unpack_from(data) != self._place:
             return
         self._ticks_left = 0
         step, value = self._step, data[0] & _VALUE_MASK == _VALUE
         if step == _COMMAND:
-            # The state of a drive that refuses is read all the same.
+            # The state is read even if the drive refuses the command.
             self.confirmed = self.confirmed or data[0] == _WRITTEN
             self._step = _STATUSWORD
         elif not value:
-            # A drive that does not report its state was not seen.
+            # A refused reading is no observation: start over.
             self._step = _COMMAND
         elif step == _STATUSWORD:
             self._statusword = data[4] | data[5] << 8
@@ -134,7 +134,7 @@ class ExpeditedStop:
             self._step = _STATUSWORD
 
     def _see(self) -> None:
-        """Keep the reading, and choose the next step."""
+        """Store the reading, and choose the next step."""
         condition = CONDITION_OF[drive_state(self._statusword)]
         self._seen = Seen(
             condition,
@@ -156,5 +156,5 @@ class ExpeditedStop:
 
 
 def expedited_quick_stops(drives: Sequence[CanopenDrive]) -> list[Frame]:
-    """Quick stop of each drive by SDO, for when no answer will be read."""
+    """Quick-stop request to each drive by SDO, for use without reading the answers."""
     return [(SDO_REQUEST + drive.node, _COMMAND_FRAMES[PowerTarget.QUICK_STOP]) for drive in drives]

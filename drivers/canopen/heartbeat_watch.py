@@ -1,7 +1,4 @@
-"""Watch on the heartbeat of one drive (CiA 301), and on the NMT state that it reports.
-
-Time is an argument.
-"""
+"""Watch on the heartbeat of one drive (CiA 301) and the NMT state in it. Time is an argument."""
 
 from dataclasses import dataclass
 
@@ -12,29 +9,29 @@ from drivers.canopen.ids import BOOT_UP, OPERATIONAL
 
 @dataclass(slots=True)
 class HeartbeatWatch:
-    """Detects the loss of a heartbeat and the end of operational, and reports each once.
+    """Detector of a lost heartbeat and of a drive that leaves NMT operational; reports each once.
 
-    Made when the drive has just been commanded operational, at `heard_at`.
+    Create it when the drive has just been commanded operational, at `heard_at`.
     """
 
     node: int
     timeout_s: float
     heard_at: float
     lost: bool = False
-    # Heartbeats of before NMT start may still be under way after it: no longer being operational
-    # is news only of a drive that was heard to be.
+    # Heartbeats from before NMT start may arrive after it: leaving operational is reported only
+    # after operational was received.
     operational: bool = False
-    # It has left NMT operational or started anew: its set-up is lost.
+    # The drive has left NMT operational or restarted: its set-up is lost.
     forgot: bool = False
 
     def excuse(self, now: float) -> None:
-        """Count from `now`: the bus was not read until then."""
+        """Restart the timeout at `now`: the bus was not read until then."""
         self.heard_at = now
 
     def hear(self, nmt_state: int, now: float) -> Fact | None:
-        """A heartbeat or boot-up message has come."""
+        """Take a heartbeat or boot-up message."""
         self.heard_at, self.lost = now, False
-        state = nmt_state & 0x7F  # bit 7 is node guarding's toggle
+        state = nmt_state & 0x7F  # bit 7 is the toggle bit of node guarding
         if state == BOOT_UP:
             self.operational, self.forgot = False, True
             return Fact(Kind.RESTARTED, (self.node,), "its set-up is lost")
@@ -42,12 +39,12 @@ class HeartbeatWatch:
         if self.operational or not was_operational:
             return None
         self.forgot = True
-        # 127 is pre-operational, 4 stopped: its PDOs are off.
+        # 127 is pre-operational, 4 is stopped: PDOs are disabled.
         text = f"no longer operational (NMT state {state})"
         return Fact(Kind.DROPPED, (self.node,), text)
 
     def check(self, now: float) -> Fact | None:
-        """Report a heartbeat that has just become overdue, once."""
+        """Event, once, for a heartbeat that has just become overdue."""
         if self.lost or now - self.heard_at <= self.timeout_s:
             return None
         self.lost = True

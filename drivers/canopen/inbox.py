@@ -1,6 +1,6 @@
-"""Frames from the bus, each taken by the part that it is for.
+"""Frames from the bus, dispatched to their handlers.
 
-Nothing that arrives, and no failure of the bus, is an exception.
+No received frame and no bus failure raises an exception.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ from drivers.canopen.make import frames
 from drivers.canopen.node_watches import NodeWatches
 from drivers.canopen.settings import CanopenDrive
 
-#: Bound of one pass: a flooded bus must not hold the loop.
+#: Bound per pass: a flooded bus must not block the loop.
 FRAMES_PER_PASS: Final = 512
 
 
 class Inbox:
-    """Reader of one wire, with the parts that keep what was read."""
+    """Reader of one wire, with the handlers of its frames."""
 
     def __init__(
         self,
@@ -38,8 +38,8 @@ class Inbox:
         on_node: Callable[[], None],
         on_bus_off: Callable[[], None],
     ) -> None:
-        """masters_own: identifiers that only we may send. on_sdo takes a node's answer; on_node is
-        called when the state of a node has changed, on_bus_off when nothing goes out any more.
+        """masters_own: identifiers that only this master may send. on_sdo receives the SDO answer
+        of a node; on_node is called when the state of a node has changed, on_bus_off on bus-off.
         Raises ConfigurationError if a PDO layout does not fit."""
         self.answers = Answers(drives, report, period_s)
         self.nodes = NodeWatches(drives)
@@ -49,7 +49,7 @@ class Inbox:
         self._on_sdo, self._on_node, self._on_bus_off = on_sdo, on_node, on_bus_off
 
     def receive(self, timeout: float) -> Frame | None:
-        """Next frame, waiting at most `timeout` s; None if there is none, or the bus fails."""
+        """Next frame, waiting at most `timeout` s. None on timeout or bus failure."""
         try:
             return self._wire.receive(timeout)
         except BUS_FAILURES as error:
@@ -57,7 +57,7 @@ class Inbox:
             return None
 
     def read_queued(self, now: float) -> bool:
-        """Take the queued frames; False if there are more than a pass reads."""
+        """Take the queued frames; False if there may be more than one pass reads."""
         for _ in range(FRAMES_PER_PASS):
             frame = self.receive(0.0)
             if frame is None:
@@ -66,7 +66,7 @@ class Inbox:
         return False
 
     def queued(self) -> list[Frame]:
-        """Frames that wait in the wire, at most those of one pass."""
+        """Frames queued in the wire, at most those of one pass."""
         frames: list[Frame] = []
         while len(frames) < FRAMES_PER_PASS and (frame := self.receive(0.0)):
             frames.append(frame)
@@ -75,9 +75,8 @@ class Inbox:
     def take_after_set_up(
         self, frames: Sequence[Frame], over: Sequence[int], renewed: Sequence[int], now: float
     ) -> None:
-        """Take frames from before or after a set-up of the `renewed` joints' drives, except those
-        that belong to it: heartbeats and emergencies of communication, as far as these services
-        are `over`."""
+        """Take frames received around a set-up of the drives of the `renewed` joints, except those
+        that it caused: heartbeats and communication emergencies, of the services in `over`."""
         for can_id, data in frames:
             service, joint = can_id & ~NODE, self.nodes.joint_of.get(can_id & NODE)
             kind = data[1] << 8 if len(data) > 1 else 0
@@ -86,7 +85,7 @@ class Inbox:
                 self.take(can_id, data, now)
 
     def take(self, can_id: int, data: bytes | bytearray, now: float) -> None:
-        """Take one frame."""
+        """Dispatch one frame."""
         if self.answers.take(can_id, data):
             return
         if can_id & ERROR:
@@ -96,7 +95,7 @@ class Inbox:
             self._report(event)
             return
         unknown = self.nodes.unknown_frames
-        if can_id & ~NODE == SDO_ANSWER:  # 11-bit identifiers: a flag makes it another number
+        if can_id & ~NODE == SDO_ANSWER:  # False with any flag set: 11-bit identifiers only
             self._on_sdo(can_id & NODE, data)
         elif can_id in self._masters_own:
             self._report(Fact(Kind.FOREIGN_MASTER, text=f"it sends 0x{can_id:03X}"))

@@ -1,4 +1,4 @@
-"""CANopen as a make of drives: what `drivers.makes` asks of one."""
+"""CANopen as a make of drives: the interface of `drivers.makes`."""
 
 import math
 from collections.abc import Sequence
@@ -31,8 +31,8 @@ def problems(
     period_ms: int,
     master_node: int,
 ) -> list[ProfileProblem]:
-    """Contradictions between the EDS in `folder` and a profile with the drives that use it, each
-    once, at the field of the profile that asks for what is not there."""
+    """Contradictions between the EDS in `folder` and a profile with its drives, each reported once,
+    at the field of the profile that causes it."""
     try:
         sheet = load_data_sheet(folder / profile.eds)
     except ConfigurationError as error:
@@ -46,7 +46,7 @@ def problems(
 
 
 def wrong(drive: CanopenDrive) -> tuple[ProfileProblem, ...]:
-    """Problems of a joint with such a drive: its profile has them all."""
+    """Problems of a joint with this drive: none, as all are found in its profile."""
     return ()
 
 
@@ -58,7 +58,7 @@ _ENTRIES: Final[dict[Measure, PdoEntry]] = {
 
 
 def counts(drive: CanopenDrive, measure: Measure) -> Counts:
-    """Integers of a quantity of a drive. Raises ConfigurationError if it defines none."""
+    """Integer scale of a quantity of a drive. Raises ConfigurationError if it defines none."""
     entry = drive.profile.effort if measure == "effort" else _ENTRIES[measure]
     kind = quantity(drive.profile, entry).type
     return Counts((entry, "scale"), f"{kind} counts", *link_side(drive, entry), *type_limits(kind))
@@ -67,9 +67,9 @@ def counts(drive: CanopenDrive, measure: Measure) -> Counts:
 def frames(
     drives: Sequence[CanopenDrive], period_s: float, master_node: int = 127
 ) -> tuple[FrameLoad, ...]:
-    """Every periodic frame of the arm."""
+    """All periodic frames of the arm."""
     tick_hz = 1.0 / period_s
-    # The master beats on a tick, at least three times within the shortest patience of a drive.
+    # The master's heartbeat is sent on a tick, at least three times per shortest master timeout.
     patience_s = min(drive.profile.patience_s for drive in drives)
     beat_s = period_s * max(1, math.floor(patience_s / 3.0 / period_s))
     table = [
@@ -90,5 +90,5 @@ def frames(
 
 
 def recorded(drives: Sequence[CanopenDrive], period_s: float) -> CanopenTicks:
-    """Ticks of recorded frames of an arm."""
+    """Reconstruction of an arm's ticks from its recorded frames."""
     return CanopenTicks(drives, period_s)

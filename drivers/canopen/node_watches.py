@@ -1,6 +1,6 @@
 """Watches on all nodes of an arm: heartbeats, NMT states, emergencies, state of the set-up.
 
-From frames to facts; what they mean is judged elsewhere. Time is an argument.
+Frames are turned into events, whose meaning is decided elsewhere. Time is an argument.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,8 +14,8 @@ from drivers.canopen.heartbeat_watch import HeartbeatWatch
 from drivers.canopen.ids import EMERGENCY, HEARTBEAT, NODE
 from drivers.canopen.settings import HEARTBEATS_MISSED, CanopenDrive
 
-#: A drive sends its emergencies in its own time (inhibit time 0x1015): one of protocol (0x82xx)
-#: that comes so soon after its set-up is about earlier frames. The set-up was read back.
+#: Drives delay their emergencies (inhibit time 0x1015): a protocol error (0x82xx) within this time
+#: of the set-up, which was read back, concerns earlier frames.
 SETTLING_S: Final = 0.5
 
 
@@ -23,7 +23,7 @@ SETTLING_S: Final = 0.5
 class _Node:
     beat: HeartbeatWatch
     set_up_s: float
-    complained: bool = False  # of communication (0x81xx, 0x82xx), since it was set up
+    complained: bool = False  # communication error (0x81xx, 0x82xx) since its set-up
 
 
 class NodeWatches:
@@ -39,15 +39,15 @@ class NodeWatches:
         return _Node(HeartbeatWatch(drive.node, timeout_s, now), now)
 
     def start(self, now: float, renewed: Iterable[int] | None) -> None:
-        """Expect heartbeats from `now` on; `renewed` were just set up (None: all), of the others
-        all is known that was known before."""
+        """Expect heartbeats from `now` on. `renewed` were just set up (None: all); the history of
+        the others is kept."""
         for node in self._nodes:
             node.beat.excuse(now)
         for i in range(len(self._nodes)) if renewed is None else renewed:
             self._nodes[i] = self._watched(self._drives[i], now)
 
     def hear(self, can_id: int, data: bytes | bytearray, now: float) -> BusEvent | None:
-        """Take a heartbeat or an emergency; any other frame is counted."""
+        """Take a heartbeat or an emergency; any other frame is counted as unknown."""
         joint, service = self.joint_of.get(can_id & NODE), can_id & ~NODE
         if joint is None or service not in (HEARTBEAT, EMERGENCY):
             self.unknown_frames += 1
@@ -63,29 +63,29 @@ class NodeWatches:
         return Emergency(node.beat.node, code, data[2] if len(data) > 2 else 0)
 
     def check(self, now: float) -> Iterator[BusEvent]:
-        """Every heartbeat that has just become overdue."""
+        """Events for heartbeats that have just become overdue."""
         for node in self._nodes:
             if event := node.beat.check(now):
                 yield event
 
     def distrust(self, joints: Iterable[int]) -> None:
-        """Take the drives of these joints for not set up, until they are."""
+        """Count the drives of these joints as not set up, until they are set up again."""
         for i in joints:
             self._nodes[i].beat.forgot = True
 
     @property
     def set_up(self) -> list[bool]:
-        """True for each drive that still holds its set-up, as far as is known."""
+        """True for each drive that, as far as is known, still has its set-up."""
         return [not node.beat.forgot for node in self._nodes]
 
     @property
     def fit(self) -> list[int]:
-        """Joints whose drives do."""
+        """Joints whose drives still have their set-up."""
         return [i for i, set_up in enumerate(self.set_up) if set_up]
 
     @property
     def unset(self) -> list[int]:
-        """Joints whose drives do not."""
+        """Joints whose drives have lost their set-up."""
         return [i for i, set_up in enumerate(self.set_up) if not set_up]
 
     @property
@@ -95,9 +95,9 @@ class NodeWatches:
         return [i for i, beat in enumerate(beats) if beat.lost or not beat.operational]
 
     def unfit(self, states: Sequence[DriveState]) -> list[int]:
-        """Joints whose drives are silent, restarted, no longer operational, or in fault after an
-        error of communication (0x81xx, 0x82xx, CiA 301): another error may hide that one, which
-        only a reset of its communication ends."""
+        """Joints whose drives are silent, restarted, no longer operational, or in fault after a
+        communication error (0x81xx, 0x82xx, CiA 301): a later error may mask that one, and only a
+        communication reset ends it."""
         return [
             i
             for i, (node, state) in enumerate(zip(self._nodes, states, strict=True))

@@ -1,4 +1,4 @@
-"""Reasons against arming that samples do not show, in words."""
+"""Reasons against arming that are not visible in the samples, as text."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -13,13 +13,13 @@ def objections_of(
     emergencies: Iterable[Objection],
     unset: Sequence[str],
 ) -> Iterator[Objection]:
-    """Objections to joints whose drives answer no SDO, answer perhaps a period late, send no
-    heartbeat, or are not set up; with those of emergencies that are not over."""
+    """Objections for joints whose drives do not answer SDO, may answer a period late, send no
+    heartbeat, or are not set up; and those for active emergencies."""
     if no_sdo:
         yield Objection(
             "drives",
-            f"no answer by SDO from {', '.join(no_sdo)}: a stop by SDO would not reach the drive; "
-            "switch it off and on, close tools that use its SDO",
+            f"no SDO answer from {', '.join(no_sdo)}: a stop by SDO would not reach the drive; "
+            "power-cycle it, and close tools that use its SDO",
         )
     if doubted:
         names = ", ".join(doubted)

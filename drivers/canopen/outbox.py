@@ -1,6 +1,6 @@
 """Frames to the bus: setpoints, the master's heartbeat, NMT commands and stops.
 
-No failure of the bus is an exception.
+Bus failures are reported as events, not raised.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,7 +18,7 @@ SYNC_FRAME: Frame = (SYNC, b"")
 
 
 class Outbox:
-    """Writer of one wire, with the frames of an arm."""
+    """Writer of one wire, with the outgoing frames of an arm."""
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class Outbox:
         return {NMT, SYNC, self.heartbeat[0], *setpoints}
 
     def send(self, frames: Sequence[Frame]) -> bool:
-        """Send; False, and an event, if the bus does not take them all."""
+        """Send frames; False, with an event, if the bus does not accept all of them."""
         try:
             self._wire.send(frames)
         except BUS_FAILURES as error:
@@ -50,19 +50,19 @@ class Outbox:
         return True
 
     def start(self, joints: Iterable[int]) -> None:
-        """NMT operational for the drives of these joints."""
+        """Command NMT operational for the drives of these joints."""
         nodes = (self._nodes[i] for i in joints)
         self.send([self.heartbeat, *(_nmt(START_NODE, node) for node in nodes)])
 
     def quick_stop(self) -> None:
-        """Quick stop of all drives: those that are set up with a SYNC, all without."""
+        """Quick-stop all drives: those that are set up by RPDO and SYNC, all by SDO."""
         self.send([*self.setpoints.quick_stops, *self._stops_by_sdo, SYNC_FRAME])
 
     def end(self) -> None:
-        """Drives pre-operational, so that no late setpoint acts; heartbeat last.
+        """Command pre-operational, so that a late setpoint has no effect, then a last heartbeat.
 
-        They notice the silence after that and stop by themselves (0x6007), which asks nothing more
-        of one that is off or holds in quick stop.
+        The drives detect the subsequent silence and stop by themselves (0x6007), which changes
+        nothing for one that is off or holds in quick stop.
         """
         ends = (_nmt(ENTER_PRE_OPERATIONAL, node) for node in self._nodes)
         self.send([*ends, self.heartbeat])

@@ -1,4 +1,4 @@
-"""Ticks of recorded frames of CANopen drives: `drivers.makes.RecordedTicks`."""
+"""Reconstruction of ticks from recorded CANopen frames: `drivers.makes.RecordedTicks`."""
 
 import struct
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from drivers.canopen.settings import CanopenDrive
 
 
 class CanopenTicks:
-    """Samples and setpoints of frames, one after the other; a tick begins with SYNC."""
+    """Samples and setpoints decoded from consecutive frames; a tick begins with SYNC."""
 
     def __init__(self, drives: Sequence[CanopenDrive], period_s: float) -> None:
         self._answers = Answers(drives, lambda event: None, period_s)
         self.velocity: Vector = np.zeros(len(drives))
-        """Target velocities that were sent last (n,) [rad/s]."""
+        """Most recently sent target velocities (n,) [rad/s]."""
         self._slots: dict[int, tuple[int, struct.Struct, int, float, float]] = {}
         for i, drive in enumerate(drives):
             gain, bias = link_side(drive, "target_velocity")
@@ -29,7 +29,7 @@ class CanopenTicks:
                         self._slots[pdo.cob_id] = (i, pdo.layout, place, gain, bias)
 
     def begins(self, can_id: int, data: bytes, *, sent: bool) -> bool:
-        """True for the frame that a tick begins with."""
+        """True if this frame begins a tick."""
         return can_id == SYNC
 
     def begin(self, now: float) -> None:
@@ -37,7 +37,7 @@ class CanopenTicks:
         self._answers.awaited.expect_all(now)
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
-        """Take a frame of it, its first as well."""
+        """Take a frame of the tick, including its first."""
         if not sent:
             self._answers.take(can_id, data)
         elif (slot := self._slots.get(can_id)) is not None:
@@ -46,5 +46,5 @@ class CanopenTicks:
                 self.velocity[i] = (layout.unpack_from(data)[place] - bias) / gain
 
     def finish(self) -> Samples:
-        """End the tick."""
+        """End the tick and return its samples."""
         return self._answers.finish(())

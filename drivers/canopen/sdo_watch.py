@@ -1,8 +1,9 @@
-"""Watch on the SDO servers of the drives: detects those that no longer answer while the arm stands.
+"""Watch on the SDO servers of the drives: detects those that no longer answer, while the arm is at
+rest.
 
-A drive may send its PDOs and heartbeats, take its setpoints, and answer no SDO: then a stop by SDO
-would not reach it. One question is on its way at a time, a frame, and its answer is read like any
-other. Time is an argument.
+A drive may send PDOs and heartbeats and follow its setpoints, but answer no SDO: a stop by SDO
+would not reach it. At most one request is pending; its answer is read like any frame. Time is an
+argument.
 """
 
 import struct
@@ -13,28 +14,28 @@ from drivers.can.wire import Frame
 from drivers.canopen.ids import SDO_REQUEST
 from drivers.canopen.settings import CanopenDrive
 
-#: From one look at all drives to the next [s].
+#: Interval between rounds of requests to all drives [s].
 ROUND_EVERY_S: Final = 5.0
-#: Share of a drive's time-out that is waited here, as in a reset.
+#: Share of a drive's SDO timeout that applies here, as in a reset.
 SHARE: Final = 0.3
-#: Questions without an answer, one after the other, from which on a drive counts as silent.
+#: Consecutive unanswered requests from which a drive counts as silent.
 UNANSWERED: Final = 2
 
-# The error register (0x1001) is in every device by CiA 301, and no part of a stop.
+# The error register (0x1001) is mandatory in CiA 301, and not used by a stop.
 _PLACE: Final = struct.pack("<HB", 0x1001, 0)
 _QUESTION: Final = struct.pack("<B3s4x", 0x40, _PLACE)
 
 
 class SdoWatch:
-    """Watch of one arm: `ask` in every tick in which drives may be asked, `hear` their answers."""
+    """Watch of one arm: call `ask` in each tick that permits requests, and `hear` for answers."""
 
     def __init__(self, drives: Sequence[CanopenDrive]) -> None:
         self._nodes = [drive.node for drive in drives]
         self._patience_s = [SHARE * drive.profile.sdo_timeout_ms / 1000.0 for drive in drives]
         self._missed = [0] * len(drives)
-        self._next = 0  # joint that is asked next, or is being asked; the last is past the end
+        self._next = 0  # joint of the next or pending request; past the end after a round
         self._asked_s: float | None = None
-        self._begun_s = 0.0  # of this round
+        self._begun_s = 0.0  # start of this round
 
     @property
     def silent(self) -> list[int]:
@@ -42,17 +43,16 @@ class SdoWatch:
         return [i for i, missed in enumerate(self._missed) if missed >= UNANSWERED]
 
     def rest(self) -> None:
-        """Ask no drive now, and drop a pending question. The next round begins when they are asked
-        again."""
+        """Drop a pending request, and begin a new round with the next `ask`."""
         self._asked_s, self._next = None, 0
 
     def forget(self) -> None:
-        """All drives have just been read by SDO."""
+        """Start over: all drives have just been read by SDO."""
         self._missed = [0] * len(self._missed)
         self.rest()
 
     def ask(self, now: float) -> list[Frame]:
-        """The question of this tick, if there is one."""
+        """Request of this tick, if one is due."""
         if self._asked_s is not None:
             if now - self._asked_s < self._patience_s[self._next]:
                 return []
@@ -69,7 +69,7 @@ class SdoWatch:
         return [(SDO_REQUEST + self._nodes[self._next], _QUESTION)]
 
     def hear(self, node: int, data: bytes | bytearray) -> None:
-        """Take a frame of a drive's SDO server; a refusal is an answer, too."""
+        """Take a frame of a drive's SDO server; an abort counts as an answer, too."""
         if data[1:4] != _PLACE or node not in self._nodes:
             return
         joint = self._nodes.index(node)

@@ -1,4 +1,4 @@
-"""RPDOs of all drives: controlwords and target velocities, written into frames that stay."""
+"""RPDOs of all drives: controlwords and target velocities, packed into preallocated frames."""
 
 import struct
 from collections.abc import Callable, Iterable, Sequence
@@ -15,7 +15,7 @@ from drivers.canopen.settings import CanopenDrive
 
 @dataclass(frozen=True, slots=True)
 class _Rpdo:
-    """Its data, written over and over, and which of (controlword, counts) it carries."""
+    """RPDO with its reused data buffer, and the selection of (controlword, counts) it carries."""
 
     data: bytearray
     layout: struct.Struct
@@ -23,7 +23,8 @@ class _Rpdo:
 
 
 def _picker(picks: tuple[int, ...]) -> Callable[[tuple[int, int]], tuple[int, ...]]:
-    """Function that takes what an RPDO carries; `itemgetter` of one alone makes no tuple."""
+    """Selector of the values in an RPDO; for a single one, a slice makes `itemgetter` return a
+    tuple, too."""
     if len(picks) == 1:
         return itemgetter(slice(picks[0], picks[0] + 1))
     return itemgetter(*picks)
@@ -37,7 +38,7 @@ class Setpoints:
         self._encoder = SetpointEncoder(drives)
         self._controlwords = [0] * len(drives)
         self._rpdos: list[list[_Rpdo]] = []
-        self._frames: list[list[Frame]] = []  # of each joint, like the next
+        self._frames: list[list[Frame]] = []  # per joint, as `_quick_stops`
         self._quick_stops: list[list[Frame]] = []
         for drive, still in zip(drives, self._encoder.standstill, strict=True):
             self._rpdos.append([])
@@ -53,13 +54,13 @@ class Setpoints:
         self.address(range(len(drives)))
 
     def address(self, joints: Iterable[int]) -> None:
-        """Let frames go to the drives of these joints alone: one that is not set up may take them
-        for something else."""
+        """Restrict the frames to the drives of these joints: one that is not set up may interpret
+        them differently."""
         chosen = sorted(joints)
         self.frames = [frame for i in chosen for frame in self._frames[i]]
         self.quick_stops = [frame for i in chosen for frame in self._quick_stops[i]]
-        """Stop each drive in any state; ready beforehand, so that nothing that breaks can be in
-        their way."""
+        """Frames that stop each drive in any state, packed in advance so that no later failure can
+        prevent them."""
 
     def write(
         self,
@@ -68,11 +69,11 @@ class Setpoints:
         velocity: Vector,
         reset: bool,
     ) -> None:
-        """Take each drive on its way to its target. One that is not in operation, or not wanted
-        there, gets velocity zero.
+        """Pack the next controlword of each drive towards its target, and its velocity: zero unless
+        it is in operation and its target is ON.
 
-        velocity: (n,) rad/s at the link; where one is not finite, all drives get a quick stop
-        instead, and ValueError is raised.
+        velocity: (n,) rad/s at the link; if one is not finite, all drives get a quick stop instead,
+        and ValueError is raised.
         """
         standstill = self._encoder.standstill
         try:

@@ -1,4 +1,4 @@
-"""Settings of the drives, with bounds where they are read."""
+"""Settings of CANopen drives, with bounds that are checked on reading."""
 
 from typing import Annotated, ClassVar, Final, Literal
 
@@ -10,7 +10,7 @@ from drivers.settings import Name, Settings, Sign
 Index = Annotated[int, Meta(ge=0x1000, le=0xFFFF)]
 SubIndex = Annotated[int, Meta(ge=0, le=255)]
 IntegerType = Literal["INTEGER8", "INTEGER16", "INTEGER32", "UNSIGNED8", "UNSIGNED16", "UNSIGNED32"]
-#: Heartbeats of a drive that may go missing.
+#: Consecutive heartbeats of a drive whose loss is tolerated.
 HEARTBEATS_MISSED: Final = 3
 Milliseconds = Annotated[int, Meta(ge=1, le=60_000)]
 
@@ -30,7 +30,7 @@ class Quantity(Settings, frozen=True):
 
 
 class ObjectValue(Settings, frozen=True):
-    """An object that is written at boot-up and read back."""
+    """Object that is written at boot-up and read back."""
 
     object: Index
     value: int
@@ -52,10 +52,10 @@ PdoLayout = dict[PdoNumber, Annotated[list[PdoEntry], Meta(min_length=1, max_len
 
 
 class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
-    """Kind of CANopen drive: its EDS, the place of each quantity, and the layout of its PDOs.
+    """Profile of a CANopen drive: its EDS, the object of each quantity, and the layout of its PDOs.
 
-    The motor's effort comes as current or as torque, whichever the drive reports better: as both
-    are fractions of the rated value, they count the same.
+    The motor effort is given as current or torque, whichever the drive reports better: both are
+    fractions of the rated value, so they are equivalent.
     """
 
     eds: Name
@@ -69,14 +69,14 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
     torque: Quantity | None = None  # fraction of the rated torque (0x6076)
     motor_position: Quantity | None = None  # rad of the motor shaft
     max_motor_speed: Quantity | None = None  # rad/s of the motor shaft: the drive's own limit
-    heartbeat_ms: Milliseconds = 50  # of the drive; three that are missing are a fault
-    master_timeout_ms: Milliseconds = 100  # without our heartbeat, and the drive quick-stops
-    # How long the drive may take to answer at boot-up; 0.3 of it when it is set up again.
+    heartbeat_ms: Milliseconds = 50  # of the drive; three missing ones are a fault
+    master_timeout_ms: Milliseconds = 100  # without our heartbeat until the drive quick-stops
+    # Longest time to an SDO answer at boot-up; 0.3 of it when set up again.
     sdo_timeout_ms: Annotated[int, Meta(ge=20, le=5000)] = 500
     fault_reaction: Annotated[int, Meta(ge=-32768, le=2)] = 2  # 0x605E; 2 is a quick stop
-    # More objects to set at boot-up, none that contactd sets itself.
+    # Further objects to set at boot-up; none that contactd sets itself.
     write: list[ObjectValue] = field(default_factory=list)
-    any_product: bool = False  # true: the drive's vendor and product need not be those of the EDS
+    any_product: bool = False  # true: vendor and product of the drive may differ from the EDS
     one_sign: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -85,37 +85,37 @@ class CanopenProfile(Settings, frozen=True, tag_field="make", tag="canopen"):
 
     @property
     def patience_s(self) -> float:
-        """Time without our heartbeat after which the drive stops by itself [s]."""
+        """Time without the master's heartbeat after which the drive stops by itself [s]."""
         return self.master_timeout_ms / 1000.0
 
     @property
     def silence_s(self) -> float:
-        """Time after which missing heartbeats are noticed [s]."""
+        """Time after which missing heartbeats are detected [s]."""
         return HEARTBEATS_MISSED * self.heartbeat_ms / 1000.0
 
     @property
     def stops_alone(self) -> bool:
-        """True, as a drive that does not is refused."""
+        """True: a drive that does not stop by itself is refused."""
         return True
 
     @property
     def without_us(self) -> str:
-        """Reaction of the drive when nothing of ours reaches it."""
-        return f"without our heartbeat for {self.master_timeout_ms} ms it quick-stops, and holds"
+        """Reaction of the drive when it no longer receives our frames, as text."""
+        return f"without our heartbeat for {self.master_timeout_ms} ms it quick-stops and holds"
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Its EDS."""
+        """EDS of the drive."""
         return (self.eds,)
 
     @property
     def sends_motor_position(self) -> bool:
-        """True where a TPDO carries it."""
+        """True if a TPDO carries the motor position."""
         return any("motor_position" in entries for entries in self.tpdo.values())
 
     @property
     def effort(self) -> Literal["current", "torque"]:
-        """The one of the two that the drive reports."""
+        """Quantity that represents the motor effort."""
         return "torque" if self.current is None else "current"
 
 

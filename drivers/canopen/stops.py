@@ -1,8 +1,8 @@
-"""Stops of all drives of an arm: commanded, watched, and escalated where no standstill is seen.
+"""Stops of all drives of an arm: commanded, supervised, and escalated if no standstill is observed.
 
-One `StopWatch` and one `ExpeditedStop` for each drive. `step` returns the frames that a stage needs
-beside the setpoints, and events. One drive in the last stage silences the whole arm, because one
-heartbeat serves all drives.
+One `StopWatch` and one `ExpeditedStop` per drive. `step` returns the frames that a stage needs in
+addition to the setpoints, and events. One drive in the last stage silences the whole arm, because
+all drives share one heartbeat.
 """
 
 import math
@@ -19,17 +19,17 @@ from drivers.canopen.settings import CanopenDrive
 from drivers.stopping.stop_watch import OBEYING, RAMP_SHARE, Seen, Stage
 from drivers.stopping.watches import REPEATS, Watches, seen_in
 
-MOVES_ON: Final = "it reports that it stops, but moves on"
+MOVES_ON: Final = "it reports that it stops, but keeps moving"
 BEYOND: Final = "beyond its travel: power cut"
 
 
 class Stops:
-    """Stops of one arm; `step` once per tick, before the setpoints of the tick go out."""
+    """Stops of one arm; call `step` once per tick, before its setpoints are sent."""
 
     def __init__(self, drives: Sequence[CanopenDrive], period_s: float) -> None:
         self.silent = False
-        """The last stage is reached: only SDO goes out, to drives that are not heard to stand."""
-        self._alone_s = math.inf  # when all have stopped by themselves after that
+        """The last stage is reached: only SDO is sent, to drives not observed at standstill."""
+        self._all_stopped_s = math.inf  # time by which all have then stopped by themselves
         self._drives = tuple(drives)
         self._nodes = tuple(drive.node for drive in drives)
         self._fastest = [drive.velocity for drive in drives]
@@ -37,10 +37,10 @@ class Stops:
         self._by_node = dict(zip(self._nodes, self._expedited, strict=True))
         self._all = Watches(drives, period_s)
         self._watches = self._all.each
-        self._heard = [True] * len(drives)  # by samples of this tick that are measured
-        self._asleep: set[int] = set()  # joints whose drives were NMT stopped in the last tick
+        self._heard = [True] * len(drives)  # by genuine samples in this tick
+        self._nmt_stopped: set[int] = set()  # joints whose drives were NMT-stopped in the last tick
         self.busy = False
-        """Some drive is commanded to stop; while none is, `step` has nothing to do."""
+        """True while any drive is commanded to stop; otherwise `step` has nothing to do."""
 
     @property
     def unproved(self) -> list[int]:
@@ -48,28 +48,28 @@ class Stops:
         return self._all.unproved if self.busy else []
 
     def may_be_off(self, joint: int) -> bool:
-        """True where the power of a drive may be taken, as `Watches.may_be_off`."""
+        """True if a drive may lose its power, as `Watches.may_be_off`."""
         return self._all.may_be_off(joint)
 
     def stopped_in_vain(self, joint: int) -> bool:
-        """True where a drive reports that it stops, but was seen to go beyond its travel."""
+        """True if a drive reports that it stops, but was observed beyond its travel."""
         return self._watches[joint].cut
 
     def left_alone(self, now: float) -> bool:
-        """True when every drive has had the time to miss us and to stop by itself."""
-        return self.silent and now >= self._alone_s
+        """True once every drive has had the time to miss the master and to stop by itself."""
+        return self.silent and now >= self._all_stopped_s
 
     @property
     def confirmed(self) -> bool:
-        """True when every drive has taken the command of `begin_all`, or was seen to stand."""
+        """True once every drive has acknowledged the command of `begin_all` or stands."""
         both = zip(self._expedited, self._watches, strict=True)
         return all(expedited.confirmed or watch.proved for expedited, watch in both)
 
     def follow(
         self, now: float, samples: Samples, targets: Sequence[PowerTarget], velocity: Vector
     ) -> tuple[Fact, ...]:
-        """Record motion and commands, as `Watches.follow`. Returns an event for drives whose
-        samples begin to repeat."""
+        """Record motion and commands as `Watches.follow`. Returns an event for drives whose samples
+        begin to repeat."""
         begun = self._all.follow(now, samples, targets, velocity)
         nodes = tuple(self._nodes[i] for i in begun)
         return (Fact(Kind.REPEATED_SAMPLES, nodes, REPEATS),) if begun else ()
@@ -84,7 +84,7 @@ class Stops:
             expedited.hear(data)
 
     def begin_all(self, now: float, samples: Samples) -> list[Frame]:
-        """Command every drive to stop, whatever its setpoint was, and without a SYNC."""
+        """Command every drive to stop by SDO, which needs no SYNC, whatever its setpoint was."""
         self.busy = True
         for i in range(len(self._watches)):
             self._begin(now, i, Stage.DIRECT, samples)
@@ -97,9 +97,9 @@ class Stops:
         samples: Samples,
         reached: Sequence[bool],
     ) -> tuple[list[Frame], Sequence[Fact]]:
-        """Judge every drive commanded to stop, by its samples and what it reports with them;
-        `reached`: whether setpoints are sent to it."""
-        frames = self._wake()
+        """Supervise every drive commanded to stop, by its samples and status; `reached`: True if
+        setpoints are sent to it."""
+        frames = self._leave_nmt_stopped()
         doubted, lost, running, beyond = [], [], [], []
         for i, (watch, target) in enumerate(zip(self._watches, targets, strict=True)):
             if target is PowerTarget.ON:
@@ -110,16 +110,16 @@ class Stops:
                 first = Stage.SETPOINT if seen and reached[i] else Stage.DIRECT
                 self._begin(now, i, first, samples)
             if self.silent:
-                watch.stage = Stage.SILENCE  # from any stage: no drive gets another command
+                watch.stage = Stage.SILENCE  # from any stage: no drive gets a further command
             if self._all.repeat[i] and watch.stage is Stage.SETPOINT:
-                # Its samples prove nothing: its state is read by SDO.
+                # Its samples prove nothing: read its state by SDO.
                 watch.stage = Stage.DIRECT
                 self._expedited[i].begin()
             ran_on, cut = watch.runs_on, watch.cut
             proved = watch.proved
             begun = watch.step(now, seen)
             if watch.proved and not proved:
-                self._expedited[i].begin()  # it switches off drives that no setpoint reaches
+                self._expedited[i].begin()  # to switch off a drive that no setpoint reaches
             if watch.runs_on and not ran_on:
                 running.append(self._nodes[i])
             if watch.cut and not cut:
@@ -132,7 +132,7 @@ class Stops:
                 case Stage.LAST:
                     frames.append((NMT, bytes([STOP_NODE, self._nodes[i]])))
                     doubted.append(self._nodes[i])
-                    self._asleep.add(i)
+                    self._nmt_stopped.add(i)
                 case Stage.SILENCE:
                     lost.append(self._nodes[i])
                     self._expedited[i].begin()
@@ -147,7 +147,7 @@ class Stops:
                 Fact(Kind.NOT_SEEN_TO_STOP, tuple(doubted), "NMT stop sent"),
                 Fact(Kind.NOT_SEEN_TO_STOP, tuple(running), MOVES_ON),
                 Fact(Kind.NOT_SEEN_TO_STOP, tuple(beyond), f"{MOVES_ON} {BEYOND}"),
-                Fact(Kind.UNPROVED, tuple(lost), "no heartbeat of ours any more"),
+                Fact(Kind.UNPROVED, tuple(lost), "our heartbeat is ended"),
             )
             if event.nodes
         ]
@@ -155,13 +155,13 @@ class Stops:
 
     def _begin(self, now: float, joint: int, stage: Stage, samples: Samples) -> None:
         velocity = float(samples.motor_velocity[joint])
-        # A drive that was never heard may run at its highest commanded speed.
+        # A drive that was never heard may be running at its highest commanded speed.
         speed = self._fastest[joint] if math.isnan(velocity) else velocity
         self._watches[joint].begin(now, stage, speed)
         self._expedited[joint].begin()
 
     def _seen(self, joint: int, samples: Samples) -> Seen | None:
-        """Newest fresh reading of a drive; a sample holds more than a reading by SDO."""
+        """Latest fresh reading of a drive; a sample, which holds more, precedes an SDO reading."""
         asked = self._expedited[joint].take()
         condition = samples.drives[joint].condition
         came = bool(samples.came[joint])
@@ -169,35 +169,34 @@ class Stops:
         if not came:
             return asked
         if self._all.repeat[joint]:
-            # Of its samples at most the statusword is still information.
+            # Of repeated samples, at most the statusword is still informative.
             return asked or (Seen(condition, math.nan) if condition in OBEYING else None)
         return seen_in(samples, joint)
 
     def _fall_silent(self, now: float) -> None:
-        """Begin the last stage. It is over when every drive has missed our heartbeat and stopped,
-        from its highest commanded or last measured speed, down a ramp against the pull of a
-        load."""
+        """Begin the last stage. It ends when every drive has missed our heartbeat and stopped from
+        its highest commanded or last measured speed, on a ramp slowed by the load."""
         if self.silent:
             return
         self.silent = True
-        self._alone_s = now + max(
+        self._all_stopped_s = now + max(
             drive.profile.patience_s
             + max(drive.velocity, watch.speed) / (RAMP_SHARE * drive.quick_stop)
             for drive, watch in zip(self._drives, self._watches, strict=True)
         )
 
-    def _wake(self) -> list[Frame]:
-        """NMT pre-operational for drives that have had a tick to lose their connection: stopped,
-        they answer no SDO."""
+    def _leave_nmt_stopped(self) -> list[Frame]:
+        """Frames that set drives to pre-operational a tick after NMT stop, which has aborted their
+        connection (0x6007): in NMT stopped they would answer no SDO."""
         frames: list[Frame] = []
-        for i in sorted(self._asleep) if not self.silent else ():
+        for i in sorted(self._nmt_stopped) if not self.silent else ():
             frames.append((NMT, bytes([ENTER_PRE_OPERATIONAL, self._nodes[i]])))
             self._expedited[i].begin()
-        self._asleep.clear()
+        self._nmt_stopped.clear()
         return frames
 
     def _requests(self, targets: Sequence[PowerTarget]) -> list[Frame]:
-        """Next SDO of every drive that is commanded or read without a SYNC."""
+        """Next SDO of every drive that is commanded or read by SDO."""
         wanted = (self._by_sdo(i, target) for i, target in enumerate(targets))
         requests = [
             expedited.request(target)
@@ -207,15 +206,15 @@ class Stops:
         return [request for request in requests if request]
 
     def _by_sdo(self, joint: int, target: PowerTarget) -> PowerTarget | None:
-        """Target that a drive is led to by SDO, without power only where it may be; None where it
-        is led to none."""
+        """Target commanded to a drive by SDO, OFF only if it may lose its power; None if no SDO is
+        sent."""
         watch = self._watches[joint]
-        if watch.stage <= Stage.SETPOINT or joint in self._asleep:
+        if watch.stage <= Stage.SETPOINT or joint in self._nmt_stopped:
             return None
         unheard = not self._heard[joint]
         if watch.unproved:
             return PowerTarget.OFF if watch.cut else PowerTarget.QUICK_STOP
         if target is PowerTarget.OFF and not self.silent:
             return target if unheard or not self._expedited[joint].confirmed else None
-        # Its proof is no newer than its readings.
+        # Without samples, its proof has to be kept up by SDO readings.
         return PowerTarget.QUICK_STOP if unheard else None

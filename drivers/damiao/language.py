@@ -1,6 +1,6 @@
 """Language of Damiao motors: `drivers.motors.language.Language`.
 
-A tick asks each motor for a feedback and for its output encoder.
+Each tick requests a feedback and the output encoder's position from each motor.
 """
 
 from collections.abc import Sequence
@@ -40,9 +40,9 @@ _WORDS: Final = {
     Code.OVERVOLTAGE: "over-voltage",
     Code.UNDERVOLTAGE: "under-voltage",
     Code.OVERCURRENT: "over-current",
-    Code.HOT_BRIDGE: "power stage too hot",
-    Code.HOT_COIL: "winding too hot",
-    Code.MASTER_SILENT: "it missed us",
+    Code.HOT_BRIDGE: "power stage over-temperature",
+    Code.HOT_COIL: "winding over-temperature",
+    Code.MASTER_SILENT: "setpoint timeout",
     Code.OVERLOAD: "overload",
 }
 _STATES: Final = {Code.DISABLED: State.OFF, Code.ENABLED: State.ON}
@@ -57,7 +57,7 @@ STATUSES: Final = {
     )
     for code, words in _WORDS.items()
 }
-"""Statuses by code; any other is unreported."""
+"""Statuses by code; any other code counts as unreported."""
 
 
 class DamiaoLanguage(Language):
@@ -72,11 +72,11 @@ class DamiaoLanguage(Language):
         return motor
 
     def requests_to(self, drive: DamiaoDrive) -> Sequence[Frame]:
-        """Request of a tick to one motor."""
+        """Requests of a tick to one motor."""
         return refresh(drive.node), read(drive.node, Register.OUTPUT_POSITION)
 
     def is_setpoint(self, can_id: int, data: bytes | bytearray) -> bool:
-        """True for a setpoint among the frames that command a motor."""
+        """True if a frame that commands a motor is a setpoint."""
         return setpoint_of(data) is not None
 
     def fields(self, data: bytes | bytearray) -> tuple[int, ...]:
@@ -84,31 +84,31 @@ class DamiaoLanguage(Language):
         return setpoint_of(data) or ()
 
     def write_fields(self, data: bytearray, fields: tuple[int, ...]) -> None:
-        """Write these into the data of a setpoint."""
+        """Pack these counts into the data of a setpoint."""
         position, velocity, kp, kd = fields
         setpoint(data, position, velocity, (kp, kd))
 
     def answering(self, can_id: int) -> int | None:
-        """Joint whose motor answers by this identifier."""
+        """Joint whose motor answers under this identifier."""
         return self.joint_of.get(can_id - ANSWERS)
 
     def commanded(self, can_id: int) -> int | None:
-        """Joint whose motor a frame with this identifier commands."""
+        """Joint whose motor is commanded under this identifier."""
         return self.joint_of.get(can_id)
 
     def masters(self, can_id: int) -> bool:
-        """True for a frame that a master of these motors may send."""
+        """True for an identifier under which only a master of these motors sends."""
         return can_id in self.joint_of or can_id == REGISTERS
 
     def answer_of(
         self, joint: int, can_id: int, data: bytes | bytearray
     ) -> Feedback | Output | None:
-        """Answer of a motor; None for a frame that cannot be its own."""
+        """Decoded answer of a motor; None for a frame that it cannot have sent."""
         motor = self.motors[joint]
         register = register_of(motor, data)
         if register == Register.OUTPUT_POSITION:
             output = value_of(register, data)
-            # So for NaN.
+            # None for NaN, too.
             return Output(output) if abs(output) <= self.profiles[joint].position_max else None
         if register is not None:
             return Output(None)
@@ -119,11 +119,11 @@ class DamiaoLanguage(Language):
         return Feedback(status, found.position, found.velocity, found.torque, hottest)
 
     def enabling(self, joint: int) -> Sequence[Frame]:
-        """Frames that give a motor its power, after its setpoint."""
+        """Frames that enable a motor, to be sent after its setpoint."""
         return ((self.motors[joint], ENABLE),)
 
     def disabling(self, joint: int) -> Frame:
-        """Frame that takes a motor's power."""
+        """Frame that disables a motor."""
         return self.motors[joint], DISABLE
 
     def clearing(self, joint: int) -> Frame:
@@ -131,7 +131,7 @@ class DamiaoLanguage(Language):
         return self.motors[joint], CLEAR_ERROR
 
     def time_out_of(self, can_id: int, data: bytes | bytearray) -> tuple[int, bool] | None:
-        """Joint, and whether it has a time-out from now on, of a frame that sets it."""
+        """Joint in a frame that sets a timeout, and whether the timeout is then enabled."""
         if (found := time_out_of(can_id, data)) is None or found[0] not in self.joint_of:
             return None
         return self.joint_of[found[0]], bool(found[1])

@@ -1,4 +1,4 @@
-"""Damiao as a make of drives: what `drivers.makes` asks of one."""
+"""Damiao as a make of drives: the interface of `drivers.makes`."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from drivers.drive import Counts, Measure, ProfileProblem
 from drivers.motors.language import steps_of
 from drivers.motors.recorded import MotorTicks
 
-#: Ids that fit beside the status in a feedback.
+#: Highest ID that fits beside the status in a feedback.
 HIGHEST_ID: Final = 15
 
 
@@ -23,25 +23,25 @@ def problems(
     period_ms: int,
     master_node: int,
 ) -> list[ProfileProblem]:
-    """Problems of a profile: at the start its motors are asked for its figures."""
+    """Problems of a profile: none, as its values are compared with the motors at the start."""
     return []
 
 
 def wrong(drive: DamiaoDrive) -> Iterator[ProfileProblem]:
-    """Problems of a joint with such a motor, at its fields."""
+    """Problems of the joint with this motor, by field."""
     wiring, profile = drive.wiring, drive.profile
     if wiring.node > HIGHEST_ID:
-        yield ("wiring", "node"), f"{wiring.node}; the id of a Damiao motor is 1 to {HIGHEST_ID}"
+        yield ("wiring", "node"), f"{wiring.node}; the ID of a Damiao motor is 1 to {HIGHEST_ID}"
     if wiring.gear != profile.figures.gear:
         its = f"that of a {profile.model} is {profile.figures.gear:g}"
         text = f"{wiring.gear:g}; {its}, and the joint must turn with its output"
         yield ("wiring", "gear"), text
     if wiring.link_sign != wiring.motor_sign:
-        yield ("wiring", "link_sign"), "must be motor_sign: both encoders are in one motor"
+        yield ("wiring", "link_sign"), "must equal motor_sign: both encoders are in one motor"
 
 
 def counts(drive: DamiaoDrive, measure: Measure) -> Counts:
-    """Integers of a quantity of a motor, 0 at half of them."""
+    """Integer scale of a quantity of a motor, with 0 at mid-range."""
     profile, sign = drive.profile, drive.wiring.motor_sign
     position, velocity, torque = steps_of(profile, DamiaoLanguage.bits)
     at, scale, bits = {
@@ -58,7 +58,7 @@ def counts(drive: DamiaoDrive, measure: Measure) -> Counts:
 def frames(
     drives: Sequence[DamiaoDrive], period_s: float, master_node: int = 0
 ) -> tuple[FrameLoad, ...]:
-    """Every periodic frame of an arm: each tick two requests and a setpoint, with their answers."""
+    """All periodic frames of an arm: two requests and a setpoint per tick, with their answers."""
     tick_hz = 1.0 / period_s
     table = []
     for drive in drives:
@@ -72,5 +72,5 @@ def frames(
 
 
 def recorded(drives: Sequence[DamiaoDrive], period_s: float) -> MotorTicks:
-    """Ticks of recorded frames of an arm."""
+    """Reconstruction of an arm's ticks from its recorded frames."""
     return MotorTicks(drives, DamiaoLanguage(drives), period_s)

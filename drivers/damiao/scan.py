@@ -1,4 +1,4 @@
-"""Scan of a bus for Damiao motors: registers of the ids that they may have, and no command."""
+"""Scan of a bus for Damiao motors: reads registers of all possible IDs, without commands."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from drivers.damiao.settings import MODELS
 from drivers.motors.queries import heard
 from drivers.motors.scan import scanned
 
-#: Time for the answer of one motor [s].
+#: Answer timeout of one motor [s].
 ANSWER_S: Final = 0.03
 IDS: Final = range(1, 16)
 _READ: Final = (
@@ -21,21 +21,21 @@ _READ: Final = (
 
 @dataclass(frozen=True, slots=True)
 class FoundMotor:
-    """Motor that answered, and its registers; NaN where it did not answer about one."""
+    """Motor that answered, and its registers; NaN for those that it did not answer."""
 
     motor: int
     values: dict[Register, float]
-    twice: bool = False  # two answers came
+    twice: bool = False  # a request got more than one answer
 
     @property
     def models(self) -> list[str]:
-        """Models that have its gear."""
+        """Models with its gear ratio."""
         gear = self.values[Register.GEAR]
         return [name for name, about in MODELS.items() if about.gear == gear]
 
 
 def scan_motors(wire: Wire) -> list[FoundMotor]:
-    """Motors that answer. Raises BusError where a master commands some, or the bus fails."""
+    """Motors that answer. Raises BusError if a master commands motors, or the bus fails."""
     return scanned(wire, IDS, IDS.__contains__, _found)
 
 
@@ -50,7 +50,7 @@ def _found(wire: Wire, motor: int) -> FoundMotor | None:
 
 
 def _asked(wire: Wire, motor: int, register: Register) -> tuple[float, int]:
-    """Value of a register, at whatever master id it is answered, and the number of answers."""
+    """Value of a register and the number of answers, under any master ID."""
     value, count = math.nan, 0
     wire.send([read(motor, register)])
     for _, data in heard(wire, ANSWER_S):

@@ -1,4 +1,4 @@
-"""Settings of Damiao motors, with bounds where they are read, and figures of their models."""
+"""Settings of Damiao motors, with bounds that are checked on reading, and data of their models."""
 
 from typing import Annotated, Final, Literal
 
@@ -17,28 +17,28 @@ MODELS: Final[dict[Model, ModelFigures]] = {
     "DM6006": ModelFigures(6.0, 0.7308, 4.0, 16.4, 45.0, 5.8e-5, 45.0, 20.0),
     "DM8009": ModelFigures(9.0, 1.26, 20.0, 32.8, 45.0, 1.95e-4, 45.0, 54.0),
 }
-#: Position that the feedback's 16 bits reach in every model, as delivered [rad at the output].
+#: Factory full scale of the feedback's 16 bits of position, in every model [rad at the output].
 REACH: Final = 12.5
 
 
 class DamiaoProfile(MotorProfile, frozen=True, kw_only=True, tag_field="make", tag="damiao"):
-    """Kind of Damiao motor, whose link turns with its output: its encoder there is the link's.
+    """Profile of a Damiao motor, whose link turns with its output: the encoder there is the link's.
 
-    It reports torque, which its torque constant makes a current; velocity and position of the
-    motor come through its gear.
+    Reported torque is converted to current by the torque constant; velocity and position of the
+    motor are given behind its gear.
     """
 
     models = MODELS
     heard = "setpoint"
 
     model: Model
-    # What 16 bits of position, 12 of velocity and 12 of torque reach to either side: must be what
-    # the motor has in its registers 21, 22 and 23; it is refused at the start where they differ.
+    # Full scale, to either side, of 16 bits of position, 12 of velocity and 12 of torque: must
+    # equal registers 21, 22 and 23, or the motor is refused at the start.
     position_max: Annotated[float, Meta(gt=0, le=1000)]  # [rad at the output]
     # Of the motor's own loop, at its output, about a position that follows the target velocity.
     stiffness: Annotated[float, Meta(gt=0, le=STIFFEST)]  # [Nm/rad]
     damping: Annotated[float, Meta(gt=0, le=MOST_DAMPING)]  # [Nm s/rad]
-    # Without a setpoint of ours for so long, and the motor goes limp (register 9).
+    # Time without a setpoint of ours until the motor goes limp (register 9).
     master_timeout_ms: Annotated[int, Meta(ge=1, le=60_000)] = 100
 
 

@@ -1,7 +1,7 @@
 """Set-up of Damiao motors: `drivers.motors.arm.Setup`.
 
-It is a few registers, written until the motor's power is off, and read back: its mode, and the time
-without setpoints after which it lets go.
+It writes and reads back a few volatile registers, lost when the motor's power is off: the mode, and
+the time without setpoints after which the motor goes limp.
 """
 
 import math
@@ -29,13 +29,13 @@ class DamiaoSetup(Queries):
     """Set-up of the motors on one wire."""
 
     def identified(self, drive: DamiaoDrive) -> MotorIdentity:
-        """Identity of a motor whose ranges are as configured. Raises DriveError."""
+        """Identity of a motor, whose full scales are as configured. Raises DriveError."""
         for register, (field, wanted) in _ranges(drive).items():
             held = self.read(drive, register)
             if not same(held, wanted):
                 raise DriveError(
                     f"{drive}: {_named(register)} reads {held:g}; "
-                    f"`{field}` of the configuration means {wanted:g}"
+                    f"`{field}` of the configuration requires {wanted:g}"
                 )
         serial = int(self.read(drive, Register.SERIAL))
         firmware = int(self.read(drive, Register.FIRMWARE))
@@ -43,15 +43,16 @@ class DamiaoSetup(Queries):
         return MotorIdentity(f"{drive.profile.model}, firmware {firmware}", known)
 
     def begin(self, drive: DamiaoDrive) -> Frame:
-        """Set a motor up but for its time-out, before which it would let go; that is to follow its
-        first setpoint, and is read back when the arm is enabled. Raises DriveError."""
+        """Set up a motor except for its timeout, and return the frame that sets it: sent after the
+        first setpoint, so that a holding motor does not go limp, and read back when the arm is
+        enabled. Raises DriveError."""
         wanted = _wanted(drive)
         behind = write(drive.node, Register.TIMEOUT, wanted.pop(Register.TIMEOUT))
         self._set_up(drive, wanted)
         return behind
 
     def set_up(self, drive: DamiaoDrive) -> None:
-        """Write what is wanted, and check that both encoders are in one unit. Raises DriveError."""
+        """Write all required registers, and check that both encoders agree. Raises DriveError."""
         self._set_up(drive, _wanted(drive))
 
     def _set_up(self, drive: DamiaoDrive, wanted: Mapping[Register, float]) -> None:
@@ -70,7 +71,8 @@ class DamiaoSetup(Queries):
             )
 
     def deviation(self, drive: DamiaoDrive) -> str | None:
-        """First register that a motor does not hold any more, in words. Raises SilentDriveError."""
+        """First register that has lost its value, as text; None if there is none. Raises
+        SilentDriveError."""
         for register, wanted in _wanted(drive).items():
             held = self.read(drive, register)
             if not same(held, wanted):
@@ -78,27 +80,27 @@ class DamiaoSetup(Queries):
         return None
 
     def leave(self, drive: DamiaoDrive) -> None:
-        """Switch off a motor's watch on us. Raises DriveError."""
+        """Disable a motor's timeout. Raises DriveError."""
         self.write(drive, Register.TIMEOUT, 0)
 
     def read(self, drive: DamiaoDrive, register: Register) -> float:
-        """Value of a register; NaN for one that was never written. Raises SilentDriveError when
-        three questions stay without an answer, BusError."""
+        """Value of a register; NaN for one that was never written. Raises SilentDriveError after
+        three unanswered requests, BusError."""
         return self._asked(drive, register, read(drive.node, register))
 
     def write(self, drive: DamiaoDrive, register: Register, value: float) -> None:
-        """Set a register until the motor's power is off, and read it back. Raises DriveError if it
-        does not hold, SilentDriveError, BusError."""
+        """Write a volatile register and read it back. Raises DriveError if it does not keep the
+        value, SilentDriveError, BusError."""
         self._asked(drive, register, write(drive.node, register, value))
         if not same(held := self.read(drive, register), value):
-            what = f"{_named(register)} does not hold {value:g}"
+            what = f"{_named(register)} does not keep {value:g}"
             raise DriveError(f"{drive}: {what}; it reads {held:g}")
 
     def _asked(self, drive: DamiaoDrive, register: Register, question: Frame) -> float:
         node, timeout_s = drive.node, drive.profile.answer_timeout_s
 
         def answer(can_id: int, data: bytes | bytearray) -> float | None:
-            # Reading and writing have answers of their own.
+            # Reads and writes have different answers.
             own = can_id == node + ANSWERS and register_of(node, data) == register
             return value_of(register, data) if own and data[2] == question[1][2] else None
 
@@ -106,8 +108,8 @@ class DamiaoSetup(Queries):
         if value is None:
             raise SilentDriveError(
                 f"{drive} does not answer ({TRIES} tries of {1000 * timeout_s:.0f} ms for register "
-                f"{register.value}): is it powered, is {node} its id and {node + ANSWERS} (id + "
-                f"{ANSWERS}) its master id?"
+                f"{register.value}): is it powered, is {node} its ID and {node + ANSWERS} (ID + "
+                f"{ANSWERS}) its master ID?"
             )
         return value
 
@@ -117,7 +119,7 @@ def _named(register: Register) -> str:
 
 
 def _wanted(drive: DamiaoDrive) -> dict[Register, float]:
-    """Registers that are set, and their values."""
+    """Registers to write, and their values."""
     return {
         Register.TIMEOUT: round(drive.profile.patience_s / TIMEOUT_S),
         Register.MODE: IMPEDANCE_MODE,

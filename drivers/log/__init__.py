@@ -1,1 +1,1 @@
-"""No drives: joints of an arm that is known from logs alone."""
+"""Placeholder for drives: joints of an arm known only from logs."""

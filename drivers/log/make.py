@@ -1,4 +1,4 @@
-"""Logs as a make of drives: what `drivers.makes` asks of one, with nothing on a bus."""
+"""Logs as a make of drives: the interface of `drivers.makes` without a bus."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ from drivers.can.load import FrameLoad
 from drivers.drive import Counts, Measure, ProfileProblem
 from drivers.log.settings import LogDrive, LogProfile
 
-_FINE, _MOST = 1e-9, 1 << 50  # numbers of a log have no steps, and no end
+_FINE, _MOST = 1e-9, 1 << 50  # practically no quantisation and no limits
 
 
 def problems(
@@ -25,7 +25,7 @@ def wrong(drive: LogDrive) -> Iterable[ProfileProblem]:
 
 
 def counts(drive: LogDrive, measure: Measure) -> Counts:
-    """Numbers of a log."""
+    """Integer scale of logged numbers."""
     return Counts(("make",), "numbers", _FINE, 0.0, -_MOST, _MOST)
 
 
@@ -37,5 +37,5 @@ def frames(
 
 
 def recorded(drives: Sequence[LogDrive], period_s: float) -> NoReturn:
-    """Raises ConfigurationError: such an arm has no frames."""
-    raise ConfigurationError("`make: log`: joints of logs alone have no frames")
+    """Raise ConfigurationError: such an arm has no frames."""
+    raise ConfigurationError("`make: log`: joints known only from logs have no frames")

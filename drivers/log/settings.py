@@ -1,4 +1,4 @@
-"""Settings of joints that are known from logs alone."""
+"""Settings of joints known only from logs."""
 
 from typing import ClassVar
 
@@ -7,13 +7,13 @@ from drivers.settings import Settings
 
 
 class LogProfile(Settings, frozen=True, kw_only=True, tag_field="make", tag="log"):
-    """No drive: `contactd run` refuses an arm of these, as nothing could stop it."""
+    """No drive: `contactd run` refuses such an arm, as nothing could stop it."""
 
     master_timeout_ms: ClassVar[int] = 500
     patience_s: ClassVar[float] = 0.5
     silence_s: ClassVar[float] = 0.0
     stops_alone: ClassVar[bool] = False
-    without_us: ClassVar[str] = "no drive: joints of logs alone, which `contactd run` refuses"
+    without_us: ClassVar[str] = "no drive: joints known only from logs, refused by `contactd run`"
     files: ClassVar[tuple[str, ...]] = ()
     sends_motor_position: ClassVar[bool] = True
     one_sign: ClassVar[bool] = False

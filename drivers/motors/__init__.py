@@ -1,1 +1,1 @@
-"""Motors with their controllers in one, of any make, that let go when nothing is sent to them."""
+"""Motors with integrated controllers, of any make, that go limp without frames."""

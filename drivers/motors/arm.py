@@ -1,4 +1,4 @@
-"""Motors of one arm over their whole life: `drivers.api.BootableDrives`."""
+"""Motors of one arm over their life cycle: `drivers.api.BootableDrives`."""
 
 import math
 import time
@@ -18,13 +18,13 @@ from drivers.motors.language import Language
 from drivers.motors.language import MotorDrives as Motors
 
 LISTEN_S: Final = 0.15  # for another master, before the start
-#: Motors that hold hear a setpoint at least so often in the time that they wait for one.
+#: Setpoints per timeout that keep holding motors from going limp.
 BEATS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
 class MotorIdentity:
-    """Identity of one motor, as far as it says it; serial is None where it was never written."""
+    """Identity of one motor, as far as it reports it; serial is None if it was never written."""
 
     words: str
     serial: int | None
@@ -35,29 +35,29 @@ class MotorIdentity:
 
 
 class Setup(Protocol):
-    """Set-up of motors of one make, which they keep until their power is off. Methods wait, and
-    raise DriveError and BusError."""
+    """Set-up of motors of one make, which is lost when their power is off. Methods block, and raise
+    DriveError and BusError."""
 
     def identified(self, drive: Any) -> MotorIdentity:
-        """Identity of a motor that is as configured."""
+        """Identity of a motor that matches the configuration."""
 
     def begin(self, drive: Any) -> Frame | None:
-        """Set a motor up that may be holding; what is to follow its first setpoint."""
+        """Set up a motor that may be holding; returns a frame to send after its first setpoint."""
 
     def set_up(self, drive: Any) -> None:
-        """Set a motor up, and read back what can be read."""
+        """Set up a motor, and read back what is readable."""
 
     def deviation(self, drive: Any) -> str | None:
-        """First of its set-up that a motor does not hold any more, in words."""
+        """First setting that a motor has lost, as text; None if there is none."""
 
     def leave(self, drive: Any) -> None:
-        """Switch off a motor's watch on us."""
+        """Disable a motor's timeout."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotorMake:
-    """Make of motors: an arm's periodic frames, its language, and a `Setup` over a wire, with what
-    is to be called meanwhile, again and again."""
+    """Make of motors: factories for an arm's periodic frames, its language, and its `Setup` over a
+    wire, with a function that is called repeatedly meanwhile."""
 
     frames: Callable[[Motors, float], Sequence[FrameLoad]]
     language: Callable[[Motors], Language]
@@ -65,7 +65,7 @@ class MotorMake:
 
 
 class MotorArm(MotorTick):
-    """Motors in the tick, and their set-up before it and between two."""
+    """Motors in the tick, with their set-up before the first tick and between ticks."""
 
     def __init__(
         self,
@@ -96,8 +96,9 @@ class MotorArm(MotorTick):
         return [identity.serial for identity in self._identities]
 
     def boot_up(self, report: Report) -> None:
-        """Identify, set up and read back all motors. Raises BusError (the bus fails, another master
-        is there) or DriveError (a motor is silent, another one, or does not hold a register)."""
+        """Identify, set up and read back all motors. Raises BusError (the bus fails, or another
+        master is on it) or DriveError (a motor is silent, not the configured one, or does not keep
+        a value)."""
         self._port.taken_over = self._held_by_guardian()
         setup = self._setup(self._wire, lambda: None)
         self._identities = []
@@ -111,18 +112,18 @@ class MotorArm(MotorTick):
             report(f"{drive}: set up and read back")
 
     def prove(self, meanwhile: Callable[[], None], report: Report, warn: Report) -> list[int]:
-        """Read all motors, and set up again those that differ, whose joints are returned. Raises
-        ContactdError. After any other exception the set-up of every motor is unknown."""
+        """Read back all motors, and set up again those that differ; returns their joints. Raises
+        ContactdError. After any other exception no motor counts as set up."""
         setup = self._setup(self._wire, lambda: self._beat(meanwhile))
         renewed = []
         if zeroed := sorted(self._port.zeroed):
             raise DriveError(
-                f"{self._named(zeroed)}: another master gave it a new zero, so its position is "
-                "unknown. Take its power, put its zero right and start the daemon anew"
+                f"{self._named(zeroed)}: another master set a new zero, so its position is "
+                "unknown. Switch off its power, correct its zero and restart the daemon"
             )
         try:
             for i, drive in enumerate(self._drives):
-                problem = "silent, let go by itself, or jumped" if i in self.unfit() else None
+                problem = "silent, gone limp, or jumped" if i in self.unfit() else None
                 problem = problem or setup.deviation(drive)
                 if problem is None:
                     continue
@@ -142,13 +143,13 @@ class MotorArm(MotorTick):
         if self._identities and identity != self._identities[joint]:
             raise DriveError(
                 f"{self.names[joint]} has another motor than at the start: {identity}; it was "
-                f"{self._identities[joint]}. With the drives off `contactctl reload` takes it up, "
-                "after a fault a new start of the daemon"
+                f"{self._identities[joint]}. To accept it, use `contactctl reload` with the drives "
+                "off, or restart the daemon after a fault"
             )
 
     def let_go(self) -> None:
-        """Switch off the motors' watch on us: those that hold go on holding. Raises
-        the first DriveError after all were written."""
+        """Disable the timeouts of all motors: those that hold keep holding. Raises the first
+        DriveError after all are written."""
         setup = self._setup(self._wire, lambda: self._beat(lambda: None))
         errors = []
         for drive in self._drives:
@@ -160,7 +161,7 @@ class MotorArm(MotorTick):
             raise errors[0]
 
     def _beat(self, meanwhile: Callable[[], None]) -> None:
-        """Setpoints to all motors when it is time: those that hold would let go."""
+        """Send holding setpoints to all motors when due, and call `meanwhile`."""
         now = time.monotonic()
         if now - self._beaten_s >= self._beat_s:
             self._beaten_s = now
@@ -168,7 +169,7 @@ class MotorArm(MotorTick):
             meanwhile()
 
     def _held_by_guardian(self) -> bool:
-        """True where a guardian holds motors. Raises BusError where another commands them."""
+        """True if a guardian holds motors. Raises BusError if another master commands them."""
         deadline, heard, held = time.monotonic() + self._listen_s, None, False
         while (remaining := deadline - time.monotonic()) > 0.0:
             try:
@@ -186,7 +187,7 @@ class MotorArm(MotorTick):
 
 
 def _identified(setup: Setup, drive: Any) -> MotorIdentity:
-    """Identity of the motor of a drive. Raises DriveError for another one than is configured."""
+    """Identity of the motor of a drive. Raises DriveError if it is not the configured one."""
     identity, wanted = setup.identified(drive), drive.wiring.serial
     if wanted is not None and identity.serial != wanted:
         raise DriveError(

@@ -1,9 +1,9 @@
-"""Motors of one arm on their bus: every tick requests out, samples in, setpoints out.
+"""Motors of one arm on their bus: each tick sends requests, reads samples, sends setpoints.
 
-A tick asks each motor for its answers, then sends its setpoint, whose own
-feedback acknowledges it; where setpoints ask, they are those of the tick before. One thread owns
-the bus. Time is an argument; the `clock` only
-measures how much of a deadline is left. No failure of the bus is an exception.
+A tick requests the answers of each motor, then sends its setpoint, which is acknowledged by a
+feedback of its own. Where the setpoint is the request, it is that of the tick before. One thread
+owns the bus. Time is an argument; `clock` only measures the remaining time of a deadline. Bus
+failures are reported as events, not raised.
 """
 
 import math
@@ -24,15 +24,15 @@ from drivers.presence import Presence
 from drivers.stopping.travel import least_patience_s
 
 NO_GUARDIAN: Final = (
-    "no guardian is heard on the bus, which holds the arm should this process die: `contactd guard`"
+    "no guardian is heard on the bus, to hold the arm if this process dies: run `contactd guard`"
 )
 _OFF, _ON, _STOP = PowerTarget
 
 
 class MotorTick:
-    """Motors of an arm on one bus, set up by others: `drivers.api.Drives`, their start and end."""
+    """Motors of an arm on one bus, without their set-up: `drivers.api.Drives`, start and end."""
 
-    #: The motors always hear of us: without, they would go limp.
+    #: Frames are sent at all times: without them the motors would go limp.
     silenced = False
 
     def __init__(
@@ -54,19 +54,19 @@ class MotorTick:
         self._setpoints = Setpoints(drives, language, period_s)
         adopt = self._setpoints.adopt
         self._port = Port(wire, self.replies, traffic, language, self._presence.lost, adopt)
-        self._last = [0.0] * n  # target velocities that went out [rad/s at the link]
-        self._measured = [math.nan] * n  # positions of the motors that are not doubted
+        self._last = [0.0] * n  # last target velocities sent [rad/s at the link]
+        self._measured = [math.nan] * n  # plausible positions of the motors
         self._stopping = [True] * n
-        self._were = [UNREPORTED] * n  # statuses that were reported
-        self._let_go = [True] * n  # motors without power because we said so
+        self._reported = [UNREPORTED] * n  # last reported statuses
+        self._let_go = [True] * n  # motors without power by our command
         self._unset: set[int] = set()
-        self._behind: dict[int, Frame] = {}  # what follows the joint's first setpoint
+        self._behind: dict[int, Frame] = {}  # frame to send after the joint's first setpoint
         self._backlog = False
         self.samples = self.replies.samples(self.replies.awaited.freshness, self._stopping, ())
         """Samples of the last tick."""
 
     def start(self, now: float, renewed: Sequence[int] | None = None) -> None:
-        """Begin to tick. renewed: joints whose motors were just set up; None is all."""
+        """Start cyclic operation. renewed: joints whose motors were just set up (None: all)."""
         self._now = now
         self._presence.begin(now)
         fresh = range(len(self.names)) if renewed is None else renewed
@@ -82,20 +82,20 @@ class MotorTick:
         self.replies.pending = [0] * len(self.names)
 
     def distrust(self, joints: Iterable[int]) -> None:
-        """Take the motors of these joints for not set up, until they are."""
+        """Count the motors of these joints as not set up, until they are set up again."""
         self._unset |= set(joints)
 
     def unfit(self) -> list[int]:
-        """Joints whose motors must be set up again before a reset can help."""
-        silent = (i for i, status in enumerate(self._were) if status.state is State.UNKNOWN)
+        """Joints whose motors must be set up again before a reset can succeed."""
+        silent = (i for i, status in enumerate(self._reported) if status.state is State.UNKNOWN)
         return sorted({*self._unset, *silent})
 
     def sync(self, now: float) -> None:
-        """Begin a tick: read what came since the last, then ask all motors."""
+        """Begin a tick: read the frames since the last one, then send requests to all motors."""
         asked_s, self._now, self._port.now = self._clock(), now, now
         gap_s = self._presence.gap_s(now)
         if gap_s is not None:
-            text = f"the motors heard nothing of it for {1000 * gap_s:.0f} ms"
+            text = f"the motors received nothing from it for {1000 * gap_s:.0f} ms"
             self._port.report(Event(Kind.ABSENT, text))
             self._presence.lost()
         awaited = self.replies.awaited
@@ -107,19 +107,19 @@ class MotorTick:
         self.replies.begin_tick(now, asked_s)
         if not self._language.asks_by_setpoint:
             self._port.send(self._language.requests)
-        elif self._port.send(self._asking()):
+        elif self._port.send(self._setpoint_requests()):
             self._presence.beaten(now)
 
-    def _asking(self) -> list[Frame]:
-        """Setpoints of the motors that have one, requests to the others."""
+    def _setpoint_requests(self) -> list[Frame]:
+        """Setpoints to the motors that have one, requests to the others."""
         known = [self._setpoints.known(i) for i in range(len(self.names))]
         self.replies.by_setpoint = known
         pairs = zip(known, self._language.setpoints, self._language.requests, strict=True)
         return [setpoint if has else request for has, setpoint, request in pairs]
 
     def collect(self, deadline: float) -> Samples:
-        """Read until the answers of every motor are in, or `deadline` on the caller's clock has
-        passed. After a pass that was not read to its end nothing counts as an answer."""
+        """Read until all motors have answered, or until `deadline` on `clock`. If not all queued
+        frames could be read before the requests, no frame counts as an answer."""
         awaited, frames_left = self.replies.awaited, FRAMES_PER_PASS
         if self._backlog:
             awaited.expect_none()
@@ -141,25 +141,25 @@ class MotorTick:
         return [stopping and answered > 0 for stopping, answered in pairs]
 
     def _judge(self) -> None:
-        """Report what the motors' statuses and the numbers of their answers say."""
+        """Report events from the motors' statuses and the counts of their answers."""
         punctuality = self.replies.awaited.punctuality
         for kind, answers, text in (
-            (Kind.TWO_DRIVES, punctuality.twice, "two motors answer with this id"),
-            (Kind.OLD_SAMPLES, punctuality.old, "answers when it is not asked"),
+            (Kind.TWO_DRIVES, punctuality.twice, "two motors answer under this ID"),
+            (Kind.OLD_SAMPLES, punctuality.old, "it answers when no request is sent"),
         ):
             if answers:
                 joints = self._named(self.replies.awaited.joints_of(answers))
                 self._port.report(Event(kind, f"{joints}: {text}"))
         self._unset |= self._port.zeroed
         if not self._language.outputs:
-            # Its only encoder is not believed any more; what it has to hold is found anew.
+            # Its only encoder is no longer trusted; its holding position has to be found anew.
             for i, jumped in enumerate(self.replies.plausibility.jumped):
                 if jumped and i not in self._unset:
                     self._unset.add(i)
-                    text = f"{self.names[i]}: its position changes unlike its velocity"
+                    text = f"{self.names[i]}: its position contradicts its velocity"
                     self._port.report(Event(Kind.ERROR, text))
         for i, status in enumerate(self.replies.statuses):
-            before, self._were[i] = self._were[i], status
+            before, self._reported[i] = self._reported[i], status
             news, text = news_of(before, status, let_go=self._let_go[i])
             if news is Kind.RESTARTED:
                 self._unset.add(i)
@@ -175,8 +175,8 @@ class MotorTick:
     ) -> None:
         """Send every motor its next command towards `power` and its target velocity.
 
-        velocity: (n,) rad/s at the link. One that is not enabled, or not wanted so, gets zero. A
-        velocity that is not finite stops all motors and is an event.
+        velocity: (n,) rad/s at the link. A motor that is not enabled, or has another target, gets
+        zero. A velocity that is not finite stops all motors and is reported as an event.
         """
         n = len(self.names)
         targets = [power] * n if isinstance(power, PowerTarget) else list(power)
@@ -202,8 +202,8 @@ class MotorTick:
     def _command_one(
         self, i: int, target: PowerTarget, velocity: float, reset: bool, frames: list[Frame]
     ) -> None:
-        """Append the frames of one motor: its setpoint, and a command where its power is another
-        than wanted. A motor takes the last setpoint up when it is enabled, so that comes first."""
+        """Append the frames of one motor: its setpoint, then a command if its power state differs
+        from its target. A motor that is enabled follows its last setpoint, so that comes first."""
         status = self.replies.statuses[i]
         state = status.state
         runs = state is State.ON and i not in self._unset
@@ -211,12 +211,13 @@ class MotorTick:
         if (target is not _ON) is not self._stopping[i]:
             self._stopping[i], self.replies.acknowledged[i] = target is not _ON, 0
         if self._port.taken_over and not self._setpoints.known(i):
-            return  # the guardian goes on until its setpoint is heard, and taken up
-        # One that lost its power without us, or says so, has its setpoint stay until a reset.
+            return  # the guardian continues until its setpoint is heard and adopted
+        # A motor that lost its power, or reports so, without our command keeps its setpoint until
+        # a reset.
         powered = state in (State.ON, State.UNKNOWN) or target is _STOP
         here, current = self._measured[i], float(self.samples.current[i])
         asks = self._language.asks_by_setpoint
-        at = self._setpoints.at(i, here)  # by the setpoint that it has
+        at = self._setpoints.at(i, here)  # with the setpoint that it has
         if not self._setpoints.write(i, self._last[i], here, current, powered=powered):
             return
         if not asks:
@@ -224,27 +225,27 @@ class MotorTick:
             frames.append(self._language.setpoints[i])
         if (behind := self._behind.pop(i, None)) is not None:
             frames.append(behind)
-        self.replies.pending[i] = int(not asks)  # one that was lost is not awaited for ever
-        words, lets_go = self._words(i, target, status, reset, at=at)
+        self.replies.pending[i] = int(not asks)  # a lost feedback is not awaited any longer
+        commands, lets_go = self._power_commands(i, target, status, reset, at=at)
         self._let_go[i] = lets_go or (self._let_go[i] and state is not State.ON)
-        frames += words
-        self.replies.pending[i] += len(words)
+        frames += commands
+        self.replies.pending[i] += len(commands)
 
-    def _words(
+    def _power_commands(
         self, i: int, target: PowerTarget, status: Status, reset: bool, *, at: bool
     ) -> tuple[Sequence[Frame], bool]:
-        """Commands of a motor beside its setpoint, and whether they take its power; at: that
-        setpoint is where it is."""
+        """Commands of a motor in addition to its setpoint, and whether they disable it; at: the
+        setpoint is at its position."""
         watches, state = self._stops.watches, status.state
         if target is _OFF or watches.each[i].cut:
-            # A moving one gets its ramp first; one that runs on is disabled, whatever it reports.
+            # A moving motor is ramped down first; one that runs on is disabled in any state.
             on = state is State.ON or watches.each[i].cut
             off = on and watches.may_be_off(i)
             return ((self._language.disabling(i),) if off else ()), off
         if state is State.FAILED:
             return ((self._language.clearing(i),) if reset else ()), False
         enables = target is _ON and state is State.OFF and i not in self._unset
-        # One that is not heard may be elsewhere by now, and would jump back.
+        # An unheard motor may have moved meanwhile, and would jump back.
         here = at and bool(self.samples.fresh[i])
         return (self._language.enabling(i) if enables and here else ()), False
 
@@ -253,31 +254,31 @@ class MotorTick:
         return tuple(self.names[i] for i in self._stops.watches.unproved)
 
     def objections(self) -> tuple[Objection, ...]:
-        """Reasons against arming that samples do not show."""
+        """Reasons against arming that are not visible in the samples."""
         awaited, found = self.replies.awaited, []
         if not self._port.guarded:
             found.append(Objection("heartbeats", NO_GUARDIAN))
         if self._unset:
             found.append(Objection("set-up", f"{self._named(sorted(self._unset))}: not set up"))
         if doubted := awaited.joints_of(awaited.punctuality.doubted(self._now)):
-            text = f"{self._named(doubted)}: whether its samples are old will soon be seen"
+            text = f"still checking whether {self._named(doubted)} answers late: ask again"
             found.append(Objection("samples", text))
         return tuple(found)
 
     def acknowledge(self) -> None:
-        """Nothing to forget: errors of these motors are in every feedback."""
+        """Do nothing: every feedback contains the present errors."""
 
     def quick_stop(self) -> None:
-        """Hold all motors, now."""
+        """Command all motors to hold immediately."""
         self._port.send(self._setpoints.stop())
 
     @property
     def left_alone(self) -> bool:
-        """False: they are never left to themselves."""
+        """False: these motors are never left alone."""
         return False
 
     def end(self) -> None:
-        """No setpoint is pending in a motor that has answered all."""
+        """Do nothing: these motors have no pending setpoints."""
 
     def _named(self, joints: Iterable[int]) -> str:
         return ", ".join(self.names[i] for i in joints)

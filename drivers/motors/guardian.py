@@ -1,10 +1,10 @@
-"""Guardian of motors that let go: holds an arm whose daemon fell silent, and lowers it where it may
+"""Guardian of motors that go limp: holds an arm whose daemon fell silent, and lowers it if it must
 not hold on. Pure: frames and times in, frames out.
 
-The motors let go when setpoints cease. The guardian hears the daemon's setpoints on the bus, and
-while there are none it repeats the last ones without their velocity. It never moves a motor but to
-lower it: along its own load, slowly, when it gets hot or was held for long. A daemon that is heard
-again has the motors at once. Its beat says on the bus that it is there, and what it does.
+The motors go limp when setpoints cease. The guardian monitors the daemon's setpoints on the bus,
+and in their absence repeats the last ones with zero velocity. It moves a motor only to lower it,
+slowly in the direction of its load, when it is hot or was held for long. A daemon that is heard
+again gets the motors back at once. Its own heartbeat (beat) reports its presence and activity.
 """
 
 import math
@@ -17,18 +17,18 @@ from drivers.can.wire import Frame
 from drivers.drive import Drive
 from drivers.motors.language import Feedback, Language, MotorDrives, State
 
-#: Identifier of its beat: motors of 11 bits mind the low byte alone, and none has this id; those
-#: of 29 bits mind no other frame.
+#: Identifier of its beat: motors with 11-bit identifiers evaluate only the low byte, which is no
+#: motor's ID; those with 29-bit identifiers ignore 11-bit frames.
 BEAT: Final = 0x7F0
 BEAT_EVERY_S: Final = 0.02
-#: Without its beat for so long it counts as gone.
+#: Time without a beat after which the guardian counts as gone.
 GONE_S: Final = 0.1
 ROUNDING_S: Final = 1e-6
-#: It takes over after this share of the time that a motor waits; then it commands so often in it.
+#: Shares of the shortest motor timeout: until it takes over, and between its commands then.
 TAKES_OVER_SHARE: Final = 0.4
 EVERY_SHARE: Final = 0.1
-#: Held for so long [s], or from this temperature on [degC], a motor is lowered with this speed
-#: [rad/s], until it bears less than this share of the torque that it may give.
+#: After this time of holding [s], or from this temperature on [degC], a motor is lowered at this
+#: speed [rad/s], until its load is below this share of its torque limit.
 LOWERS_AFTER_S: Final = 600.0
 HOT_C: Final = 85
 LOWERS: Final = 0.1
@@ -36,7 +36,7 @@ UNLOADED_SHARE: Final = 0.02
 
 
 class Doing(IntEnum):
-    """Activity of a guardian, as its beat says."""
+    """Activity of a guardian, as reported in its beat."""
 
     WATCHES = 0
     HOLDS = 1
@@ -46,14 +46,14 @@ class Doing(IntEnum):
 @dataclass(slots=True)
 class _Motor:
     drive: Drive[Any]
-    step: float  # value of a count of its position [rad]
+    step: float  # value of one count of its position [rad]
     data: bytes = b""  # of the last setpoint, the daemon's or our own
-    heard_s: float | None = None  # last setpoint of the daemon
+    heard_s: float | None = None  # time of the daemon's last setpoint
     position: float = 0.0  # p of the setpoint [rad at the output]
     enabled: bool = False
     here: float = 0.0  # position of the motor [rad at the output]
     hot: bool = False
-    alone: bool = False  # its time-out is off: it was left to hold
+    alone: bool = False  # its timeout is disabled: it was left holding on purpose
 
     def hear(self, answer: Feedback, middle: float) -> None:
         """Take a feedback of the motor."""
@@ -62,11 +62,11 @@ class _Motor:
         self.hot = answer.degC >= HOT_C
 
     def zero(self) -> None:
-        """Keep the setpoint where it is, as the motor counts from now on: from where it stands."""
+        """Shift the setpoint to the motor's new zero, which is its present position."""
         self.position, self.here = self.position - self.here, 0.0
 
     def lower(self, passed_s: float) -> bool:
-        """Move the setpoint along the load; False where the motor bears nothing to speak of."""
+        """Move the setpoint in the direction of the load; False if the load is negligible."""
         profile = self.drive.profile
         borne = profile.stiffness * (self.position - self.here)
         most = profile.Nm_per_A * self.drive.wiring.max_current_A
@@ -90,9 +90,9 @@ class Guardian:
         self._commanded_s = self._beaten_s = float("-inf")
         self.doing = Doing.WATCHES
         self.lowers = False
-        """True where it is to lower the arm, however cool and short held."""
+        """Request to lower the arm regardless of temperature and time."""
         self.unloaded = False
-        """True where the motors that it lowers bear nothing any more."""
+        """True once the motors that it lowers carry no load any more."""
 
     def take(self, now: float, can_id: int, data: bytes | bytearray) -> None:
         """Take a frame of the bus."""
@@ -111,7 +111,7 @@ class Guardian:
             self._motors[joint].zero()
 
     def step(self, now: float) -> list[Frame]:
-        """Frames that are due."""
+        """Frames that are due at `now`."""
         frames: list[Frame] = []
         before = self.doing
         orphans = [i for i, motor in enumerate(self._motors) if self._orphaned(motor, now)]
@@ -123,7 +123,7 @@ class Guardian:
                 self._held_since_s, passed_s = now, 0.0
             self._command(orphans, now - self._held_since_s, min(passed_s, 2.0 * self._every_s))
             frames += [(self._language.setpoints[i][0], self._motors[i].data) for i in orphans]
-        # Its activity is known before its setpoints are heard.
+        # The beat goes first: the daemon must know the activity before it hears the setpoints.
         if self.doing is not before or now - self._beaten_s >= BEAT_EVERY_S - ROUNDING_S:
             self._beaten_s = now
             frames.insert(0, (BEAT, bytes([self.doing])))
@@ -134,7 +134,7 @@ class Guardian:
         return motor.enabled and heard_s is not None and now - heard_s > self._after_s
 
     def _command(self, joints: Sequence[int], held_s: float, passed_s: float) -> None:
-        """Write the setpoints of these joints, held for `held_s`, the last time `passed_s` ago."""
+        """Write the setpoints of these joints, held for `held_s`, last written `passed_s` ago."""
         long = held_s > LOWERS_AFTER_S
         lowered = [
             motor.lower(passed_s)

@@ -1,4 +1,4 @@
-"""Language of motors: what a make understands and answers, as one arm's motors need it."""
+"""Language of motors: commands and answers of a make, for the motors of one arm."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -10,11 +10,11 @@ from drivers.can.wire import Frame
 from drivers.drive import Drive
 
 MotorDrives = Sequence[Drive[Any]]
-"""Motors of an arm; their profiles are a `drivers.motors.settings.MotorProfile`."""
+"""Motors of an arm, each with a `drivers.motors.settings.MotorProfile`."""
 
 
 class State(Enum):
-    """States of a motor, of any make."""
+    """State of a motor of any make."""
 
     UNKNOWN = "not reported yet"
     OFF = "without torque"
@@ -24,14 +24,14 @@ class State(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Status of a motor, as it reports it; one that is the same is equal."""
+    """Status that a motor reports; compared by value."""
 
     state: State
     words: str
-    code: str = ""  # as it is sent
-    powered: bool = False  # it may have torque, also in fault
-    supplied: bool | None = None  # None where it was not reported
-    missed_us: bool = False  # it let go, as it heard no setpoint
+    code: str = ""  # as transmitted
+    powered: bool = False  # it may have torque, even in fault
+    supplied: bool | None = None  # None if not reported
+    missed_us: bool = False  # it went limp for lack of setpoints
 
 
 UNREPORTED = Status(State.UNKNOWN, "unknown")
@@ -50,23 +50,23 @@ class Feedback:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Answer about an encoder at the output [rad]; about anything else, None."""
+    """Answer with the position of the output encoder [rad]; None for any other register."""
 
     position: float | None
 
 
 Counts = tuple[float, float, float]
-"""Value of one count of position [rad], velocity [rad/s] and torque [Nm], or their middle."""
+"""Value of one count of position [rad], velocity [rad/s] and torque [Nm]."""
 
 
 class Language(ABC):
-    """Language of the motors of one arm, of which a make says what differs. Positions and
-    velocities are in the motor's own sense, at its output."""
+    """Language of the motors of one arm; each make implements the differences. Positions and
+    velocities are at the output, in the motor's own direction."""
 
     outputs: ClassVar[bool]
-    """Each motor also answers about an encoder at its output."""
+    """Each motor also reports the position of an encoder at its output."""
     asks_by_setpoint: ClassVar[bool] = False
-    """The setpoint that it has is the request of a tick to a motor: its answer is all there is."""
+    """The setpoint of a motor is its request of a tick, and its feedback the only answer."""
     bits: ClassVar[tuple[int, int, int]]
     """Bits of position, velocity and torque."""
     gain_bits: ClassVar[int]
@@ -87,27 +87,27 @@ class Language(ABC):
             (self.setpoint_id(motor), data)
             for motor, data in zip(self.motors, self._data, strict=True)
         ]
-        """Setpoint of each motor, whose data `pack` writes anew."""
+        """Setpoint of each motor, whose data `pack` overwrites."""
         self.requests = [frame for drive in drives for frame in self.requests_to(drive)]
-        """Request of a tick to each motor that is not asked by its setpoint. It commands nothing,
-        and brings one feedback, and an `Output` where there are any. The first begins the tick."""
+        """Requests of a tick to motors whose setpoint is not the request. They command nothing, and
+        yield one feedback per motor, and an `Output` if it has one. The first begins the tick."""
         self.steps = [steps_of(profile, self.bits) for profile in self.profiles]
         """Value of one count, by joint."""
         self.middle = [float((1 << bits - 1) - 1) for bits in self.bits]
-        """Counts at 0."""
+        """Counts of the value 0."""
 
     def begins(self, frame: Frame) -> bool:
-        """True for the frame of ours that a tick begins with."""
+        """True if this frame, sent by us, begins a tick."""
         return frame == self.requests[0] or (
             self.asks_by_setpoint and frame[0] == self.setpoints[0][0]
         )
 
     def pack(self, joint: int, position: float, velocity: float) -> None:
-        """Write a setpoint with the gains of the profile."""
+        """Pack a setpoint with the gains of the profile."""
         self._pack(joint, self._data[joint], position, velocity, self._gains[joint])
 
     def restated(self, joint: int, data: bytes, position: float) -> bytes:
-        """Data of a setpoint that was heard, with another position, and no velocity."""
+        """Data of a setpoint with another position and zero velocity, but the same gains."""
         written = bytearray(8)
         self._pack(joint, written, position, 0.0, self.fields(data)[2:])
         return bytes(written)
@@ -122,7 +122,7 @@ class Language(ABC):
     def setpoint_of(
         self, joint: int, can_id: int, data: bytes | bytearray
     ) -> tuple[float, float] | None:
-        """Position and velocity of a setpoint; None for any other command."""
+        """Position and velocity of a setpoint; None for other commands."""
         if not self.is_setpoint(can_id, data):
             return None
         counts, (of_p, of_v, _) = self.fields(data), self.bits
@@ -138,11 +138,11 @@ class Language(ABC):
 
     @abstractmethod
     def requests_to(self, drive: Drive[Any]) -> Sequence[Frame]:
-        """Request of a tick to one motor."""
+        """Requests of a tick to one motor."""
 
     @abstractmethod
     def is_setpoint(self, can_id: int, data: bytes | bytearray) -> bool:
-        """True for a setpoint among the frames that command a motor."""
+        """True if a frame that commands a motor is a setpoint."""
 
     @abstractmethod
     def fields(self, data: bytes | bytearray) -> tuple[int, ...]:
@@ -150,37 +150,37 @@ class Language(ABC):
 
     @abstractmethod
     def write_fields(self, data: bytearray, fields: tuple[int, ...]) -> None:
-        """Write these into the data of a setpoint."""
+        """Pack these counts into the data of a setpoint."""
 
     @abstractmethod
     def answering(self, can_id: int) -> int | None:
-        """Joint whose motor answers by this identifier."""
+        """Joint whose motor answers under this identifier."""
 
     @abstractmethod
     def commanded(self, can_id: int) -> int | None:
-        """Joint whose motor a frame with this identifier commands."""
+        """Joint whose motor is commanded under this identifier."""
 
     @abstractmethod
     def masters(self, can_id: int) -> bool:
-        """True for a frame that a master of these motors may send."""
+        """True for an identifier under which only a master of these motors sends."""
 
     def zeroed(self, can_id: int) -> int | None:
-        """Joint whose motor is given another zero, where one that holds takes it."""
+        """Joint whose motor is given a new zero by this frame, if it accepts that while holding."""
         return None
 
     @abstractmethod
     def answer_of(
         self, joint: int, can_id: int, data: bytes | bytearray
     ) -> Feedback | Output | None:
-        """Answer of a motor; None for a frame that cannot be its own."""
+        """Decoded answer of a motor; None for a frame that it cannot have sent."""
 
     @abstractmethod
     def enabling(self, joint: int) -> Sequence[Frame]:
-        """Frames that give a motor its power, after its setpoint."""
+        """Frames that enable a motor, to be sent after its setpoint."""
 
     @abstractmethod
     def disabling(self, joint: int) -> Frame:
-        """Frame that takes a motor's power."""
+        """Frame that disables a motor."""
 
     @abstractmethod
     def clearing(self, joint: int) -> Frame:
@@ -188,17 +188,17 @@ class Language(ABC):
 
     @abstractmethod
     def time_out_of(self, can_id: int, data: bytes | bytearray) -> tuple[int, bool] | None:
-        """Joint, and whether it has a time-out from now on, of a frame that sets it."""
+        """Joint in a frame that sets a timeout, and whether the timeout is then enabled."""
 
 
 def scaled(value: float, most: float, bits: int) -> int:
-    """Value between -most and +most as a whole number of so many bits, the nearest."""
+    """Value between -most and +most, quantised to an integer of `bits` bits and saturated."""
     highest = (1 << bits) - 1
     return min(max(round((value + most) * highest / (2.0 * most)), 0), highest)
 
 
 def steps_of(profile: Any, bits: Sequence[int]) -> Counts:
-    """Value of one count, of so many bits each."""
+    """Value of one count of position, velocity and torque, with these numbers of bits."""
     most = profile.position_max, profile.velocity_max, profile.torque_max_Nm
     position, velocity, torque = (2.0 * m / ((1 << b) - 1) for m, b in zip(most, bits, strict=True))
     return position, velocity, torque

@@ -1,5 +1,5 @@
-"""Port of an arm to its bus: frames in and out, and the events of both. No failure of the bus is an
-exception.
+"""Port of an arm to its bus: incoming and outgoing frames, and their events. Bus failures are
+reported as events, not raised.
 """
 
 import math
@@ -16,12 +16,12 @@ from drivers.motors.guardian import BEAT, GONE_S, Doing
 from drivers.motors.language import Language
 from drivers.motors.replies import Replies
 
-#: Bound of a pass: a flooded bus must not hold the loop.
+#: Bound per pass: a flooded bus must not block the loop.
 FRAMES_PER_PASS: Final = 512
 
 
 class Port:
-    """Port with the replies that it feeds; only we, and a guardian, may command the motors."""
+    """Port that feeds `Replies`; only this master and a guardian may command the motors."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class Port:
         on_bus_off: Callable[[], None],
         on_held: Callable[[int, float], None],
     ) -> None:
-        """on_held takes a joint and the position at which the guardian holds its motor [rad]."""
+        """on_held: called with a joint and the position at which the guardian holds it [rad]."""
         self._wire, self._replies, self._traffic = wire, replies, traffic
         self._language = language
         self._on_bus_off, self._on_held = on_bus_off, on_held
@@ -42,20 +42,20 @@ class Port:
         """Time of the tick [s]."""
         self._beat_s = -math.inf  # of the guardian
         self._guarded = self.taken_over = False
-        """A guardian holds motors."""
+        """True while a guardian holds motors."""
         self._begun_s = 0.0
         self.zeroed: set[int] = set()
-        """Joints whose motors another gave a new zero."""
+        """Joints whose motors were given a new zero by another master."""
 
     def begin(self, now: float) -> None:
-        """Begin to tick."""
+        """Start cyclic operation."""
         self.now = self._begun_s = now
         self._traffic.begin(now, self._replies.late_frames)
-        if self.taken_over:  # as heard before
+        if self.taken_over:  # heard during boot-up
             self._beat_s, self._guarded = now, True
 
     def send(self, frames: Sequence[Frame]) -> bool:
-        """Send; False, and an event, if the bus does not take them all."""
+        """Send frames; False, with an event, if the bus does not accept all of them."""
         try:
             self._wire.send(frames)
         except BUS_FAILURES as error:
@@ -64,8 +64,7 @@ class Port:
         return True
 
     def take_next(self, timeout: float) -> bool:
-        """Take the next frame, waiting at most `timeout` s; False if there is none, or the bus
-        fails."""
+        """Take the next frame, waiting at most `timeout` s; False on timeout or bus failure."""
         try:
             frame = self._wire.receive(timeout)
         except BUS_FAILURES as error:
@@ -77,14 +76,14 @@ class Port:
         return True
 
     def read_queued(self) -> bool:
-        """Take the queued frames; False if there are more than a pass reads."""
+        """Take the queued frames; False if there may be more than one pass reads."""
         return not all(self.take_next(0.0) for _ in range(FRAMES_PER_PASS))
 
     def _take(self, can_id: int, data: bytes | bytearray) -> None:
         language = self._language
         if (joint := language.answering(can_id)) is not None:
             if not self._replies.take(joint, can_id, data):
-                text = f"an answer at {_named(can_id)} cannot be its own"
+                text = f"an implausible answer under {_named(can_id)} was discarded"
                 self.report(Event(Kind.DISTURBED, text))
             return
         if can_id & ERROR:
@@ -94,7 +93,7 @@ class Port:
             self.report(event)
             return
         if (joint := language.zeroed(can_id)) is not None:
-            self._replies.forget(joint)  # an old p would throw it
+            self._replies.forget(joint)  # the old p would make it jump
             self._on_held(joint, math.nan)
             self.zeroed.add(joint)
         joint = language.commanded(can_id)
@@ -105,7 +104,7 @@ class Port:
         elif joint is not None and self.taken_over:
             if (found := language.setpoint_of(joint, can_id, data)) is not None:
                 self._on_held(joint, found[0])
-            if self.now - self._begun_s > GONE_S:  # at the start it has held the arm in order
+            if self.now - self._begun_s > GONE_S:  # at the start this is no event
                 self.report(Event(Kind.ABSENT, "the guardian held the arm meanwhile"))
         elif language.masters(can_id):
             self.report(Event(Kind.FOREIGN_MASTER, f"it sends {_named(can_id)}"))
@@ -116,13 +115,13 @@ class Port:
         return self.now - self._beat_s <= GONE_S
 
     def end_tick(self) -> None:
-        """Report a bus that others load, and a guardian that has gone, once."""
+        """Report an overloaded bus, and once a guardian that is gone."""
         self._traffic.step(self.now, self._replies.late_frames)
         if loaded := self._traffic.loaded:
             self.report(Event(Kind.LOADED, loaded.text))
         if self._guarded and not self.guarded:
             self._guarded = self.taken_over = False
-            text = f"no beat of the guardian for {1000 * GONE_S:.0f} ms"
+            text = f"no heartbeat of the guardian for {1000 * GONE_S:.0f} ms"
             self.report(Event(Kind.UNGUARDED, text))
 
 

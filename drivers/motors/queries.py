@@ -1,6 +1,6 @@
-"""Questions to motors over the wire, one at a time: for set-up, never in a tick.
+"""Blocking requests to motors, one at a time: for set-up, never within a tick.
 
-Answers carry neither a number nor a time, so that the queue is emptied before each question.
+Answers carry no sequence number, so the receive queue is drained before each request.
 """
 
 import math
@@ -14,29 +14,28 @@ from drivers.can.bus import BUS_FAILURES
 from drivers.can.wire import Frame, Wire
 
 TRIES: Final = 3
-#: A float that was set reads the same but for its 24 bits.
+#: Relative and absolute tolerance of a value read back, which has 24 bits.
 SAME: Final = 1e-6
-#: Of a wait, between two calls of `meanwhile` [s].
+#: Longest time between two calls of `meanwhile` [s].
 SLICE_S: Final = 0.005
-#: Frames that may be queued before a question; more is a flood.
+#: Frames drained before a request; more is a flooded bus.
 _QUEUED: Final = 2000
 
 T = TypeVar("T")
 Answer = Callable[[int, bytes | bytearray], T | None]
-"""Contents of a frame; None for any that is no answer."""
+"""Decoder of a frame; returns None if it is not the answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Queries:
-    """Questions on one wire. `meanwhile` is called at least every SLICE_S."""
+    """Requests on one wire. `meanwhile` is called at least every SLICE_S."""
 
     wire: Wire
     meanwhile: Callable[[], None] = lambda: None
     clock: Callable[[], float] = time.monotonic
 
     def ask(self, question: Frame, answer: Answer[T], timeout_s: float) -> T | None:
-        """First frame that is an `answer`, as it is taken; None after three questions without one.
-        Raises BusError."""
+        """Decoded answer to a request; None after three unanswered requests. Raises BusError."""
         for _ in range(TRIES):
             try:
                 for _ in range(_QUEUED):
@@ -57,8 +56,8 @@ def heard(
     meanwhile: Callable[[], None] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Frame]:
-    """Frames of the next seconds, and then those that are here already: a busy machine may hold up
-    who asks, not the motor."""
+    """Frames of the next `seconds`, then those already queued: a busy machine may delay this
+    process, but not the motor's answer."""
     deadline, late = clock() + seconds, _QUEUED
     while (left := deadline - clock()) > 0.0 or late:
         meanwhile()
@@ -70,5 +69,5 @@ def heard(
 
 
 def same(held: float, wanted: float) -> bool:
-    """True if a motor holds what it should."""
+    """True if a motor holds the wanted value, up to rounding."""
     return math.isclose(held, wanted, rel_tol=SAME, abs_tol=SAME)

@@ -1,4 +1,4 @@
-"""Ticks of recorded frames of motors: `drivers.makes.RecordedTicks`."""
+"""Reconstruction of ticks from recorded frames of motors: `drivers.makes.RecordedTicks`."""
 
 import numpy as np
 
@@ -9,18 +9,18 @@ from drivers.motors.replies import Replies
 
 
 class MotorTicks:
-    """Samples and setpoints of frames, one after the other; a tick begins with the first motor's
-    request. Whether a motor was to stop is not on the bus: an enabled one counts as operating."""
+    """Samples and setpoints decoded from consecutive frames; a tick begins with the first motor's
+    request. Stop commands are not visible on the bus: an enabled motor counts as operating."""
 
     def __init__(self, drives: MotorDrives, language: Language, period_s: float) -> None:
         self._replies, self._language = Replies(drives, language, period_s), language
         self.velocity: Vector = np.zeros(len(drives))
-        """Target velocities that were sent last (n,) [rad/s]."""
+        """Most recently sent target velocities (n,) [rad/s]."""
         self._signs = [float(drive.wiring.motor_sign) for drive in drives]
         self._running = [False] * len(drives)
 
     def begins(self, can_id: int, data: bytes, *, sent: bool) -> bool:
-        """True for the frame that a tick begins with."""
+        """True if this frame begins a tick."""
         return sent and self._language.begins((can_id, data))
 
     def begin(self, now: float) -> None:
@@ -28,7 +28,7 @@ class MotorTicks:
         self._replies.begin_tick(now)
 
     def take(self, can_id: int, data: bytes, *, sent: bool) -> None:
-        """Take a frame of it, its first as well."""
+        """Take a frame of the tick, including its first."""
         if not sent:
             joint = self._language.answering(can_id)
             if joint is not None:
@@ -42,5 +42,5 @@ class MotorTicks:
                 self.velocity[joint] = self._signs[joint] * found[1]
 
     def finish(self) -> Samples:
-        """End the tick."""
+        """End the tick and return its samples."""
         return self._replies.samples(self._replies.awaited.finish(), self._running, ())

@@ -1,7 +1,7 @@
-"""Replies of the motors in a tick: feedback and output encoders, and the samples made of them.
+"""Replies of the motors in a tick: feedback and output encoders, and the samples built from them.
 
-A motor answers in the order of its commands, so that feedback on last tick's setpoint comes before
-that on this tick's request. Where the setpoint is the request, its feedback is both.
+A motor answers in the order of its commands, so the feedback to the last tick's setpoint precedes
+that to this tick's request. Where the setpoint is the request, one feedback serves as both.
 """
 
 import math
@@ -20,12 +20,12 @@ from drivers.motors.language import UNREPORTED, Feedback, Language, MotorDrives,
 from drivers.plausibility import Plausibility
 
 HELD: Final = "held"
-#: Position of a motor and of its output may differ by the gap, a wrong gear by far more [rad],
-#: whole turns apart.
+#: Tolerance between motor and output position, modulo whole turns [rad]: larger than the gap, but
+#: far smaller than the effect of a wrong gear ratio.
 FAR: Final = 0.35
-#: Most by which a motor's position may change unlike its velocity says [rad].
+#: Tolerance between a motor's position change and its integrated velocity [rad].
 CHANGES: Final = 0.03
-#: Two turns of the output look the same to its encoder.
+#: Range of the output encoder, which is single-turn [rad].
 TURN: Final = 2.0 * math.pi
 _C = DriveCondition
 _CONDITIONS: Final = {State.UNKNOWN: _C.UNKNOWN, State.OFF: _C.OFF, State.ON: _C.OPERATING}
@@ -33,7 +33,7 @@ _CONDITIONS: Final = {State.UNKNOWN: _C.UNKNOWN, State.OFF: _C.OFF, State.ON: _C
 
 @lru_cache
 def drive_status(status: Status, stopping: bool) -> DriveStatus:
-    """Status of a motor for those above; stopping: it was commanded to."""
+    """Status of a motor for the daemon; stopping: it is commanded to stop."""
     held = stopping and status.state is State.ON
     words = HELD if held else status.words
     failed = _C.FAILING if status.powered else _C.FAILED
@@ -47,21 +47,21 @@ def drive_status(status: Status, stopping: bool) -> DriveStatus:
 
 
 def news_of(before: Status, now: Status, *, let_go: bool) -> tuple[Kind | None, str]:
-    """Kind of event that another status of a motor is, and its words; let_go: it has no power
-    because we said so."""
+    """Kind and text of the event for a changed status of a motor; let_go: it has no power by our
+    command."""
     if now == before:
         return None, ""
     if now.missed_us:
-        return Kind.UNHEARD, "it missed our setpoints, and let go"
+        return Kind.UNHEARD, "it missed our setpoints and went limp"
     if now.state is State.FAILED:
         return Kind.ERROR, f"{now.words} ({now.code})"
     if before.state is State.ON and now.state is State.OFF and not let_go:
-        return Kind.RESTARTED, "it let go by itself"
+        return Kind.RESTARTED, "it went limp without a command"
     return None, ""
 
 
 class Replies:
-    """Frames in, samples out."""
+    """Receiver of the motors' answers that produces the samples of each tick."""
 
     def __init__(self, drives: MotorDrives, language: Language, period_s: float) -> None:
         n = len(drives)
@@ -69,7 +69,7 @@ class Replies:
         answers = 2 if language.outputs else 1  # of each motor
         self._bits = [1 << answers * i for i in range(n)]
         self.awaited = Awaited([(1 << answers) - 1 << answers * i for i in range(n)], period_s)
-        # An output's encoder bears a motor's position out; without one, its own velocity has to.
+        # A motor's position is checked against the output encoder, or else its own velocity.
         per_count = [position for position, _, _ in language.steps]
         self.plausibility = Plausibility(
             [
@@ -79,7 +79,7 @@ class Replies:
         )
         self._speeds = [velocity * period_s / position for position, velocity, _ in language.steps]
         signs = np.array([float(drive.wiring.motor_sign) for drive in drives])
-        # Motors truncate: half a count more is the middle of what a count may be, and 0 is exact.
+        # Motors truncate: half a count is added to centre the interval of a count; 0 is exact.
         self._middle = np.array([language.middle]).T
         torque = [1.0 / drive.profile.Nm_per_A for drive in drives]
         self._gain = signs * np.array(language.steps).T * np.array([[1.0] * n, [1.0] * n, torque])
@@ -91,28 +91,28 @@ class Replies:
         self._output = np.full(n, np.nan)
         self.statuses = [UNREPORTED] * n
         self.pending = [0] * n
-        """Setpoints of each motor that its feedback still is to come of."""
+        """Number of commands of each motor whose feedback is still to come."""
         self.acknowledged = [0] * n
-        """Setpoints that each motor has answered since it was last asked to stop."""
+        """Number of commands that each motor has answered since its target last changed."""
         self.by_setpoint = [False] * n
-        """Motors that were asked by their setpoint."""
+        """True for motors whose setpoint was the request of this tick."""
         self.witnessed: Vector = np.full(n, np.nan)
-        """Position of each motor [rad at the link]; NaN where its output does not agree, or,
-        where it has no encoder, its position jumped."""
+        """Position of each motor [rad at the link]; NaN if it contradicts the output encoder, or,
+        without such an encoder, if it jumped."""
         self.late_frames = 0
 
     def begin_tick(self, now: float, asked_s: float | None = None) -> None:
-        """Await all: the question is about to go out, as `Awaited.expect_all`."""
+        """Await all answers: the requests are about to be sent, as `Awaited.expect_all`."""
         self.plausibility.begin_tick()
         self.awaited.expect_all(now, asked_s)
 
     def forget(self, joint: int) -> None:
-        """Know no position of this joint: what it was counted from is another."""
+        """Discard the position of this joint: its zero has changed."""
         self._counts[:, joint] = np.nan
         self.plausibility.forget([joint])
 
     def take(self, joint: int, can_id: int, data: bytes | bytearray) -> bool:
-        """Keep a motor's frame; False for one that cannot be its own."""
+        """Take a motor's frame; False for one that it cannot have sent."""
         found = self._language.answer_of(joint, can_id, data)
         if found is None:
             return False
@@ -145,11 +145,11 @@ class Replies:
     def samples(
         self, found: Freshness, stopping: Sequence[bool], events: tuple[Event, ...]
     ) -> Samples:
-        """Samples of what came so far; `stopping`: joints held by command."""
+        """Samples from the answers received so far; `stopping`: joints held by command."""
         position, velocity, current = self._gain * (self._counts - self._middle)
         link: Vector
         if self._language.outputs:
-            # An encoder there repeats itself with each turn; the motor's position says which it is.
+            # The output encoder is single-turn; the motor position resolves the turn.
             apart = self._signs * position - self._output
             turns = np.round(apart / TURN)
             self.witnessed = np.where(np.abs(apart - turns * TURN) <= FAR, position, np.nan)

@@ -1,4 +1,4 @@
-"""Scan of a bus for motors of one make: no command, and no question where a master is."""
+"""Scan of a bus for motors of one make: no commands, and no requests if a master is present."""
 
 from collections.abc import Callable, Iterable
 from typing import Final, TypeVar
@@ -19,8 +19,8 @@ def scanned(
     commands: Callable[[int], bool],
     found: Callable[[Wire, int], T | None],
 ) -> list[T]:
-    """Motors that answer, each as `found` returns it; commands: True for the identifier of a
-    command. Raises BusError where a master commands some, or the bus fails."""
+    """Motors that answer, as returned by `found`; commands: True for the identifier of a command.
+    Raises BusError if a master commands motors, or the bus fails."""
     try:
         for can_id, _ in heard(wire, LISTEN_S):
             if commands(can_id):

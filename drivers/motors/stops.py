@@ -1,8 +1,8 @@
-"""Stops of motors: a ramp of setpoints to 0, watched; power is cut only where one runs on.
+"""Stops of motors: a supervised ramp of setpoints to 0; power is cut only from a runaway.
 
-These motors have no stop of their own, and go limp when nothing is sent. So the stronger stages
-of `StopWatch` go on holding, and silence is none: a motor that is not heard may still hear.
-Only one that is seen to go on beyond its travel loses its power.
+These motors have no stop function of their own, and go limp without frames. So in the stronger
+stages of `StopWatch`, even silence, setpoints are still sent: an unheard motor may still receive.
+Only a motor observed beyond its travel loses its power.
 """
 
 import math
@@ -21,19 +21,19 @@ _STRONGER: Final = {Stage.LAST: Kind.NOT_SEEN_TO_STOP, Stage.SILENCE: Kind.UNPRO
 
 
 class Stops:
-    """Stops of one arm; `step` once per tick, before its setpoints go out."""
+    """Stops of one arm; call `step` once per tick, before its setpoints are sent."""
 
     def __init__(self, drives: MotorDrives, period_s: float) -> None:
         self._names = tuple(drive.name for drive in drives)
         self._fastest = [drive.velocity for drive in drives]
-        self._braking = [drive.quick_stop * period_s for drive in drives]  # in a tick [rad/s]
+        self._braking = [drive.quick_stop * period_s for drive in drives]  # per tick [rad/s]
         self.watches = Watches(drives, period_s, falls=True)
 
     def setpoints(
         self, targets: Sequence[PowerTarget], wanted: Sequence[float], last: Sequence[float]
     ) -> list[float]:
-        """Target velocities (n,) [rad/s] of this tick: those `wanted` of motors that may run; of
-        the others the `last`, brought down along their ramps."""
+        """Target velocities (n,) [rad/s] of this tick: `wanted` for motors that may run; for the
+        others `last`, reduced along their ramps."""
         return [
             want if target is _ON else math.copysign(max(abs(before) - braking, 0.0), before)
             for target, want, before, braking in zip(
@@ -49,8 +49,8 @@ class Stops:
         velocity: Vector,
         let_go: Sequence[bool],
     ) -> list[Event]:
-        """Judge every motor commanded to stop. velocity: (n,) wanted [rad/s]; let_go: those that
-        have no power because we said so."""
+        """Supervise every motor commanded to stop. velocity: (n,) wanted [rad/s]; let_go: motors
+        without power by our command."""
         begun = self.watches.follow(now, samples, targets, velocity)
         found: dict[tuple[Kind, str], list[int]] = {(Kind.REPEATED_SAMPLES, REPEATS): begun}
         for i, (watch, target) in enumerate(zip(self.watches.each, targets, strict=True)):
@@ -64,9 +64,9 @@ class Stops:
             cut = watch.cut
             stage = watch.step(now, self._seen(i, samples, let_go[i]))
             if stage in _STRONGER:
-                found.setdefault((_STRONGER[stage], "it goes on being commanded"), []).append(i)
+                found.setdefault((_STRONGER[stage], "its setpoints continue"), []).append(i)
             if watch.cut and not cut:
-                beyond = "it goes on beyond its travel: power cut"
+                beyond = "it keeps moving beyond its travel: power cut"
                 found.setdefault((Kind.NOT_SEEN_TO_STOP, beyond), []).append(i)
         return [
             Event(kind, f"{', '.join(self._names[i] for i in joints)}: {text}")
@@ -81,6 +81,6 @@ class Stops:
             condition = samples.drives[joint].condition
             return Seen(condition, math.nan) if condition in OBEYING else None
         seen = seen_in(samples, joint)
-        # A hand or the load moves a limp one: what it reports as torque then is noise.
+        # A limp motor is moved by a hand or the load: the torque that it reports then is noise.
         limp = let_go and not seen.condition.powered
         return replace(seen, current=math.nan) if limp else seen

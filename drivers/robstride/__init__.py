@@ -1,1 +1,1 @@
-"""RobStride motors on classic CAN, in their maker's own protocol."""
+"""RobStride motors on classic CAN, in their proprietary protocol."""

@@ -1,9 +1,9 @@
 """Frames of RobStride motors: commands, feedback and parameters, as bytes. Pure.
 
 An identifier has 29 bits: type in bits 28 to 24, data in 23 to 8, address in 7 to 0. A motor
-answers each command, and each parameter that is written, with a feedback. Numbers of a feedback
-have 16 bits, big-endian, between -MAX and +MAX; parameters are little-endian. Figures: the maker's
-manuals and samples; docs/drives.md has the sources.
+answers each command and each written parameter with a feedback. Feedback values are 16-bit,
+big-endian, and span -MAX to +MAX; parameters are little-endian. Values are from the manufacturer's
+manuals and samples; docs/drives.md lists the sources.
 """
 
 import struct
@@ -13,7 +13,7 @@ from typing import Final
 
 from drivers.can.wire import EXTENDED, Frame
 
-#: Our address, as the manual has it. At which one a motor answers a setpoint is not published.
+#: Our address, as in the manual. To which address a motor answers a setpoint is not published.
 HOST: Final = 0xFD
 
 _FOUR: Final = struct.Struct(">HHHH")
@@ -23,63 +23,63 @@ _EMPTY: Final = bytes(8)
 
 
 class Kind(IntEnum):
-    """Types of frames that are used."""
+    """Frame types in use."""
 
     GET_ID = 0
     SETPOINT = 1  # torque = kp (p - q) + kd (v - q_dot) + t, with t in the identifier
     FEEDBACK = 2
     ENABLE = 3
-    STOP = 4  # and, with a first byte of 1, clear faults
-    ZERO = 6  # takes where the motor is for 0
+    STOP = 4  # with a first byte of 1 it also clears faults
+    ZERO = 6  # sets the present position to 0
     READ = 17
     WRITE = 18
     FAULTS = 21
 
 
 class Parameter(IntEnum):
-    """Parameters that are used; the same in every model."""
+    """Parameters in use; the same in every model."""
 
     MODE = 0x7005  # one byte
     TORQUE_LIMIT = 0x700B  # [Nm]
-    POSITION = 0x7019  # of the rotor, through the gear, turns counted [rad]
+    POSITION = 0x7019  # of the rotor behind the gear, multi-turn [rad]
     SUPPLY = 0x701C  # [V]
-    TIMEOUT = 0x7028  # in TIMEOUT_S, 0 is none; some models write it alone
+    TIMEOUT = 0x7028  # in TIMEOUT_S, 0 is none; write-only in some models
 
 
 TIMEOUT_S: Final = 50e-6
 IMPEDANCE_MODE: Final = 0
 RUN: Final = 2
-"""Mode of a feedback in which the motor has torque; 0 is reset, 1 is calibration."""
+"""Mode in a feedback in which the motor has torque; 0 is reset, 1 is calibration."""
 
 
 class Fault(IntFlag):
-    """Faults of a feedback."""
+    """Fault bits of a feedback."""
 
     UNDERVOLTAGE = 1
     OVERCURRENT = 2
     OVERHEATED = 4
     ENCODER = 8
-    OVERLOAD = 16  # older clients call it a fault of a Hall sensor
+    OVERLOAD = 16  # a Hall sensor fault according to older clients
     UNCALIBRATED = 32
 
 
 def identifier(kind: int, data: int, address: int) -> int:
-    """Identifier of a frame, with Linux' flag."""
+    """Identifier of a frame, with the Linux flag."""
     return EXTENDED | kind << 24 | data << 8 | address
 
 
 def get_id(motor: int) -> Frame:
-    """Request of a motor's number."""
+    """Request for a motor's unique number."""
     return identifier(Kind.GET_ID, HOST, motor), _EMPTY
 
 
 def enable(motor: int) -> Frame:
-    """Command that gives a motor its power."""
+    """Command that enables a motor."""
     return identifier(Kind.ENABLE, HOST, motor), _EMPTY
 
 
 def stop(motor: int) -> Frame:
-    """Command that takes a motor's power."""
+    """Command that disables a motor."""
     return identifier(Kind.STOP, HOST, motor), _EMPTY
 
 
@@ -89,12 +89,12 @@ def clear(motor: int) -> Frame:
 
 
 def read(motor: int, parameter: Parameter) -> Frame:
-    """Request of a parameter."""
+    """Request to read a parameter."""
     return identifier(Kind.READ, HOST, motor), parameter.to_bytes(8, "little")
 
 
 def write(motor: int, parameter: Parameter, value: float) -> Frame:
-    """Request to change a parameter, until the motor's power is off."""
+    """Request to write a parameter; the value is lost when the motor's power is off."""
     raw = _FLOAT.pack(value) if parameter not in _WHOLE else _WORD.pack(int(value))
     return identifier(Kind.WRITE, HOST, motor), parameter.to_bytes(4, "little") + raw
 
@@ -103,22 +103,22 @@ _WHOLE: Final = frozenset({Parameter.MODE, Parameter.TIMEOUT})
 
 
 def setpoint_id(motor: int) -> int:
-    """Identifier of a setpoint without torque of its own."""
+    """Identifier of a setpoint without feedforward torque."""
     return identifier(Kind.SETPOINT, 0x7FFF, motor)
 
 
 def setpoint(data: bytearray, position: int, velocity: int, gains: tuple[int, int]) -> None:
-    """Write position, velocity, stiffness and damping of a setpoint, 16 bits each."""
+    """Pack position, velocity, stiffness and damping of a setpoint, 16 bits each."""
     _FOUR.pack_into(data, 0, position, velocity, *gains)
 
 
 def fields_of(data: bytes | bytearray) -> tuple[int, int, int, int]:
-    """Four numbers of a setpoint or a feedback. Raises struct.error for fewer than eight bytes."""
+    """Four values of a setpoint or a feedback. Raises struct.error for fewer than eight bytes."""
     return _FOUR.unpack_from(data)
 
 
 def kind_of(can_id: int) -> int:
-    """Type of a frame; -1 for one that has no 29 bits."""
+    """Type of a frame; -1 for an 11-bit identifier."""
     return can_id >> 24 & 0x1F if can_id & EXTENDED else -1
 
 
@@ -129,7 +129,7 @@ def sender_of(can_id: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """Feedback in counts, from 0 at -MAX on."""
+    """Feedback in counts; 0 corresponds to -MAX."""
 
     code: int  # mode in the upper two bits, faults below
     position: int
@@ -139,7 +139,7 @@ class Feedback:
 
 
 def feedback_of(can_id: int, data: bytes | bytearray) -> Feedback:
-    """Feedback in eight bytes. Raises struct.error for fewer."""
+    """Feedback from eight bytes. Raises struct.error for fewer."""
     position, velocity, torque, tenths = _FOUR.unpack_from(data)
     return Feedback(can_id >> 16 & 0xFF, position, velocity, torque, 0.1 * tenths)
 
@@ -155,8 +155,8 @@ def faults_of(code: int) -> Fault:
 
 
 def read_value(parameter: Parameter, can_id: int, data: bytes | bytearray) -> float | None:
-    """Value in the answer to a request of this parameter; None in any other, or where the motor
-    has none."""
+    """Value in the answer to a read of this parameter; None for other answers, or if the motor has
+    no such parameter."""
     if len(data) < 8 or can_id >> 16 & 0xFF or int.from_bytes(data[:2], "little") != parameter:
         return None
     value: float = (_WORD if parameter in _WHOLE else _FLOAT).unpack_from(data, 4)[0]
@@ -164,5 +164,5 @@ def read_value(parameter: Parameter, can_id: int, data: bytes | bytearray) -> fl
 
 
 def uid_of(data: bytes | bytearray) -> int:
-    """Number of a motor's controller, 64 bits."""
+    """Unique 64-bit number of a motor's controller."""
     return int.from_bytes(data[:8], "little")

@@ -1,8 +1,8 @@
 """Language of RobStride motors: `drivers.motors.language.Language`.
 
-A tick sends each motor its setpoint, whose feedback is its sample. One that has none yet gets its
-time-out again: of all that brings a feedback it is what commands nothing. A parameter that is read
-has an answer of its own, with one quantity.
+Each tick sends each motor its setpoint, whose feedback is the sample. A motor without a setpoint
+gets its timeout written again: the only frame that yields a feedback but commands nothing. Reading
+a parameter yields a separate answer with one quantity.
 """
 
 from collections.abc import Sequence
@@ -33,22 +33,22 @@ from drivers.robstride.frames import (
 from drivers.robstride.settings import RobStrideDrive
 
 _COMMANDS: Final = frozenset({Kind.SETPOINT, Kind.ENABLE, Kind.STOP})
-#: All else changes a motor: its zero, its id, what it keeps.
+#: All other frames change a motor: its zero, its ID, its stored parameters.
 _HARMLESS: Final = frozenset({-1, Kind.GET_ID, Kind.FEEDBACK, Kind.READ, Kind.FAULTS})
 _MODES: Final = {0: "reset", 1: "calibrating", RUN: "running"}
 _WORDS: Final = {
     Fault.UNDERVOLTAGE: "under-voltage",
     Fault.OVERCURRENT: "over-current",
-    Fault.OVERHEATED: "too hot",
-    Fault.ENCODER: "its encoder fails",
+    Fault.OVERHEATED: "over-temperature",
+    Fault.ENCODER: "encoder fault",
     Fault.OVERLOAD: "overload",
-    Fault.UNCALIBRATED: "its encoder is not calibrated",
+    Fault.UNCALIBRATED: "encoder not calibrated",
 }
 
 
 @lru_cache
 def status_of(code: int) -> Status:
-    """Status by mode and faults of a feedback."""
+    """Status from the mode and faults of a feedback."""
     mode, faults = mode_of(code), faults_of(code)
     state = State.ON if mode == RUN else State.OFF
     return Status(
@@ -73,12 +73,12 @@ class RobStrideLanguage(Language):
         return setpoint_id(motor)
 
     def requests_to(self, drive: RobStrideDrive) -> Sequence[Frame]:
-        """Request to a motor that has no setpoint yet."""
+        """Request to a motor without a setpoint."""
         patience = round(drive.profile.patience_s / TIMEOUT_S)
         return (write(drive.node, Parameter.TIMEOUT, patience),)
 
     def is_setpoint(self, can_id: int, data: bytes | bytearray) -> bool:
-        """True for a setpoint among the frames that command a motor."""
+        """True if a frame that commands a motor is a setpoint."""
         return kind_of(can_id) == Kind.SETPOINT and len(data) == 8
 
     def fields(self, data: bytes | bytearray) -> tuple[int, ...]:
@@ -86,30 +86,30 @@ class RobStrideLanguage(Language):
         return fields_of(data)
 
     def write_fields(self, data: bytearray, fields: tuple[int, ...]) -> None:
-        """Write these into the data of a setpoint."""
+        """Pack these counts into the data of a setpoint."""
         position, velocity, kp, kd = fields
         setpoint(data, position, velocity, (kp, kd))
 
     def answering(self, can_id: int) -> int | None:
-        """Joint whose motor answers by this identifier."""
+        """Joint whose motor answers under this identifier."""
         return self.joint_of.get(sender_of(can_id)) if kind_of(can_id) == Kind.FEEDBACK else None
 
     def commanded(self, can_id: int) -> int | None:
-        """Joint whose motor a frame with this identifier commands."""
+        """Joint whose motor is commanded under this identifier."""
         return self.joint_of.get(can_id & 0xFF) if kind_of(can_id) in _COMMANDS else None
 
     def masters(self, can_id: int) -> bool:
-        """True for a frame that a master of these motors may send."""
+        """True for an identifier under which only a master of these motors sends."""
         return kind_of(can_id) not in _HARMLESS and can_id & 0xFF in self.joint_of
 
     def zeroed(self, can_id: int) -> int | None:
-        """Joint whose motor another zero is given to."""
+        """Joint whose motor is given a new zero by this frame."""
         return self.joint_of.get(can_id & 0xFF) if kind_of(can_id) == Kind.ZERO else None
 
     def answer_of(
         self, joint: int, can_id: int, data: bytes | bytearray
     ) -> Feedback | Output | None:
-        """Answer of a motor; None for a frame that cannot be its own."""
+        """Decoded answer of a motor; None for a frame that it cannot have sent."""
         if len(data) < 8:
             return None
         found = feedback_of(can_id, data)
@@ -117,12 +117,12 @@ class RobStrideLanguage(Language):
         return Feedback(status, found.position, found.velocity, found.torque, found.degC)
 
     def enabling(self, joint: int) -> Sequence[Frame]:
-        """Frame that gives a motor its power; whether it keeps the setpoint before is not
-        published, so that the next tick's is what it follows."""
+        """Frame that enables a motor. Whether it keeps the previous setpoint is not published; it
+        follows that of the next tick."""
         return (enable(self.motors[joint]),)
 
     def disabling(self, joint: int) -> Frame:
-        """Frame that takes a motor's power."""
+        """Frame that disables a motor."""
         return stop(self.motors[joint])
 
     def clearing(self, joint: int) -> Frame:
@@ -130,7 +130,7 @@ class RobStrideLanguage(Language):
         return clear(self.motors[joint])
 
     def time_out_of(self, can_id: int, data: bytes | bytearray) -> tuple[int, bool] | None:
-        """Joint, and whether it has a time-out from now on, of a frame that sets it."""
+        """Joint in a frame that sets a timeout, and whether the timeout is then enabled."""
         joint = self.joint_of.get(can_id & 0xFF)
         head = Parameter.TIMEOUT.to_bytes(4, "little")
         if joint is None or (can_id, data[:4]) != (self.requests[joint][0], head):

@@ -1,4 +1,4 @@
-"""RobStride as a make of drives: what `drivers.makes` asks of one."""
+"""RobStride as a make of drives: the interface of `drivers.makes`."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,13 +18,13 @@ def problems(
     period_ms: int,
     master_node: int,
 ) -> list[ProfileProblem]:
-    """Problems of a profile, of which these are the drives."""
+    """Problems of a profile that these drives use."""
     figures, model = profile.figures, profile.model
     torque, velocity = FEEDBACK[model]
-    manuals = f"no manual of an {model} has more than"
+    manuals = f"the highest value in manuals of the {model} is"
     bounds = (
-        ("stiffness", figures.stiffest, f"a setpoint to an {model} reaches"),
-        ("damping", figures.most_damping, f"a setpoint to an {model} reaches"),
+        ("stiffness", figures.stiffest, f"a setpoint to an {model} allows at most"),
+        ("damping", figures.most_damping, f"a setpoint to an {model} allows at most"),
         ("torque_max_Nm", torque, manuals),
         ("velocity_max", velocity, manuals),
     )
@@ -36,32 +36,32 @@ def problems(
 
 
 def wrong(drive: RobStrideDrive) -> Iterator[ProfileProblem]:
-    """Problems of a joint with such a motor, at its fields."""
+    """Problems of the joint with this motor, by field."""
     wiring, profile = drive.wiring, drive.profile
     if wiring.gear != profile.figures.gear:
         its = f"that of an {profile.model} is {profile.figures.gear:g}"
         text = f"{wiring.gear:g}; {its}, and the joint must turn with its output"
         yield ("wiring", "gear"), text
     if wiring.link_sign != wiring.motor_sign:
-        yield ("wiring", "link_sign"), "must be motor_sign: one encoder is both"
+        yield ("wiring", "link_sign"), "must equal motor_sign: one encoder serves as both"
     if drive.play:
         text = "without an encoder at its output it must be 0 (docs/drives.md)"
         yield ("half_gap",), f"{drive.play / 2.0:g}; {text}"
     if torque_limit(drive) > profile.torque_max_Nm:
         text = (
-            f"{wiring.max_current_A:g} means {torque_limit(drive):.3g} Nm; its feedback ends at "
-            f"torque_max_Nm, {profile.torque_max_Nm:g}"
+            f"{wiring.max_current_A:g} means {torque_limit(drive):.3g} Nm; its feedback saturates "
+            f"at torque_max_Nm, {profile.torque_max_Nm:g}"
         )
         yield ("wiring", "max_current_A"), text
 
 
 def torque_limit(drive: RobStrideDrive) -> float:
-    """Torque that a motor may give [Nm]."""
+    """Torque limit of a motor [Nm]."""
     return drive.wiring.max_current_A * drive.profile.Nm_per_A
 
 
 def counts(drive: RobStrideDrive, measure: Measure) -> Counts:
-    """Integers of a quantity of a motor, 0 at half of them."""
+    """Integer scale of a quantity of a motor, with 0 at mid-range."""
     profile = drive.profile
     at, most, per = {
         "effort": ("torque_max_Nm", profile.torque_max_Nm, profile.Nm_per_A),
@@ -77,7 +77,7 @@ def counts(drive: RobStrideDrive, measure: Measure) -> Counts:
 def frames(
     drives: Sequence[RobStrideDrive], period_s: float, master_node: int = 0
 ) -> tuple[FrameLoad, ...]:
-    """Every periodic frame of an arm: each tick a setpoint and its answer."""
+    """All periodic frames of an arm: a setpoint and its answer per tick."""
     tick_hz = 1.0 / period_s
     table = []
     for drive in drives:
@@ -91,5 +91,5 @@ def frames(
 
 
 def recorded(drives: Sequence[RobStrideDrive], period_s: float) -> MotorTicks:
-    """Ticks of recorded frames of an arm."""
+    """Reconstruction of an arm's ticks from its recorded frames."""
     return MotorTicks(drives, RobStrideLanguage(drives), period_s)

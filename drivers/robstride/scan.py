@@ -1,4 +1,4 @@
-"""Scan of a bus for RobStride motors: their numbers and parameters, and no command."""
+"""Scan of a bus for RobStride motors: reads unique numbers and parameters, without commands."""
 
 import math
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from drivers.robstride.frames import (
     uid_of,
 )
 
-#: Time for the answer of one motor [s].
+#: Answer timeout of one motor [s].
 ANSWER_S: Final = 0.02
 IDS: Final = range(1, 128)
 COMMANDS: Final = frozenset({Kind.SETPOINT, Kind.ENABLE, Kind.STOP, Kind.WRITE})
@@ -29,8 +29,8 @@ _READ: Final = (
 
 @dataclass(frozen=True, slots=True)
 class FoundMotor:
-    """Motor that answered, the numbers of those with its id, and parameters; NaN where it did not
-    answer about one."""
+    """Motor that answered, the unique numbers of all motors with its ID, and parameters; NaN for
+    those that it did not answer."""
 
     motor: int
     uids: tuple[int, ...]
@@ -38,7 +38,7 @@ class FoundMotor:
 
 
 def scan_motors(wire: Wire) -> list[FoundMotor]:
-    """Motors that answer. Raises BusError where a master commands some, or the bus fails."""
+    """Motors that answer. Raises BusError if a master commands motors, or the bus fails."""
     return scanned(wire, IDS, lambda can_id: kind_of(can_id) in COMMANDS, _found)
 
 
@@ -55,7 +55,7 @@ def _found(wire: Wire, motor: int) -> FoundMotor | None:
 
 
 def _value(wire: Wire, motor: int, parameter: Parameter) -> float:
-    """Value of a parameter; NaN where no motor answers."""
+    """Value of a parameter; NaN without an answer."""
     value = math.nan
     wire.send([read(motor, parameter)])
     for can_id, data in heard(wire, ANSWER_S):

@@ -1,7 +1,7 @@
 """Set-up of RobStride motors: `drivers.motors.arm.Setup`.
 
-It is two parameters, written until the motor's power is off, and read back: its mode, and the
-torque that it may give. The time-out, which not all models let be read, goes out with each tick.
+It writes and reads back two volatile parameters, lost when the motor's power is off: the mode and
+the torque limit. The timeout, which is write-only in some models, is sent with each tick.
 """
 
 import math
@@ -31,7 +31,7 @@ from drivers.robstride.frames import (
 from drivers.robstride.make import torque_limit
 from drivers.robstride.settings import RobStrideDrive, serial_of
 
-#: Position in a feedback and in its parameter may differ by rounding and slow motion [rad].
+#: Tolerance between the position in a feedback and its parameter: rounding and slow motion [rad].
 AGREE: Final = 0.003
 
 
@@ -39,7 +39,7 @@ class RobStrideSetup(Queries):
     """Set-up of the motors on one wire."""
 
     def identified(self, drive: RobStrideDrive) -> MotorIdentity:
-        """Identity of a motor that can say its torque. Raises DriveError."""
+        """Identity of a motor whose feedback covers its torque limit. Raises DriveError."""
 
         def uid(can_id: int, data: bytes | bytearray) -> int | None:
             own = kind_of(can_id) == Kind.GET_ID and sender_of(can_id) == drive.node
@@ -49,21 +49,22 @@ class RobStrideSetup(Queries):
         limit = self._read(drive, Parameter.TORQUE_LIMIT)
         if limit > drive.profile.torque_max_Nm and not same(limit, drive.profile.torque_max_Nm):
             raise DriveError(
-                f"{drive}: it may give {limit:g} Nm (limit_torque), more than its feedback reaches "
-                f"by `torque_max_Nm`, {drive.profile.torque_max_Nm:g}: which model is it?"
+                f"{drive}: its torque limit of {limit:g} Nm (limit_torque) exceeds that of its "
+                f"feedback, `torque_max_Nm` {drive.profile.torque_max_Nm:g}: is it another model?"
             )
         return MotorIdentity(drive.profile.model, serial_of(found))
 
     def begin(self, drive: RobStrideDrive) -> None:
-        """Set a motor up that may be holding. Raises DriveError."""
+        """Set up a motor that may be holding. Raises DriveError."""
         self.set_up(drive)
 
     def set_up(self, drive: RobStrideDrive) -> None:
-        """Write what is wanted, and compare two reports of the position. Raises DriveError."""
+        """Write all required parameters, and compare the position in feedback and parameter. Raises
+        DriveError."""
         found = self._write(drive, Parameter.TORQUE_LIMIT, torque_limit(drive))
         if self._read(drive, Parameter.MODE) != IMPEDANCE_MODE:
             if mode_of(found.code) == RUN:
-                raise DriveError(f"{drive}: it runs in another mode: switch its power off first")
+                raise DriveError(f"{drive}: it runs in another mode: switch off its power first")
             self._write(drive, Parameter.MODE, IMPEDANCE_MODE)
         step = 2.0 * drive.profile.position_max / 0xFFFF
         fed_back = (found.position - 0x7FFF) * step
@@ -71,16 +72,16 @@ class RobStrideSetup(Queries):
         if not abs(position) <= math.pi:
             raise DriveError(
                 f"{drive}: it is at {position:.2f} rad; at most half a turn from 0 is allowed: set "
-                "its zero, and zero_sta to 1 (docs/drives.md), then switch its power off and on"
+                "its zero, and zero_sta to 1 (docs/drives.md), then power-cycle it"
             )
         if not abs(position - fed_back) <= AGREE:
             raise DriveError(
-                f"{drive}: its feedback says {fed_back:.3f} rad by `position_max`, "
-                f"{drive.profile.position_max:g}, and its mechPos {position:.3f} rad"
+                f"{drive}: its feedback reads {fed_back:.3f} rad with `position_max` "
+                f"{drive.profile.position_max:g}, but its mechPos {position:.3f} rad"
             )
 
     def deviation(self, drive: RobStrideDrive) -> str | None:
-        """First parameter that a motor does not hold any more, in words. Raises
+        """First parameter that has lost its value, as text; None if there is none. Raises
         SilentDriveError."""
         wanted = {Parameter.MODE: IMPEDANCE_MODE, Parameter.TORQUE_LIMIT: torque_limit(drive)}
         for parameter, value in wanted.items():
@@ -90,26 +91,24 @@ class RobStrideSetup(Queries):
         return None
 
     def leave(self, drive: RobStrideDrive) -> None:
-        """Switch off a motor's watch on us, and read it back where its model allows that. Raises
-        DriveError.
+        """Disable a motor's timeout, and read it back if its model allows that. Raises DriveError.
 
-        A model that does not reads 0, or has no answer: it gets three, as a feedback may answer
-        another frame, and one may be lost.
-        """
+        Other models read 0 or do not answer. The frame is sent three times: a feedback may answer
+        another frame, and one may be lost."""
         for _ in range(TRIES):
             self._order(drive, write(drive.node, Parameter.TIMEOUT, 0))
         with suppress(SilentDriveError):
             if held := self._read(drive, Parameter.TIMEOUT):
                 raise DriveError(
-                    f"{drive}: its time-out (0x7028) does not hold 0; it reads {held:g}: without "
-                    f"frames it lets go"
+                    f"{drive}: its timeout (0x7028) does not keep 0; it reads {held:g}: without "
+                    f"frames it goes limp"
                 )
 
     def _write(self, drive: RobStrideDrive, parameter: Parameter, value: float) -> Feedback:
         found = self._order(drive, write(drive.node, parameter, value))
         if not same(held := self._read(drive, parameter), value):
             what = f"{parameter.name.lower()} (0x{parameter:04X})"
-            raise DriveError(f"{drive}: {what} does not hold {value:g}; it reads {held:g}")
+            raise DriveError(f"{drive}: {what} does not keep {value:g}; it reads {held:g}")
         return found
 
     def _read(self, drive: RobStrideDrive, parameter: Parameter) -> float:
@@ -132,6 +131,6 @@ class RobStrideSetup(Queries):
         if found is None:
             raise SilentDriveError(
                 f"{drive} does not answer ({TRIES} tries of {1000 * timeout_s:.0f} ms): is it "
-                f"powered, is {drive.node} its id, does it speak its maker's own protocol?"
+                f"powered, is {drive.node} its ID, does it use the RobStride protocol?"
             )
         return found

@@ -1,1 +1,1 @@
-"""Stops of drives, whichever make they are: seen, timed, measured."""
+"""Supervision of stops of drives of any make: observation, deadlines, distances."""

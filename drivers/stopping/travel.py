@@ -1,4 +1,4 @@
-"""Travel of a joint until it stands, and the time that each stage of its stop takes. Pure."""
+"""Worst-case travel of a joint to standstill, and the duration of each stage of its stop. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,36 +6,36 @@ from typing import Final
 
 from drivers.drive import Drive, DriveKind
 
-#: A drive needs two ticks to take a quick stop from its RPDO and to report it.
+#: A drive needs two ticks to accept a quick stop from its RPDO and to report it.
 FEWEST_TICKS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """Travel of a joint from a fault on, of a drive that goes on at its velocity limit and obeys
-    nothing; and of one that goes its `own` way, faster, and obeys a quick stop [rad at the link].
+    """Travel of a joint after a fault [rad at the link]: of a drive that continues at its velocity
+    limit and obeys no command, in parts; and of a runaway, faster, that obeys a quick stop (`own`).
     """
 
-    noticing: float  # until the fault is found
+    noticing: float  # until the fault is detected
     stages: float  # until the last stage begins
-    patience: float  # until the drive misses us
+    patience: float  # until the drive misses the master
     braking: float  # while it decelerates
-    own: float  # of the other
+    own: float  # total of the runaway
 
     @property
     def total(self) -> float:
-        """Travel between the fault and standstill, at worst [rad]."""
+        """Worst-case travel between fault and standstill [rad]."""
         return self.noticing + self.stages + self.patience + self.braking
 
 
 def least_patience_s(drives: Sequence[Drive[DriveKind]]) -> float:
-    """Shortest time that a drive waits for us [s]."""
+    """Shortest master timeout of the drives [s]."""
     return min(drive.profile.patience_s for drive in drives)
 
 
 def stage_ticks(patience_s: float, period_s: float) -> int:
-    """Ticks of the first stage; at full speed three times as many are left before silence. They
-    take the drives' patience, if that leaves a drive the time to answer."""
+    """Ticks of the first stage; at full speed, silence begins after three times as many. Together
+    they last the drives' master timeout, unless that leaves a drive no time to answer."""
     return max(FEWEST_TICKS, int(patience_s / period_s / 3.0 + 1e-9))
 
 
@@ -45,9 +45,9 @@ def worst_travel(
     noticing_s: float,
     speed_margin: float = 1.0,
 ) -> list[Travel]:
-    """Worst travel of each joint: full speed v until the fault is found, for the stages before
-    silence, and for the drive's patience; then its quick stop, v^2 / (2 a). Its own way is one of
-    `speed_margin` times v, beyond which it is found at once."""
+    """Worst-case travel of each joint: full speed v until the fault is detected, for the stages
+    before silence, and for the drive's master timeout; then its quick stop, v^2 / (2 a). A runaway
+    has `speed_margin` times v, above which it is detected at once."""
     stages_s = 3 * stage_ticks(least_patience_s(drives), period_s) * period_s
     return [
         Travel(
@@ -62,6 +62,6 @@ def worst_travel(
 
 
 def _braked(drive: Drive[DriveKind], speed_margin: float, seconds: float) -> float:
-    """Travel at so many times its velocity limit for so long, and then down its quick stop."""
+    """Travel at `speed_margin` times its velocity limit for `seconds`, then down its quick stop."""
     speed = speed_margin * drive.velocity
     return speed * seconds + speed**2 / (2.0 * drive.quick_stop)

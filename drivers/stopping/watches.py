@@ -1,4 +1,4 @@
-"""Stop watches of all drives of one arm, and the motion that their samples show."""
+"""Stop watches of all drives of one arm, with the motion history from their samples."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ class Watches:
     ) -> None:
         """falls: the joints fall when their power is cut."""
         ticks = stage_ticks(least_patience_s(drives), period_s)
-        # From the first command on: noticing is over by then.
+        # From the first stop command on: the fault has been detected by then.
         travels = worst_travel(drives, period_s, noticing_s=0.0)
         self.each = [
             StopWatch(
@@ -39,7 +39,7 @@ class Watches:
             for drive, travel in zip(drives, travels, strict=True)
         ]
         self.repeat = [False] * len(drives)
-        """Drives whose samples do, all of them."""
+        """True for drives whose samples all repeat."""
         self._no_motors = [math.nan] * len(drives)
 
     @property
@@ -48,8 +48,8 @@ class Watches:
         return [i for i, watch in enumerate(self.each) if watch.unproved or watch.moves]
 
     def may_be_off(self, joint: int) -> bool:
-        """True where a drive stands, or its quick stop was seen not to stop it: a moving one gets a
-        ramp before its power is taken."""
+        """True if a drive may lose its power: it stands, or its quick stop was observed to fail. A
+        moving drive is ramped down first."""
         watch = self.each[joint]
         return watch.proved or watch.cut
 
@@ -57,7 +57,7 @@ class Watches:
         self, now: float, samples: Samples, targets: Sequence[PowerTarget], velocity: Vector
     ) -> list[int]:
         """Record the motion and the commanded `velocity` (n,) [rad/s] of each drive, in every tick,
-        whether it is to stop or not. Returns the joints whose samples begin to repeat."""
+        whether or not it is to stop. Returns the joints whose samples begin to repeat."""
         motors = samples.motor_position
         columns = zip(
             self.each,
@@ -91,7 +91,7 @@ class Watches:
 
 
 def seen_in(samples: Samples, joint: int) -> Seen:
-    """Sample of a drive as a reading of it."""
+    """Reading of one drive from the samples of the arm."""
     motors = samples.motor_position
     return Seen(
         samples.drives[joint].condition,

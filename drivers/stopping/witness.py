@@ -1,46 +1,45 @@
-"""Witness of a standstill: history of one drive's motion by its sensors. Pure.
+"""Witness of a standstill: motion history of one drive from its sensors. Pure.
 
-One sensor may repeat a value, be wrong, or be zero for ever. So a standstill needs two that agree:
-a velocity that was seen to move and then to come down, or positions that were seen to change while
-the motor moved and then to rest. A sample that repeats to the last bit although the motor moves, or
-was commanded to, was not measured. Nor is a velocity that comes down more suddenly than a ramp and
-friction stop a motor, or that fades while the motor's position rests, unless a sensor of motion
-changes afterwards: what one failure takes away at once is one witness, even where the drive's
-filter lets it fade. Time is an argument.
+A single sensor may freeze, be wrong, or read zero permanently. So a standstill needs two that
+agree: a velocity that was observed to move and then to fall, or positions that were observed to
+change while the motor moved and then to rest. A sample that repeats to the last bit although the
+motor moves, or was commanded to, was not measured. Nor was a velocity that falls faster than ramp
+and friction can decelerate a motor, or that decays while the motor position rests, unless a motion
+sensor changes afterwards: sensors that one failure silences together are one witness, even if the
+drive's filter makes the signal decay. Time is an argument.
 """
 
 import math
 from copy import copy
 from typing import Final
 
-#: Slower than this a motor stands [rad/s at the link]: a few counts of a coarse velocity.
+#: A motor below this speed is at standstill [rad/s at the link]: some counts of a coarse velocity.
 STANDS: Final = 0.02
-#: A position rests that goes no further than a creeping motor in so long; some velocities have a
-#: bias.
+#: A position rests if it changes by no more than STILL_RAD in STILL_S; some velocities are biased.
 STILL_S: Final = 0.2
 STILL_RAD: Final = STANDS * STILL_S
-#: A velocity from here on [rad/s] is a motion, whatever its bias.
+#: A velocity from this value on is motion, whatever its bias [rad/s].
 MOVES: Final = 0.1
-#: Beside a velocity that came down, positions need to rest so long only [s].
+#: Rest time of the positions that suffices after a velocity was observed to fall [s].
 PAUSE_S: Final = 0.03
-#: Time until a setpoint shows in a motor that lags [s]; in the drive's samples it takes two ticks.
+#: Lag of a motor behind its setpoint [s]; it takes two ticks to show in the samples.
 LAG_S: Final = 0.05
-#: A motor that a soft loop no longer drives against friction may stick so far before the end of
-#: setpoints slower than MOVES [rad].
+#: With setpoints below MOVES a motor under a soft loop may stick in friction so far before their
+#: end [rad].
 STICKS_RAD: Final = 0.02
-#: What was seen to move before a longer pause of its setpoints may be dead since [s].
+#: A sensor that moved before a longer pause of the setpoints may have failed since [s].
 BREAK_S: Final = 0.5
-#: So many equal readings in a row while the motor moves were not measured.
+#: Consecutive equal readings while the motor moves from which they count as not measured.
 FROZEN_READINGS: Final = 10
-#: So many changed positions in a row are a motion, not counts of a coarse encoder.
+#: Consecutive position changes from which they count as motion, not counts of a coarse encoder.
 MOVING_READINGS: Final = 3
-#: Times are products of ticks [s].
+#: Tolerance for times, which are products of ticks [s].
 ROUNDING_S: Final = 1e-6
 
 
 class Position:
-    """Position sensor of one drive: where it has rested, when it changed, and whether it ended in
-    the middle of a motion."""
+    """Position sensor of one drive: where it rests, when it changed, and whether it froze during a
+    motion."""
 
     __slots__ = (
         "_changes",
@@ -57,21 +56,21 @@ class Position:
     )
 
     def __init__(self, sudden: float = math.inf) -> None:
-        """sudden: as of Witness."""
+        """sudden: as for Witness."""
         self._sudden = sudden
         self.value = self.here = math.nan
         self.before_s = self.here_s = self.changed_s = self._sampled_s = math.nan
-        self._changes = 0  # in a row
-        self._speed = self._speed_before = 0.0  # of the last two [rad/s]
-        self.died = False  # from a motion to rest within a sample, and it has rested since
+        self._changes = 0  # consecutive
+        self._speed = self._speed_before = 0.0  # of the last two changes [rad/s]
+        self.died = False  # it went from motion to rest within one sample, and has rested since
 
     def take(self, now: float, value: float) -> bool:
-        """Take a sample [rad]; NaN means none came. True if the value changed."""
+        """Take a sample [rad]; NaN means none arrived. True if the value changed."""
         if math.isnan(value):
             return False
         elapsed_s, self._sampled_s = now - self._sampled_s, now
         if value == self.value:
-            speed = min(self._speed, self._speed_before)  # a jump is no motion
+            speed = min(self._speed, self._speed_before)  # a single jump is no motion
             if self._changes >= MOVING_READINGS and speed > self._sudden * elapsed_s > 0.0:
                 self.died = True
             self._changes = self._changes if elapsed_s <= 0.0 else 0
@@ -86,21 +85,21 @@ class Position:
 
     @property
     def known(self) -> bool:
-        """True once there was a sample."""
+        """True once a sample has arrived."""
         return not math.isnan(self.value)
 
     def rests(self, now: float, seconds: float) -> bool:
-        """True if it has rested for so long; one that there is not does."""
+        """True if it has rested for `seconds`, or has never had a sample."""
         return math.isnan(self.value) or now - self.here_s >= seconds - ROUNDING_S
 
     @property
     def creeps(self) -> bool:
-        """True if it last went STILL_RAD no faster than a motor that stands; or never did."""
+        """True if its last change by STILL_RAD took STILL_S or more, or has not occurred."""
         return not self.here_s - self.before_s < STILL_S
 
 
 class Witness:
-    """History of one drive's motion sensors and of its last setpoint that was a motion."""
+    """History of one drive's motion sensors, and of its last setpoints that commanded motion."""
 
     __slots__ = (
         "_began_s",
@@ -122,30 +121,30 @@ class Witness:
     )
 
     def __init__(self, sudden: float = math.inf) -> None:
-        """sudden: deceleration that neither ramp nor friction explain [rad/s2 at the link]."""
+        """sudden: deceleration that ramp and friction cannot explain [rad/s2 at the link]."""
         self._sudden = sudden
         self.link, self.motor = Position(sudden), Position(sudden)
         self._velocity = self._velocity_s = self._current = math.nan
-        self._died = False  # its velocity came down as by a failure, and nothing has changed since
-        # Way by its velocity since a position last changed, or since it was that of one that stands
-        # for STILL_S: some have a bias.
+        self._died = False  # its velocity fell as if by a failure, and nothing has changed since
+        # Integral of its velocity since a position last changed, or since the velocity last was at
+        # standstill for STILL_S (some are biased); and the last time that it was not.
         self._unseen_rad, self._fast_s = 0.0, -math.inf
-        self._changed_s = -math.inf  # when any of it was last another than before
-        self._same = 0  # readings since, of a motor that was to move or reported motion
-        self._moved_s = -math.inf  # when its velocity last was a motion
-        self._commanded_s = -math.inf  # when it was last commanded to move
-        self._began_s = math.inf  # when that motion, with its short pauses, began
-        # Way that it was commanded since a position last changed, and when it last was a command.
+        self._changed_s = -math.inf  # last change of any reading
+        self._same = 0  # equal readings since, of a motor that reports or was commanded motion
+        self._moved_s = -math.inf  # last time that its velocity was motion
+        self._commanded_s = -math.inf  # last time that it was commanded to move
+        self._began_s = math.inf  # begin of that commanded motion, short pauses included
+        # Commanded distance since a position last changed, and time of the last command.
         self._commanded_rad, self._command_s = 0.0, -math.inf
 
     def copy(self) -> "Witness":
-        """Another with the same history, which goes its own way."""
+        """Independent copy with the same history."""
         other = copy(self)
         other.link, other.motor = copy(self.link), copy(self.motor)
         return other
 
     def command(self, now: float, velocity: float) -> None:
-        """Take the target velocity [rad/s] in force from now on."""
+        """Take the target velocity [rad/s] that applies from now on."""
         elapsed_s, self._command_s = min(abs(now - self._command_s), LAG_S), now
         if abs(velocity) >= STANDS:
             self._began_s = self._began_s if now - self._commanded_s <= BREAK_S else now
@@ -156,8 +155,8 @@ class Witness:
     def take(
         self, now: float, velocity: float, current: float, link: float, motor: float = math.nan
     ) -> None:
-        """Take fresh samples of a motor's velocity and current, and of its positions, SI at the
-        link; NaN is none."""
+        """Take fresh samples of motor velocity and current, and of link and motor position, in SI
+        units at the link; NaN means none."""
         changed = self.link.take(now, link)
         changed = self.motor.take(now, motor) or changed
         self._commanded_rad = 0.0 if changed else self._commanded_rad
@@ -178,27 +177,27 @@ class Witness:
 
     @property
     def repeats(self) -> bool:
-        """True if all readings repeat to the last bit although its motor moves, or has since been
-        commanded to."""
+        """True if all readings repeat to the last bit although the motor reported motion or has
+        since been commanded to move."""
         return self._same >= FROZEN_READINGS
 
     def stands(self, now: float, velocity: float) -> bool:
-        """True if all sensors agree that the motor stands, at this velocity [rad/s]."""
+        """True if all sensors agree on a standstill of the motor, at this velocity [rad/s]."""
         speed = abs(velocity)
         if self._died or ((known := self._positions) and all(each.died for each in known)):
             return False
-        if speed < STANDS and self._came_down:
+        if speed < STANDS and self._velocity_fell:
             return self._rest(now, PAUSE_S)
-        return speed < MOVES and self._follow and self._rest(now, STILL_S)
+        return speed < MOVES and self._position_followed and self._rest(now, STILL_S)
 
     def motor_moves(self, now: float, since: float) -> bool:
-        """True if the motor's position goes on faster than that of one that stands, by what it did
-        from the time `since` on."""
+        """True if the motor position moves faster than at standstill, judged by its changes from
+        the time `since` on."""
         motor = self.motor
         return motor.before_s >= since and not (motor.creeps or motor.rests(now, PAUSE_S))
 
     def _dies(self, now: float, velocity: float, moved: bool) -> bool:
-        """True if the velocity comes, or came, down as by a failure; moved: a position changed."""
+        """True if the velocity falls, or fell, as if by a failure; moved: a position changed."""
         speed, before, elapsed_s = abs(velocity), abs(self._velocity), now - self._velocity_s
         self._fast_s = now if speed >= STANDS else self._fast_s
         rests = moved or now - self._fast_s > STILL_S
@@ -212,19 +211,19 @@ class Witness:
         return fades and not moved and (self._died or unseen)
 
     @property
-    def _came_down(self) -> bool:
-        """True if its velocity was a motion for as long as its setpoint was."""
+    def _velocity_fell(self) -> bool:
+        """True if its velocity was motion until the end of the commanded motion."""
         return self._moved_s > -math.inf and self._moved_s >= self._commanded_s - LAG_S
 
     @property
-    def _follow(self) -> bool:
-        """True if one of its positions has changed for as long as it moved, or was to; but for the
-        last of the way, if that position changed in this motion, and left its place in it or just
-        before, as its velocity was seen."""
+    def _position_followed(self) -> bool:
+        """True if one of its positions changed until the end of its measured and commanded motion.
+        The last STICKS_RAD are forgiven if that position changed in this motion, and both it and
+        the velocity moved in it or just before."""
         began_s, recent_s = self._began_s, self._began_s - BREAK_S
         sticks = self._commanded_rad <= STICKS_RAD and self._fast_s >= recent_s
         for each in self._positions:
-            left = each.before_s <= each.here_s >= recent_s  # not its first place
+            left = each.before_s <= each.here_s >= recent_s  # False before its first change
             forgiven = sticks and left and each.changed_s >= began_s
             moved_s = self._moved_s if forgiven else max(self._moved_s, self._commanded_s)
             if each.changed_s >= moved_s - LAG_S:

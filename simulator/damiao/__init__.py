@@ -1,1 +1,1 @@
-"""Damiao motors: a motor, its gear, two encoders and a controller in one, on classic CAN."""
+"""Damiao motors with integrated gear, two encoders and controller, on classic CAN."""

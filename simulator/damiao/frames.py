@@ -1,4 +1,4 @@
-"""Numbers in the frames of Damiao motors, as their controllers pack and unpack them."""
+"""Values in the frames of Damiao motors, as packed and unpacked by their controllers."""
 
 from struct import Struct
 from typing import NamedTuple
@@ -7,11 +7,11 @@ from simulator.motor import Command, to_float, to_uint
 
 KP_MAX, KD_MAX = 500.0, 5.0
 _FLOAT, _FLOATS, _HYBRID = Struct("<f"), Struct("<ff"), Struct("<fHH")
-_SHARES = 10_000  # the most of a hybrid command's two limits
+_SHARES = 10_000  # full scale of both limits in a hybrid command
 
 
 class Ranges(NamedTuple):
-    """PMAX [rad], VMAX [rad/s] and TMAX [Nm], which scale frames."""
+    """Full scales of frames: PMAX [rad], VMAX [rad/s] and TMAX [Nm]."""
 
     p_max: float
     v_max: float
@@ -19,8 +19,8 @@ class Ranges(NamedTuple):
 
 
 def impedance(data: bytes, ranges: Ranges) -> Command | None:
-    """MIT: position, velocity, kp, kd and torque of 16, 12, 12, 12 and 12 bit; None for a frame
-    that is too short, here and below."""
+    """MIT command: position, velocity, kp, kd and torque in 16, 12, 12, 12 and 12 bits. None for a
+    frame that is too short, here and below."""
     if len(data) < 8:
         return None
     packed = int.from_bytes(data[:8], "big")
@@ -35,7 +35,7 @@ def impedance(data: bytes, ranges: Ranges) -> Command | None:
 
 
 def position_velocity(data: bytes, _: Ranges) -> Command | None:
-    """Position, and the highest velocity on the way, whose sign does not count."""
+    """Position command with a velocity limit, whose sign is ignored."""
     if len(data) < 8:
         return None
     position, velocity = _FLOATS.unpack_from(data)
@@ -43,12 +43,12 @@ def position_velocity(data: bytes, _: Ranges) -> Command | None:
 
 
 def velocity(data: bytes, _: Ranges) -> Command | None:
-    """Velocity; bytes after it do not count."""
+    """Velocity command; further bytes are ignored."""
     return Command(velocity=_FLOAT.unpack_from(data)[0]) if len(data) >= 4 else None
 
 
 def hybrid(data: bytes, _: Ranges) -> Command | None:
-    """Position, highest velocity in 0.01 rad/s and share of the current in 0.0001."""
+    """Hybrid command: position, velocity limit [0.01 rad/s] and share of the current [0.0001]."""
     if len(data) < 8:
         return None
     position, fastest, share = _HYBRID.unpack_from(data)
@@ -59,8 +59,8 @@ def feedback(
     can_id: int, status: int, measured: tuple[float, float, float], ranges: Ranges,
     degC: tuple[float, float],
 ) -> bytes:  # fmt: skip
-    """Feedback of position [rad], velocity [rad/s] and torque [Nm], and of two temperatures. An
-    identifier of 16 or more reaches into the status."""
+    """Data of a feedback: position [rad], velocity [rad/s], torque [Nm] and two temperatures. An
+    identifier of 16 or more overlaps the status."""
     p, v, t = (
         to_uint(x, -most, most, bits)
         for x, most, bits in zip(measured, ranges, (16, 12, 12), strict=True)

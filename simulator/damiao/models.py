@@ -1,4 +1,4 @@
-"""Models of Damiao motors as their maker builds them, and how one sits in its joint."""
+"""Models of Damiao motors as manufactured, and their mounting in a joint."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,22 +8,22 @@ from types import MappingProxyType
 from simulator.profile import TURN, SimulatedMake
 
 ENCODER_COUNTS = 16384
-"""Counts per turn of either encoder, of the rotor's and of the output's (14 bit)."""
+"""Counts per turn of both the rotor and the output encoder (14 bit)."""
 FILTER_MS = 1000.0 / (2.0 * pi * 40.0)
-"""Low-pass of the velocity and the torque in a feedback: 40 Hz (V_BW)."""
-_BANDWIDTH = 200.0  # [1/s]; of the velocity loop with the rotor alone, which sets KP_ASR
+"""Time constant of the low-pass filter of velocity and torque in a feedback: 40 Hz (V_BW)."""
+_BANDWIDTH = 200.0  # of the velocity loop with the rotor alone, determines KP_ASR [1/s]
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One model; at the output where nothing else is said."""
+    """One model; values are at the output unless stated otherwise."""
 
     gear: float
-    p_max: float  # ranges of frames: [rad]
+    p_max: float  # full scales of frames: [rad]
     v_max: float  # [rad/s]
     t_max: float  # [Nm]
     torque_constant: float  # [Nm/A]
-    max_current_A: float  # that currents in registers are shares of
+    max_current_A: float  # reference of currents in registers
     rotor_inertia: float  # of the rotor [kg m^2]
     pole_pairs: int
     resistance: float  # of a phase [ohm]
@@ -32,7 +32,7 @@ class Model:
 
     @property
     def speed_kp(self) -> float:
-        """KP_ASR: share of the current per rad/s of the rotor."""
+        """KP_ASR: share of the maximum current per rad/s of the rotor."""
         at_rotor = self.torque_constant * self.max_current_A / self.gear
         return _BANDWIDTH * self.rotor_inertia / at_rotor
 
@@ -52,13 +52,13 @@ REGISTERS = (
     "Gr", "PMAX", "VMAX", "TMAX", "I_BW", "KP_ASR", "KI_ASR", "KP_APR", "KI_APR", "OV_Value",
     "GREF", "Deta", "V_BW", "IQ_c1", "VL_c1", "can_br", "sub_ver",
 )  # fmt: skip
-"""Their maker's names, by number."""
+"""Manufacturer's names of the registers, by number."""
 
 
 @dataclass(frozen=True, slots=True)
 class DamiaoMake:
-    """A motor as it sits in its joint. `master_id` is the identifier of its feedback, `offset` the
-    joint's position where both encoders stand at 0 [rad], `registers` what its owner saved."""
+    """Motor as mounted in its joint. master_id: identifier of its feedback; offset: joint position
+    at which both encoders read 0 [rad]; registers: values saved by its owner."""
 
     model: str
     master_id: int
@@ -68,7 +68,7 @@ class DamiaoMake:
     registers: Mapping[int, float] = field(default_factory=dict)
 
     def sensors(self) -> SimulatedMake:
-        """Its encoders and measurements, for `Sensors`; the motor's own zero is not in them."""
+        """Encoders and measurements, for `Sensors`, without the motor's own zero."""
         return SimulatedMake(
             link_counts=self.link_sign * ENCODER_COUNTS,
             motor_counts=self.motor_sign * ENCODER_COUNTS,

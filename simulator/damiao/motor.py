@@ -1,5 +1,5 @@
-"""One Damiao motor on the bus: commands and registers in, a feedback for each; no heartbeat, no
-SYNC."""
+"""One Damiao motor on the bus: it answers each command and register request; there is no heartbeat
+and no SYNC."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -19,9 +19,9 @@ READ, WRITE, SAVE, REFRESH = 0x33, 0x55, 0xAA, 0xCC
 DISABLED, ENABLED = 0, 1
 OVER_VOLTAGE, UNDER_VOLTAGE, OVER_CURRENT, MOS_HOT, ROTOR_HOT, LOST, OVERLOAD = range(8, 15)
 TICK_S = 50e-6
-"""Unit of the time-out."""
+"""Unit of the timeout [s]."""
 OBSERVER = 600.0
-"""Bandwidth of the velocity loop's observer of disturbances [1/s]: with it, the loop is a PI."""
+"""Bandwidth of the velocity loop's disturbance observer [1/s], which makes it a PI loop."""
 _SPECIAL = b"\xff" * 7
 
 _DECODERS: Mapping[int, Callable[[bytes, frames.Ranges], Command | None]] = MappingProxyType(
@@ -30,11 +30,11 @@ _DECODERS: Mapping[int, Callable[[bytes, frames.Ranges], Command | None]] = Mapp
         r.VELOCITY: frames.velocity, r.HYBRID: frames.hybrid,
     }
 )  # fmt: skip
-"""By mode; the frame's identifier is that of the motor + 0x100 * (mode - 1)."""
+"""Decoders by mode; the frame's identifier is the motor's + 0x100 * (mode - 1)."""
 
 
 class DamiaoMotor(Motor):
-    """One motor; its registers may hold anything."""
+    """One Damiao motor, with any register values."""
 
     def __init__(self, joint: int, wired: Surroundings, make: DamiaoMake) -> None:
         super().__init__(joint, wired, make, FILTER_MS)
@@ -45,7 +45,7 @@ class DamiaoMotor(Motor):
 
     @property
     def can_id(self) -> int:
-        """Identifier of its commands, less the mode's offset."""
+        """Identifier of its commands, without the offset of the mode."""
         return self.registers.number(r.CAN_ID)
 
     @property
@@ -55,7 +55,7 @@ class DamiaoMotor(Motor):
         return self.status == ENABLED and asked
 
     def boot(self) -> None:
-        """Power-up or reset: registers as saved, limp, and within one turn of the output."""
+        """Power up or reset: saved registers, limp, position within one turn of the output."""
         self.registers.values = dict(self._saved)
         self._switch_off(DISABLED)
         self._wired.sample()
@@ -63,12 +63,12 @@ class DamiaoMotor(Motor):
         self._turns = -TURN * round(self.positions[1] / TURN)
 
     def fail(self, status: int) -> None:
-        """Raise an error: limp, until it is cleared and enabled again."""
+        """Raise an error: the motor is limp until it is cleared and enabled again."""
         self._wired.report(f"motor {self.can_id}: error {status:X}")
         self._switch_off(status)
 
     def tick(self, now: float) -> None:
-        """Do what is due: the time-out, and errors that come again."""
+        """Perform due actions: the timeout, and recurring errors."""
         if self.trouble and self.status < OVER_VOLTAGE:
             self.fail(self.trouble)
         limit = self.registers.number(r.TIMEOUT) * TICK_S
@@ -90,7 +90,7 @@ class DamiaoMotor(Motor):
             self._act()
 
     def on_frame(self, cob_id: int, data: bytes) -> None:
-        """Take a frame from the bus: it minds the low byte of the identifier alone."""
+        """Take a frame from the bus: only the low byte of the identifier is evaluated."""
         if self.silent:
             return
         if cob_id & 0xFF == self.can_id:
@@ -158,7 +158,7 @@ class DamiaoMotor(Motor):
         self._wired.send(self.registers.number(r.MASTER_ID), data)
 
     def _act(self) -> None:
-        """Have the motor do what the last command asks for, by the registers of now."""
+        """Execute the last command with the present registers."""
         if self.status != ENABLED:
             return
         v, c, joint, sign = self.registers.values, self.command, self._joint, self.make.motor_sign
@@ -172,7 +172,7 @@ class DamiaoMotor(Motor):
         if not self._servo.energised(joint):
             self._servo.energise(joint, 0.0)
         self._servo.limit(joint, min(share * full, self._about.max_current_A))
-        # The observer adds its bandwidth to the gain, by the inertia that it believes in.
+        # The observer adds its bandwidth to the gain, scaled by the inertia in its register.
         believed = OBSERVER * v[12] * gear * gear / per_ampere
         kp = v[r.KP_ASR] * full * gear
         self._servo.tune(joint, kp + believed, OBSERVER * kp + v[r.KI_ASR] * full * gear)

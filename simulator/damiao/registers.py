@@ -1,4 +1,4 @@
-"""Registers of a Damiao motor: numbers, types, values as made, and which may be written."""
+"""Registers of a Damiao motor: numbers, types, factory values, and writable ranges."""
 
 import struct
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ P_MOTOR, P_OUTPUT = 80, 81
 MIT, POSITION, VELOCITY, HYBRID = 1, 2, 3, 4
 """Values of MODE."""
 
-TINY, HUGE = 1e-45, 3.5e38  # of the numbers above 0 in 32 bit
+TINY, HUGE = 1e-45, 3.5e38  # range of positive 32-bit floats
 _UINTS = frozenset({7, 8, 9, 10, 13, 14, 15, 16, 35, 36})
 
 
@@ -25,7 +25,7 @@ _WRITABLE: dict[int, tuple[float, float]] = {
     KP_APR: (0.0, HUGE), 28: (0.0, HUGE), 29: (10.0, 60.0), 30: (TINY, 1.0), 31: (1.0, 30.0),
     32: (TINY, 500.0), 33: (100.0, 1e4), 34: (TINY, 1e4), 35: (0, 11),
 }  # fmt: skip
-"""Lowest and highest value that a register takes; the others are read-only. No NaN is between."""
+"""Lowest and highest accepted value of each writable register; NaN is refused."""
 
 
 def _factory(make: DamiaoMake, can_id: int) -> dict[int, float]:
@@ -43,41 +43,41 @@ def _factory(make: DamiaoMake, can_id: int) -> dict[int, float]:
 
 @dataclass(slots=True)
 class Registers:
-    """Values by number, which a motor runs on."""
+    """Register values of one motor, by number."""
 
     values: dict[int, float]
 
     @classmethod
     def of(cls, make: DamiaoMake, can_id: int) -> "Registers":
-        """Registers as the maker and then the owner saved them."""
+        """Factory values, overridden by those that the owner saved."""
         return cls(_factory(make, can_id) | dict(make.registers))
 
     def number(self, register: int) -> int:
-        """A register that holds a whole number."""
+        """Value of an integer register."""
         return int(self.values[register])
 
     @property
     def ranges(self) -> Ranges:
-        """Scales of frames."""
+        """Full scales of frames."""
         return Ranges(self.values[21], self.values[22], self.values[23])
 
     @property
     def torque_constant(self) -> float:
-        """Torque at the output per ampere, as the motor believes it [Nm/A]: KT, or where that is 0
+        """Torque constant at the output that the motor assumes [Nm/A]: KT, or if that is 0,
         gear * 1.5 * pole pairs * flux * efficiency."""
         v = self.values
         return v[KT] or v[20] * 1.5 * v[16] * v[19] * v[30]
 
     def raw(self, register: int) -> bytes:
-        """Four bytes of a register; of one that there is not, 0."""
+        """Four bytes of a register; 0 for a missing one."""
         value = self.values.get(register, 0)
         if register in _UINTS:
             return int(value).to_bytes(4, "little")
         return struct.pack("<f", value)
 
     def write(self, register: int, raw: bytes) -> bytes:
-        """Take four bytes if they are allowed; what the register holds then, 0 where it cannot be
-        written."""
+        """Write four bytes if the value is allowed; returns the value held then, or 0 if the
+        register is read-only."""
         if register not in _WRITABLE:
             return bytes(4)
         uint = register in _UINTS

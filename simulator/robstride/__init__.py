@@ -1,1 +1,1 @@
-"""RobStride motors: a motor, its gear, encoder and controller in one, on CAN with 29-bit ids."""
+"""RobStride motors with integrated gear, encoder and controller, on CAN with 29-bit identifiers."""

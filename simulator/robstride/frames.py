@@ -1,4 +1,4 @@
-"""Frames of RobStride motors in their maker's own protocol, as controllers pack and unpack them.
+"""Frames of RobStride motors in their proprietary protocol, as packed and unpacked by controllers.
 
 An identifier has 29 bits: type in bits 28 to 24, data in 23 to 8, address in 7 to 0.
 """
@@ -10,12 +10,12 @@ from simulator.motor import Command, to_float, to_uint
 
 GET_ID, CONTROL, FEEDBACK, ENABLE, STOP, ZERO = 0, 1, 2, 3, 4, 6
 READ, WRITE, FAULTS, SAVE = 17, 18, 21, 22
-EVERYBODY = 0xFE  # address of an answer to GET_ID
+EVERYBODY = 0xFE  # broadcast address of an answer to GET_ID
 _FOUR = struct.Struct(">HHHH")
 
 
 class Ranges(NamedTuple):
-    """Ranges that scale frames, to either side: [rad], [rad/s], [Nm]; gains from 0 on."""
+    """Full scales of frames, to either side: [rad], [rad/s], [Nm]; gains start from 0."""
 
     p_max: float
     v_max: float
@@ -30,7 +30,7 @@ def identifier(kind: int, data: int, address: int) -> int:
 
 
 def control(data2: int, data: bytes, ranges: Ranges) -> Command | None:
-    """Command of an impedance, its torque in the identifier; None for a frame that is too short."""
+    """Impedance command, with the torque in the identifier; None for a frame that is too short."""
     if len(data) < 8:
         return None
     p, v, kp, kd = _FOUR.unpack(data[:8])

@@ -1,4 +1,4 @@
-"""Models of RobStride motors as their maker builds them, and how one sits in its joint."""
+"""Models of RobStride motors as manufactured, and their mounting in a joint."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,19 +8,19 @@ from types import MappingProxyType
 from simulator.profile import TURN, SimulatedMake
 
 ENCODER_COUNTS = 16384
-"""Counts per turn of the rotor's encoder (14 bit). The one beside it is read at power-up alone."""
+"""Counts per turn of the rotor encoder (14 bit). The second encoder is read only at power-up."""
 FILTER_MS = 1000.0 / (2.0 * pi * 40.0)
-"""Low-pass of the velocity and the torque in a feedback: an assumption, 40 Hz."""
+"""Time constant of the low-pass filter of velocity and torque in a feedback: 40 Hz, assumed."""
 REACH = 4.0 * pi
-"""Position to either side that a feedback's 16 bits reach, in every model [rad]."""
+"""Full scale of position in a feedback, to either side, in every model [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One model; at the output where nothing else is said."""
+    """One model; values are at the output unless stated otherwise."""
 
     gear: float
-    v_max: float  # ranges of frames: [rad/s]
+    v_max: float  # full scales of frames: [rad/s]
     t_max: float  # [Nm]
     kp_max: float
     kd_max: float
@@ -50,13 +50,13 @@ PARAMETERS = {
     "run_mode": 0x7005, "limit_torque": 0x700B, "canTimeout": 0x7028, "zero_sta": 0x7029,
     "P_MAX": -1, "V_MAX": -2, "T_MAX": -3,
 }  # fmt: skip
-"""Parameters that an owner may have saved, and ranges that another firmware has, by name."""
+"""Parameters that an owner may have saved, and full scales of other firmware, by name."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobStrideMake:
-    """A motor as it sits in its joint. `offset` is the joint's position where its encoder stands
-    at 0 [rad], `parameters` what its owner saved, `uid` its controller's."""
+    """Motor as mounted in its joint. offset: joint position at which its encoder reads 0 [rad];
+    parameters: values saved by its owner; uid: unique number of its controller."""
 
     model: str
     motor_sign: int = 1
@@ -65,7 +65,7 @@ class RobStrideMake:
     uid: int = 0x3434_5101_005C_0016
 
     def sensors(self) -> SimulatedMake:
-        """Its encoder and measurements, for `Sensors`; the motor's own zero is not in them."""
+        """Encoder and measurements, for `Sensors`, without the motor's own zero."""
         gear = MODELS[self.model].gear
         return SimulatedMake(
             link_at_motor=True,

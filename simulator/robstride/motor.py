@@ -1,5 +1,5 @@
-"""One RobStride motor on the bus, in operation mode: a feedback for each command and each parameter
-that is written, an answer for each that is read; no heartbeat, no SYNC."""
+"""One RobStride motor on the bus, in operation mode: it sends a feedback for each command and each
+written parameter, and an answer for each read; there is no heartbeat and no SYNC."""
 
 import struct
 from math import inf, isfinite, remainder
@@ -12,27 +12,27 @@ from simulator.robstride.models import FILTER_MS, MODELS, PARAMETERS, REACH, Rob
 from simulator.surroundings import Surroundings
 
 RESET, RUN = 0, 2
-"""Modes of a feedback."""
+"""Modes in a feedback."""
 UNDER_VOLTAGE, OVER_CURRENT, HOT, ENCODER, OVERLOAD, UNCALIBRATED = (1 << bit for bit in range(6))
-"""Faults of a feedback."""
+"""Fault bits of a feedback."""
 FAULT_WORDS = {
     UNDER_VOLTAGE: 1 << 2, OVER_CURRENT: 1 << 1, HOT: 1 << 0, ENCODER: 1 << 8, OVERLOAD: 1 << 14,
     UNCALIBRATED: 1 << 7,
 }  # fmt: skip
-"""The same in a frame of type 21."""
+"""The same faults in a frame of type 21."""
 RUN_MODE, LIMIT_TORQUE, MECH_POS, IQF, MECH_VEL, VBUS, TIMEOUT, ZERO_STA = (
     0x7005, 0x700B, 0x7019, 0x701A, 0x701B, 0x701C, 0x7028, 0x7029,
 )  # fmt: skip
 TICK_S = 50e-6
-"""Unit of the time-out."""
+"""Unit of the timeout [s]."""
 _BYTES, _WORDS = {RUN_MODE, ZERO_STA}, {TIMEOUT}
 _TAKES = {RUN_MODE: (0, 5), LIMIT_TORQUE: (0.0, 1e3), ZERO_STA: (0, 1), TIMEOUT: (0, 100_000)}
 _WRITE_ONLY = {TIMEOUT, ZERO_STA}
 
 
 class RobStrideMotor(Motor):
-    """One motor. `keeps`: a command that comes before it runs is kept, which is not published.
-    `mode` and `faults` are those of its feedback."""
+    """One RobStride motor. `keeps`: whether a command received before it runs is kept, which is not
+    published. `mode` and `faults` are those of its feedback."""
 
     extended = True
 
@@ -50,11 +50,11 @@ class RobStrideMotor(Motor):
         )
         self.ranges = Ranges(p_max, v_max, t_max, model.kp_max, model.kd_max)
         self.mode, self.faults, self.keeps = RESET, 0, False
-        self._host = 0  # which it answers
+        self._host = 0  # address to which it answers
 
     @property
     def status(self) -> int:
-        """Mode, and faults below it, as in a feedback's identifier."""
+        """Mode and, in the lower bits, faults, as in a feedback's identifier."""
         return self.mode << 6 | self.faults
 
     @property
@@ -63,8 +63,8 @@ class RobStrideMotor(Motor):
         return self.mode == RUN and abs(self.command.velocity) > 0.002 * self.ranges.v_max
 
     def boot(self) -> None:
-        """Power-up or reset: parameters as saved, limp, and within one turn of the output, from 0
-        on or about it; it says its name."""
+        """Power up or reset: saved parameters, limp, position within one turn of the output, from 0
+        or about 0 by ZERO_STA; it sends its ID."""
         self.parameters = dict(self._saved)
         self.mode = RESET
         self._limp()
@@ -73,10 +73,10 @@ class RobStrideMotor(Motor):
         here, about_0 = self.positions[0], self.parameters[ZERO_STA] == 1
         wanted = remainder(here, TURN) if about_0 else here % TURN
         self._turns = wanted - here
-        self._say_its_name()
+        self._send_id()
 
     def fail(self, fault: int) -> None:
-        """Raise a fault: limp, until it is cleared and enabled again."""
+        """Raise a fault: the motor is limp until it is cleared and enabled again."""
         self._wired.report(f"motor {self.can_id}: fault {fault:X}")
         self.mode, self.faults = RESET, self.faults | fault
         self._limp()
@@ -84,7 +84,7 @@ class RobStrideMotor(Motor):
         self._send(identifier(f.FAULTS, self.can_id, self._host), struct.pack("<II", words, 0))
 
     def tick(self, now: float) -> None:
-        """Do what is due: the time-out, and faults that come again."""
+        """Perform due actions: the timeout, and recurring faults."""
         if self.trouble and not self.faults:
             self.fail(self.trouble)
         limit, self.due = self.parameters[TIMEOUT] * TICK_S, inf
@@ -97,7 +97,7 @@ class RobStrideMotor(Motor):
                 self.due = self._heard_at + limit
 
     def on_frame(self, can_id: int, data: bytes) -> None:
-        """Take a frame from the bus, where it is the address."""
+        """Take a frame from the bus, if it is addressed to this motor."""
         kind, data2, address = can_id >> 24 & 0x1F, can_id >> 8 & 0xFFFF, can_id & 0xFF
         if self.silent or address != self.can_id or kind == f.FEEDBACK:
             return
@@ -107,7 +107,7 @@ class RobStrideMotor(Motor):
             return
         self._host = data2 & 0xFF
         if kind == f.GET_ID:
-            self._say_its_name()
+            self._send_id()
         elif kind == f.READ and len(data) >= 2:
             self._on_read(int.from_bytes(data[:2], "little"))
         elif kind in (f.ENABLE, f.STOP, f.ZERO, f.WRITE, f.SAVE):
@@ -161,7 +161,7 @@ class RobStrideMotor(Motor):
         data2 = (0 if known else 1) << 8 | self.can_id
         self._send(identifier(f.READ, data2, self._host), head + raw)
 
-    def _say_its_name(self) -> None:
+    def _send_id(self) -> None:
         uid = self.make.uid + self.can_id
         self._send(identifier(f.GET_ID, self.can_id, f.EVERYBODY), uid.to_bytes(8, "little"))
 
@@ -178,7 +178,7 @@ class RobStrideMotor(Motor):
             self._wired.send(can_id, data, extended=True)
 
     def _act(self) -> None:
-        """Have the motor do what the last command asks for: nothing outside operation mode."""
+        """Execute the last command; the motor is limp in modes other than operation mode."""
         if self.mode != RUN:
             return
         if self.parameters[RUN_MODE]:

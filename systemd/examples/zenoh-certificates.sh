@@ -1,10 +1,10 @@
 #!/bin/sh
-# Certificates for a Zenoh router and those who reach it, by openssl (3.0 or newer), into this folder:
+# Creates certificates for a Zenoh router and its clients in this folder, by openssl (3.0 or newer):
 #
 #   ./zenoh-certificates.sh router.example arm planner screen
 #
-# The first name is the router's host name; each other is whom the router's rules know (zenoh-router.json5).
-# ca.pem goes to everybody, NAME.pem and NAME.key to NAME alone, ca.key to nobody: keep it off the network.
+# The first name is the router's host name; the others are clients in the router's rules (zenoh-router.json5).
+# Give ca.pem to all, NAME.pem and NAME.key only to NAME; keep ca.key secret and off the network.
 set -eu
 umask 077
 KEY="-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes"

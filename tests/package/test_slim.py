@@ -60,6 +60,6 @@ def test_copies_of_one_library_share_a_place_and_others_do_not(environment: Path
 
 def test_a_folder_that_is_no_environment_is_left_alone(environment: Path) -> None:
     (environment / "pyvenv.cfg").unlink()
-    with pytest.raises(ValueError, match="is no virtual environment"):
+    with pytest.raises(ValueError, match="is not a virtual environment"):
         slim(environment)
     assert (environment / GONE[0]).exists()

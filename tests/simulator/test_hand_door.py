@@ -208,6 +208,6 @@ def test_a_client_that_says_nothing_or_nonsense_does_no_harm(tmp_path: Path):
 def test_a_file_in_the_place_of_the_socket_is_kept(tmp_path: Path):
     file = tmp_path / "config.yaml"
     file.write_text("version: 1\n")
-    with pytest.raises(BusError, match=r"config.yaml: it is there already, and no socket"):
+    with pytest.raises(BusError, match=r"config.yaml: it exists and is not a socket"):
         HandDoor(file)
     assert file.read_text() == "version: 1\n"

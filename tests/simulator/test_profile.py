@@ -27,7 +27,7 @@ def edited(folder: Path, pattern: str, new: str) -> Path:
 
 
 def test_an_unknown_product_is_refused_and_not_simulated_as_another(tmp_path):
-    with pytest.raises(ConfigurationError, match="product 0x999 is of no make that is known here"):
+    with pytest.raises(ConfigurationError, match="product 0x999 is of no built-in make"):
         profile_of(edited(tmp_path, "0x00000402", "0x00000999"))
 
 

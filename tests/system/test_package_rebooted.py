@@ -117,7 +117,7 @@ def test_an_arm_that_has_power_is_not_updated_and_one_that_is_off_is(
     owner.holds()
     before, version = pid(), owner.shell("contactd --version").stdout
     refused = owner.types(PAGE, INSTALL, fails=True)
-    assert "the arm is not off (it is holding)" in refused.stdout + refused.stderr
+    assert "the arm is not off (mode: holding)" in refused.stdout + refused.stderr
     assert (pid(), owner.shell("contactd --version").stdout) == (before, version)
     assert owner.status()["mode"] == "holding"
     assert run("dpkg", "--audit").stdout == ""
@@ -134,7 +134,7 @@ def test_an_arm_that_has_power_is_not_updated_and_one_that_is_off_is(
 def test_it_is_not_removed_from_under_an_arm_that_has_power(owner: Owner) -> None:
     owner.holds()
     refused = owner.types(PAGE, "sudo apt remove contactd", fails=True)
-    assert "the arm is not off (it is holding)" in refused.stdout + refused.stderr
+    assert "the arm is not off (mode: holding)" in refused.stdout + refused.stderr
     assert owner.status()["mode"] == "holding"
     owner.rests()
 

@@ -82,7 +82,7 @@ def test_an_edited_configuration_is_never_touched(installed: Path) -> None:
     mine.write_text("mine\n")
     (installed / "etc/contactd/drive.eds").unlink()
     again = make("install-files", installed)
-    assert "kept as it is" in again.stdout
+    assert "is kept" in again.stdout
     assert mine.read_text() == "mine\n"
     assert not (installed / "etc/contactd/drive.eds").exists()
 
@@ -143,7 +143,7 @@ def test_the_folder_of_a_robot_is_installed_and_kept(tmp_path: Path, my_arm: Pat
     assert identified == (my_arm / "identified.yaml").read_text()
     (my_arm / "identified.yaml").write_text("another\n")
     again = make("install-files", tmp_path, ROBOT=str(my_arm))
-    assert f"kept as it is; ROBOT={my_arm} is not copied" in again.stdout
+    assert f"is kept; ROBOT={my_arm} is not copied" in again.stdout
     assert (there / "identified.yaml").read_text() == identified
 
 
@@ -172,7 +172,7 @@ def test_a_folder_that_is_no_robot_is_refused_before_anything_is_done(
 ) -> None:
     done = make(target, tmp_path, ROBOT="configs")
     assert done.returncode != 0
-    assert "ROBOT=configs: no config.yaml is there" in done.stdout
+    assert "ROBOT=configs: config.yaml is missing" in done.stdout
     assert not list(tmp_path.iterdir())
 
 

@@ -1,1 +1,1 @@
-"""Boot-up by SDO, before NMT operational. The only place that imports canopen."""
+"""Boot-up by SDO, before NMT operational. The only package that imports canopen."""

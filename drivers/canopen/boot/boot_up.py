@@ -1,8 +1,8 @@
-"""Boot-up: every drive identified, set up, read back, by SDO, before NMT operational.
+"""Boot-up by SDO before NMT operational: each drive is identified, set up and read back.
 
-One sequence of steps (`steps.py`); each has a time of its own and as many tries. Nothing is reset
-but the communication of a drive in fault, which has no torque and so holds nothing up: some drives
-let go of the loss of their master (0x8130) only so.
+One sequence of steps (`steps.py`), each with its own timeout and retries. Nothing is reset except
+the communication of a drive in fault, which has no torque and so supports no load: some drives
+clear the loss of their master (0x8130) only by this reset.
 """
 
 import threading
@@ -31,43 +31,43 @@ Meanwhile = Callable[[], None]
 
 LISTEN_S: Final = 0.15
 TRIES: Final = 3
-#: A step that is answered, but for ever, ends after so many time-outs of one SDO; a drive whose
-#: communication was reset may take as long to boot.
+#: Timeout of a step, in SDO timeouts, even if every request is answered; also the longest boot time
+#: after a communication reset.
 STEP_TIMEOUTS: Final = 6
-#: During a reset a person waits and no tick runs: a drive that is gone is given up sooner.
+#: Share of the SDO timeout during a reset, in which an operator waits and no tick runs.
 AGAIN_SHARE: Final = 0.3
-#: Beats of the master in the time that the least patient drive waits for one.
+#: Heartbeats of the master per shortest master timeout of the drives.
 BEATS: Final = 6
 
 
 @dataclass(slots=True)
 class DriveBoot:
-    """All drives of one arm, in the order of its joints: set up at the start, again after a fault,
-    let go at the end."""
+    """All drives of one arm, in the order of its joints: set up at the start and again after a
+    fault, released at the end."""
 
     wire: Wire
-    """that of the tick"""
+    """shared with the tick"""
     setups: Sequence[DriveSetup]
     period_ms: int
     master_node: int = 127
     ring: FrameRing | None = None
-    """keeps the frames"""
+    """records the frames"""
     listen_s: float = LISTEN_S
-    """for another master, before the start"""
+    """time to listen for another master before the start"""
     sleep: Callable[[float], None] = time.sleep
-    """lets time pass between two looks at a drive"""
+    """waits between two polls of a drive"""
     identities: tuple[DriveIdentity, ...] = ()
     """of the drives that were set up at the start"""
     heard: HeardFrames = field(default_factory=HeardFrames)
-    """frames that came while drives were verified or set up again"""
+    """frames received while drives were verified or set up again"""
 
     def boot_up(self, progress: Progress = lambda line: None) -> None:
-        """Set all drives up, read back, and leave them pre-operational; `progress` gets lines of
-        text.
+        """Set up all drives, read the settings back, and leave them pre-operational; `progress`
+        receives lines of text.
 
-        Raises ConfigurationError (the EDS does not have what is configured; the bus is not
-        touched), BusError (the bus fails, another master is there) or DriveError (a drive does not
-        answer, is another one, refuses or does not hold an object).
+        Raises ConfigurationError (the EDS contradicts the configuration; nothing is sent), BusError
+        (the bus fails, or another master is on it) or DriveError (a drive does not answer, is not
+        the configured one, or refuses or does not keep a value).
         """
         for setup in self.setups:
             check_drive(setup, self.period_ms, self.master_node)
@@ -78,11 +78,11 @@ class DriveBoot:
     def verify(
         self, joints: Sequence[int], meanwhile: Meanwhile = lambda: None
     ) -> dict[int, list[str]]:
-        """Read the objects that the drives of some joints must hold, and write nothing; returns the
-        deviations of each drive that has any, in words.
+        """Read the required objects of the drives of some joints without writing; returns the
+        deviations, as text, of each drive that has any.
 
-        While the arm stands and no tick runs, as for `renew`. A drive that does not answer counts
-        as deviating. Raises BusError.
+        To be called while the arm stands and no tick runs, as `renew`. A drive that does not answer
+        counts as deviating. Raises BusError.
         """
         found: dict[int, list[str]] = {}
         with sdo_network(self.wire, self.ring, self.heard) as network:
@@ -103,13 +103,13 @@ class DriveBoot:
         meanwhile: Meanwhile = lambda: None,
         progress: Progress = lambda line: None,
     ) -> None:
-        """Set the drives of some joints up again, while the arm stands, no tick runs, and the
-        others go on hearing their master.
+        """Set up the drives of some joints again, while the arm stands and no tick runs, and keep
+        sending the master's heartbeat to the others.
 
-        The sequence itself sends the heartbeat, and calls `meanwhile`, while it waits for answers,
-        so that one that hangs falls silent. A drive that does not answer ends it within two of its
-        time-outs. Raises BusError or DriveError, the latter also when another drive answers than at
-        the start, as the checks made then do not hold for it.
+        The sequence itself sends the heartbeat and calls `meanwhile` while it waits for answers, so
+        that the heartbeat ends if it hangs. A drive that does not answer ends it within two of its
+        timeouts. Raises BusError or DriveError, the latter also if another drive answers than at
+        the start, since the checks made then do not apply to it.
         """
         begun = time.monotonic()
         chosen = [self.setups[i] for i in joints]
@@ -120,8 +120,8 @@ class DriveBoot:
             if self.identities and identity != self.identities[i]:
                 raise DriveError(
                     f"{self.setups[i].drive.name} has another drive than at the start: {identity}; "
-                    f"it was {self.identities[i]}. With the drives off `contactctl reload` takes "
-                    "it up, after a fault a new start of the daemon"
+                    f"it was {self.identities[i]}. To accept it, use `contactctl reload` with the "
+                    "drives off, or restart the daemon after a fault"
                 )
         names = ", ".join(setup.drive.name for setup in chosen)
         took_ms = 1000.0 * (time.monotonic() - begun)
@@ -132,11 +132,11 @@ class DriveBoot:
         return _Beat(network, self.master_node, patience_s / BEATS, meanwhile)
 
     def let_go(self) -> None:
-        """End the drives' watch on the master's heartbeat (0x1016:1 = 0), after the last tick.
+        """Disable the drives' monitoring of the master's heartbeat (0x1016:1 = 0) after the last
+        tick.
 
-        For drives that are off or hold in quick stop, so that our leaving is no fault to them.
-        Every drive is written; then the first DriveError is raised, if there was one.
-        """
+        For drives that are off or hold in quick stop, so that the end of the heartbeat is no fault.
+        All drives are written; then the first DriveError is raised, if any."""
         errors = []
         with sdo_network(self.wire, self.ring) as network:
             for setup in self.setups:
@@ -166,7 +166,7 @@ class DriveBoot:
         share: float = 1.0,
         meanwhile: Meanwhile = lambda: None,
     ) -> tuple[DriveIdentity, ...]:
-        """`share` of the configured time-out is that of one SDO."""
+        """Run all steps. share: SDO timeout, as a share of the configured one."""
         drives = []
         for setup in setups:
             timeout_s = setup.drive.profile.sdo_timeout_ms / 1000.0
@@ -194,7 +194,7 @@ class DriveBoot:
 
 
 def refuse_other_master(wire: Wire, master_node: int, listen_s: float) -> None:
-    """Listen for frames that only a master sends; raises BusError if there are any."""
+    """Listen for frames that only a master sends. Raises BusError if there are any."""
     deadline = time.monotonic() + listen_s
     while (remaining := deadline - time.monotonic()) > 0.0:
         try:
@@ -214,7 +214,7 @@ def refuse_other_master(wire: Wire, master_node: int, listen_s: float) -> None:
 
 
 def _set_up(drive: BootingDrive, progress: Progress) -> None:
-    """The steps of one drive after the other's, and how long they took."""
+    """Run the steps of one drive, and report their duration."""
     begun = time.monotonic()
     drive.booted.clear()
     for step in SET_UP:
@@ -227,13 +227,13 @@ def _set_up(drive: BootingDrive, progress: Progress) -> None:
 
 
 def _run(step: Step, drive: BootingDrive) -> None:
-    """Do one step, again if the drive was silent; its name goes into every error."""
+    """Run one step, repeated if the drive is silent; errors contain its name."""
     for tries in range(1, TRIES + 1):
         drive.access.deadline = time.monotonic() + drive.patience_s
         try:
             if tries > 1:
                 drive.access.settle()
-                # A drive that another node has stopped answers no SDO.
+                # A drive that another master has NMT-stopped answers no SDO.
                 WAKE.run(drive)
             step.run(drive)
         except SilentDriveError as error:
@@ -241,7 +241,7 @@ def _run(step: Step, drive: BootingDrive) -> None:
                 raise SilentDriveError(
                     f"{error}; step `{step.name}`, tried {TRIES} times"
                 ) from error
-            drive.remarks.append(f"step `{step.name}` was done again: {error}")
+            drive.remarks.append(f"step `{step.name}` was repeated: {error}")
         except DriveError as error:
             raise DriveError(f"{error}; step `{step.name}`") from error
         else:
@@ -249,7 +249,7 @@ def _run(step: Step, drive: BootingDrive) -> None:
 
 
 class _Beat:
-    """Heartbeat of the master during a wait, and whatever else must not fall silent."""
+    """Heartbeat of the master during a wait, with a call of `meanwhile`."""
 
     def __init__(
         self, network: canopen.Network, master_node: int, every_s: float, meanwhile: Meanwhile

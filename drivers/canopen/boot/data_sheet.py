@@ -1,4 +1,4 @@
-"""EDS of a drive: reading it, and looking up its objects (CiA 306)."""
+"""EDS of a drive (CiA 306): loading, and look-up of its objects."""
 
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -23,13 +23,13 @@ _HEARTBEATS: Final = 0x1016
 
 
 DataSheet: TypeAlias = canopen.ObjectDictionary
-"""An EDS, read."""
+"""Object dictionary of a loaded EDS."""
 Variable: TypeAlias = ODVariable
-"""One object of it."""
+"""One object of an EDS."""
 
 
 def load_data_sheet(path: Path) -> DataSheet:
-    """Read an EDS; raises ConfigurationError naming file, section, value and what is allowed."""
+    """Read an EDS. Raises ConfigurationError that names file, section, value and allowed values."""
     eds = read_eds(path)
     if (0x1000, 0) not in eds.objects:
         raise ConfigurationError(f"{path}: not an EDS: object 0x1000 (device type) is missing")
@@ -51,31 +51,31 @@ def _variable(one: EdsObject) -> ODVariable:
     variable.data_type, variable.access_type = one.type, one.access
     variable.pdo_mappable, variable.relative = one.mappable, one.relative
     variable.default = None if one.relative else one.default
-    # Each entry holds a node id and a time; some makers limit it to the time.
+    # Each entry holds a node ID and a time, but some EDS limit it as if it were a time only.
     if one.index != _HEARTBEATS:
         variable.min, variable.max = one.low, one.high
     return variable
 
 
 def find_object(sheet: DataSheet, index: int, subindex: int = 0) -> ODVariable | None:
-    """The object in the EDS, or None."""
+    """Object in the EDS, or None."""
     entry = sheet.get(index)
-    # canopen gives a variable whatever subindex it is asked for.
+    # canopen returns a variable for any subindex.
     if isinstance(entry, ODVariable) and subindex:
         return None
     return sheet.get_variable(index, subindex)
 
 
 def makers_numbers(sheet: DataSheet) -> dict[str, int]:
-    """VendorNumber and ProductNumber of an EDS, as far as it gives them: 0 counts as absent."""
+    """VendorNumber and ProductNumber of an EDS, if given: 0 counts as absent."""
     about = sheet.device_information
     numbers = {"VendorNumber": about.vendor_number, "ProductNumber": about.product_number}
     return {name: number for name, number in numbers.items() if number}
 
 
 def counts_per_motor_turn(sheet: DataSheet) -> float:
-    """Counts per turn of the motor that the EDS gives in 0x608F; 0 where it gives none, or one per
-    turn, as delivered by a maker whose drives hold their own."""
+    """Counts per motor turn from 0x608F of the EDS; 0 if it gives none, or one per turn, a factory
+    value of drives that hold their own."""
     counts, turns = (
         None if variable is None else variable.default
         for variable in (find_object(sheet, 0x608F, sub) for sub in (1, 2))
@@ -86,7 +86,7 @@ def counts_per_motor_turn(sheet: DataSheet) -> float:
 
 
 def type_name(variable: ODVariable) -> str:
-    """Name of a type as the configuration spells it; other types by their number."""
+    """Type name as in the configuration; the number for other types."""
     return _TYPES.get(variable.data_type, f"type {variable.data_type}")
 
 

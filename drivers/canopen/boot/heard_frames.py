@@ -1,7 +1,7 @@
-"""Frames that come while drives are set up by SDO, kept for the tick after it.
+"""Frames received while drives are set up by SDO, kept for the next tick.
 
-An emergency, a boot-up message or another master's SYNC that comes while no tick runs is as valid
-as any other. Answers to SDO are not kept, nor TPDOs: they are old by then.
+An emergency, a boot-up message or another master's SYNC counts even if no tick runs when it
+arrives. SDO answers and TPDOs are not kept: they would be outdated.
 """
 
 from typing import Final
@@ -9,21 +9,20 @@ from typing import Final
 from drivers.can.wire import Frame
 from drivers.canopen.ids import NEXT_PDO, NODE, SDO_ANSWER, TPDO
 
-#: Different frames; the same one again takes no more room.
+#: Bound on distinct frames; repeated ones are stored once.
 MOST: Final = 512
 _NOT_KEPT: Final = frozenset({SDO_ANSWER, *(TPDO + number * NEXT_PDO for number in range(4))})
 
 
 class HeardFrames:
-    """Buffer that keeps each frame once, in the order in which they came last, so that replaying
-    them leads to the present state. Filled by the reader's thread; to be taken when that has ended.
-    """
+    """Buffer that keeps each distinct frame once, in the order of last arrival, so that replaying
+    them yields the present state. Filled by the reader thread; read it once that has ended."""
 
     def __init__(self) -> None:
         self._frames: dict[tuple[int, bytes], None] = {}
 
     def put(self, frame: Frame) -> None:
-        """Keep a frame that came, if it is of a kind that is kept."""
+        """Store a received frame unless it is an SDO answer or a TPDO."""
         can_id, data = frame
         if can_id & ~NODE in _NOT_KEPT:
             return
@@ -36,7 +35,7 @@ class HeardFrames:
         self._frames[key] = None
 
     def take(self) -> list[Frame]:
-        """Frames heard so far, which are then forgotten here."""
+        """Return the frames heard so far, and clear the buffer."""
         frames: list[Frame] = list(self._frames)
         self._frames.clear()
         return frames

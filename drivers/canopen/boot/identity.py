@@ -1,4 +1,4 @@
-"""Identity of a drive, and checks that it is one that was configured and can be used."""
+"""Identity of a drive, and checks that it is the configured one and can be used."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,13 +13,13 @@ from drivers.canopen.boot.required_objects import (
 from drivers.canopen.boot.sdo import ObjectAccess
 
 _CIA_402: Final = 402
-# What is rated in the drive scales every current or torque that it reports.
+# Relative tolerance of the rated value, which scales every current or torque that a drive reports.
 _RATED_TOLERANCE: Final = 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class DriveIdentity:
-    """Identity of one drive: objects 0x1018 and 0x1008; None where the drive has none."""
+    """Identity of one drive from objects 0x1018 and 0x1008; None for missing entries."""
 
     name: str
     node: int
@@ -38,8 +38,8 @@ class DriveIdentity:
 
 
 def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
-    """Raises DriveError if it is no CiA 402 drive, another product than the EDS's, another drive
-    than configured, has other ratings or no cyclic synchronous velocity."""
+    """Read the identity of a drive. Raises DriveError if it is no CiA 402 drive, not the product of
+    the EDS or not the configured drive, or lacks the rating or cyclic synchronous velocity mode."""
     device_profile = access.read(0x1000) & 0xFFFF
     if device_profile != _CIA_402:
         raise DriveError(
@@ -61,15 +61,15 @@ def identify(setup: DriveSetup, access: ObjectAccess) -> DriveIdentity:
     modes = access.read(0x6502) if access.has(0x6502) else -1
     if not modes >> (CYCLIC_SYNCHRONOUS_VELOCITY - 1) & 1:
         raise DriveError(
-            f"{setup} has no cyclic synchronous velocity: object 0x6502:00 reads 0x{modes:08X}, "
-            "bit 8 is needed"
+            f"{setup} has no cyclic synchronous velocity mode: object 0x6502:00 reads "
+            f"0x{modes:08X}, bit 8 is required"
         )
     _refuse_other_rating(setup, access)
     return DriveIdentity(drive.name, drive.node, vendor, product, revision, serial, device)
 
 
 def _refuse_other_product(setup: DriveSetup, vendor: int, product: int | None) -> None:
-    """Refuse a drive of another product than the EDS's: the EDS may not hold for it, unnoticed."""
+    """Refuse a drive that is not the product of the EDS, which may not apply to it."""
     profile = setup.drive.profile
     if profile.any_product:
         return
@@ -79,8 +79,8 @@ def _refuse_other_product(setup: DriveSetup, vendor: int, product: int | None) -
         if expected is not None and found is not None and found != expected:
             raise DriveError(
                 f"{setup} is another product than that of {profile.eds}: object 0x1018:"
-                f"{subindex:02X} reads 0x{found:X}, {name} there is 0x{expected:X}; give "
-                f"drives.{setup.drive.wiring.profile}.eds the EDS of this drive, or set "
+                f"{subindex:02X} reads 0x{found:X}, but {name} is 0x{expected:X}; set "
+                f"drives.{setup.drive.wiring.profile}.eds to the EDS of this drive, or "
                 f"drives.{setup.drive.wiring.profile}.any_product to true"
             )
 

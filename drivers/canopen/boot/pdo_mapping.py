@@ -1,6 +1,6 @@
-"""PDO mapping of one drive by SDO: all of its PDOs off, then ours mapped and on (CiA 301).
+"""PDO mapping of one drive by SDO: disable all PDOs, then map and enable ours (CiA 301).
 
-The required values are data, so that a set-up and its verification use the same ones.
+The required values are data, so that set-up and verification use the same ones.
 """
 
 from dataclasses import dataclass
@@ -13,14 +13,14 @@ from drivers.canopen.boot.sdo import ObjectAccess
 from drivers.canopen.codec import Pdo, receive_pdos, transmit_pdos
 
 _PDO_DISABLED: Final = 1 << 31
-# Whether remote requests are answered is the drive's own choice.
+# Whether remote requests are allowed is left to the drive.
 _NO_RTR: Final = 1 << 30
 _EVERY_SYNC: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
 class WantedPdo:
-    """Required objects of one PDO of ours. `flags` go with its COB-ID when it is written."""
+    """Required objects of one of our PDOs. `flags` are added to its COB-ID on writing."""
 
     cob_id: Wanted
     transmission: Wanted
@@ -30,12 +30,12 @@ class WantedPdo:
 
     @property
     def rows(self) -> tuple[Wanted, ...]:
-        """All of them."""
+        """All required objects of the PDO."""
         return (self.cob_id, self.transmission, *self.fields, self.count)
 
 
 def wanted_pdos(setup: DriveSetup) -> tuple[list[WantedPdo], list[Wanted]]:
-    """Our PDOs, and all others that the drive has, which shall be off."""
+    """Our PDOs, and the rows that disable all other PDOs of the drive."""
     drive = setup.drive
     ours = [_wanted(pdo, 0x1400, 0) for pdo in receive_pdos(drive)] + [
         _wanted(pdo, 0x1800, _NO_RTR) for pdo in transmit_pdos(drive)
@@ -68,7 +68,7 @@ def _wanted(pdo: Pdo, first: int, flags: int) -> WantedPdo:
 
 
 def _off(communication: int) -> Wanted:
-    return _row(communication, 1, _PDO_DISABLED, "a PDO that is off", _PDO_DISABLED)
+    return _row(communication, 1, _PDO_DISABLED, "a disabled PDO", _PDO_DISABLED)
 
 
 def _row(index: int, subindex: int, value: int, meaning: str, mask: int = -1) -> Wanted:
@@ -76,10 +76,10 @@ def _row(index: int, subindex: int, value: int, meaning: str, mask: int = -1) ->
 
 
 def map_pdos(setup: DriveSetup, access: ObjectAccess) -> None:
-    """Disable every PDO that the drive has, then map and enable ours (CiA 301, 7.5.2.36).
+    """Disable all PDOs of the drive, then map and enable ours (CiA 301, 7.5.2.36).
 
-    Objects that the EDS declares read-only are compared: a drive with fixed PDOs comes up if they
-    are ours. Raises DriveError if it does not hold what was written.
+    Objects that the EDS declares read-only are only compared: a drive with fixed PDOs is accepted
+    if they match. Raises DriveError if it does not keep a written value.
     """
     ours, others = wanted_pdos(setup)
     changed = [_off(pdo.cob_id.index) for pdo in ours if _writable(access, pdo.cob_id)]

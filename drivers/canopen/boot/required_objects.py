@@ -1,4 +1,4 @@
-"""Objects that a drive must hold before it may be operational, as data, checked against its EDS."""
+"""Object values that a drive must hold before NMT operational, as data, checked against its EDS."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -15,21 +15,21 @@ from drivers.canopen.ids import EMERGENCY, SYNC
 from drivers.canopen.settings import CanopenDrive, CanopenProfile, ObjectValue, Quantity
 
 CYCLIC_SYNCHRONOUS_VELOCITY: Final = 9
-#: Some drives show a mode only when they are in operation: 0 until then.
+#: Some drives display a mode only in operation, and 0 until then.
 MODES_SHOWN: Final = (0, CYCLIC_SYNCHRONOUS_VELOCITY)
-#: 0x1029:1: a drive that has missed its master leaves operational, so that no setpoint and SYNC of
-#: before, which a bus gives out when it comes back, moves it again.
+#: 0x1029:1: a drive that has missed its master leaves operational, so that an outdated setpoint and
+#: SYNC, delivered when the bus recovers, do not move it again.
 LEAVE_OPERATIONAL: Final = 0
-STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; at 0 a drive moves on when its master has died
+STOP_ON_SILENCE: Final = 3  # 0x6007: quick stop; with 0 a drive keeps moving without a master
 RAMP_THEN_HOLD: Final = 6  # 0x605A: decelerate by 0x6085, stay in quick stop active
-#: The drive's own speed limit over what the daemon commands at most: its loop overshoots a little.
+#: Speed limit of the drive over the highest commanded speed: its loop overshoots slightly.
 SPEED_MARGIN: Final = 1.1
 BRAKING: Final = "deceleration of the quick stop"
-#: Parameters and mappings of PDOs (CiA 301).
+#: Communication and mapping parameters of PDOs (CiA 301).
 PDO_OBJECTS: Final = range(0x1400, 0x1C00)
 
-_NAME_ANOTHER: Final = ", and contactd cannot use the drive without: name one that its EDS has"
-_IN_STEPS: Final = "it follows setpoints as its maker chose"
+_REQUIRED: Final = ", and contactd requires it: configure an object that the EDS has"
+_INTERPOLATION: Final = "its interpolation of setpoints is the factory default"
 
 ProfileKeys = tuple[str | int, ...]
 """Keys within a profile: `("tpdo", "1")`."""
@@ -49,11 +49,11 @@ class DriveSetup:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Value that an object shall hold. An object that the EDS declares read-only is only compared.
+    """Required value of an object. An object that the EDS declares read-only is only compared.
 
-    without: behaviour of a drive that has no such object; if empty, the drive is refused.
-    mask: the bits that count; the others are the drive's own.
-    setting: place in the profile of the setting that decides about it.
+    without: consequence if a drive lacks the object; if empty, the drive is refused.
+    mask: bits that are compared; the others are left to the drive.
+    setting: location in the profile of the setting that determines the value.
     """
 
     group: Group
@@ -67,46 +67,46 @@ class Wanted:
 
     @property
     def where(self) -> str:
-        """Object in words: `object 0x6007:00 (stop when the master falls silent)`."""
+        """Object as text: `object 0x6007:00 (quick stop when the master falls silent)`."""
         return f"object 0x{self.index:04X}:{self.subindex:02X} ({self.meaning})"
 
     def holds(self, held: int) -> bool:
-        """True if a drive that holds this value meets the requirement."""
+        """True if the value `held` by a drive meets the requirement."""
         return held & self.mask == self.value
 
     def shown(self, held: int) -> str:
-        """Text of a value of it: of a PDO's parameters in hexadecimal."""
+        """Value as text, in hexadecimal for PDO parameters."""
         return f"0x{held:08X}" if self.group == "PDO mapping" else str(held)
 
 
 def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
-    """Required objects but the PDOs, in order; `period_ms` is that of SYNC."""
+    """Required objects except PDO parameters, in order of writing; `period_ms` is that of SYNC."""
     profile, wiring = setup.drive.profile, setup.drive.wiring
     braking, fastest = profile.quick_stop_deceleration, profile.max_motor_speed
     deceleration = round(setup.drive.quick_stop * wiring.gear / braking.scale)
     most_permille = round(1000.0 * wiring.max_current_A / wiring.rated_current_A)
     node, watched = wiring.node, master_node << 16 | profile.master_timeout_ms
     table = [
-        Wanted("communication", 0x1005, 0, SYNC, "SYNC on 0x080, none of its own",
-               "SYNC is taken to be on 0x080"),
+        Wanted("communication", 0x1005, 0, SYNC, "SYNC on 0x080, not produced by the drive",
+               "SYNC is assumed on 0x080"),
         Wanted("communication", 0x1014, 0, EMERGENCY + node, "emergencies on 0x080 + node",
-               "emergencies are taken to be on 0x080 + node"),
+               "emergencies are assumed on 0x080 + node"),
         Wanted("communication", 0x1016, 1, watched, "watch the master's heartbeat",
                setting=("master_timeout_ms",)),
         Wanted("communication", 0x1017, 0, profile.heartbeat_ms, "heartbeat",
                setting=("heartbeat_ms",)),
-        Wanted("communication", 0x1029, 1, LEAVE_OPERATIONAL, "take no setpoint without a master",
-               "what it does with setpoints when it has missed its master is its maker's choice"),
+        Wanted("communication", 0x1029, 1, LEAVE_OPERATIONAL, "no setpoints without a master",
+               "its handling of setpoints after the loss of its master is the factory default"),
         Wanted("stopping", 0x6007, 0, STOP_ON_SILENCE, "quick stop when the master falls silent"),
         Wanted("stopping", 0x605A, 0, RAMP_THEN_HOLD, "quick stop: ramp, then hold"),
         Wanted("stopping", 0x605E, 0, profile.fault_reaction, "reaction to a fault",
-               "it reacts to faults as its maker chose", setting=("fault_reaction",)),
+               "its reaction to faults is the factory default", setting=("fault_reaction",)),
         Wanted("stopping", braking.object, braking.subindex, deceleration, BRAKING,
                setting=("quick_stop_deceleration",)),
         Wanted("mode", 0x6060, 0, CYCLIC_SYNCHRONOUS_VELOCITY, "cyclic synchronous velocity"),
         Wanted("mode", 0x60C2, 1, period_ms, "interpolation over the SYNC period",
-               _IN_STEPS),
-        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _IN_STEPS),
+               _INTERPOLATION),
+        Wanted("mode", 0x60C2, 2, -3, "interpolation in ms", _INTERPOLATION),
         Wanted("limits", 0x6072, 0, most_permille, "torque limit, per mille of rated",
                "it has no torque limit of its own"),
         Wanted("limits", 0x6073, 0, most_permille, "current limit, per mille of rated",
@@ -126,7 +126,7 @@ def wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
 
 
 def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
-    """Objects that the drive lacks by its EDS, and the consequences, in words."""
+    """Objects that the drive lacks according to its EDS, and the consequences, as text."""
     sheet = setup.data_sheet
     rows = {row.without: row for row in reversed(wanted(setup, period_ms, master_node))}
     found = [
@@ -136,53 +136,52 @@ def lacks(setup: DriveSetup, period_ms: int, master_node: int) -> list[str]:
     ]
     for index, subindex, follows in (
         (0x6061, 0, "its mode is not confirmed"),
-        (0x6502, 0, "whether it has the mode is not known"),
-        (rated_object(setup.drive.profile), 0, "what it calls rated is not compared"),
+        (0x6502, 0, "support of the mode is unknown"),
+        (rated_object(setup.drive.profile), 0, "its rated value is not compared"),
     ):
         if find_object(sheet, index, subindex) is None:
             found.append(f"without object 0x{index:04X}:{subindex:02X}: {follows}")
     modes = find_object(sheet, 0x6502)
     if modes is not None and modes.default is None:
         found.append(
-            "its EDS has no value in 0x6502: the manual says whether it has mode 9 (cyclic "
-            "synchronous velocity); a drive without it is refused at the start"
+            "its EDS has no value for 0x6502: see the manual for mode 9 (cyclic synchronous "
+            "velocity); a drive without it is refused at the start"
         )
     given = makers_numbers(sheet)
     if find_object(sheet, 0x1018, 2) is None:
         given["ProductNumber"] = 0
-        found.append("without object 0x1018:02: which product it is is not compared")
+        found.append("without object 0x1018:02: its product is not compared")
     found += [
         f"its EDS has no {name}: {what} is not compared"
-        for name, what in (("VendorNumber", "whose drive it is"),
-                           ("ProductNumber", "which product it is"))
+        for name, what in (("VendorNumber", "its vendor"),
+                           ("ProductNumber", "its product"))
         if name not in given
     ]  # fmt: skip
     return found
 
 
 def rated_object(profile: CanopenProfile) -> int:
-    """Object that the reported current or torque is a fraction of: 0x6075 [mA] or 0x6076 [mNm]."""
+    """Object that scales the reported current or torque: 0x6075 [mA] or 0x6076 [mNm]."""
     return 0x6075 if profile.effort == "current" else 0x6076
 
 
 @dataclass(frozen=True, slots=True)
 class Contradiction:
-    """Something that the configuration needs and an EDS lacks; `at` is the place in the profile
-    that asks for it."""
+    """Contradiction between configuration and EDS; `at` is the location in the profile that causes
+    it."""
 
     at: ProfileKeys
     what: str
 
 
 def check_drive(setup: DriveSetup, period_ms: int, master_node: int) -> None:
-    """Raise ConfigurationError if the EDS lacks something that the configuration needs."""
+    """Raise ConfigurationError for the first contradiction between configuration and EDS."""
     for problem in problems(setup, period_ms, master_node):
         raise ConfigurationError(f"{setup}, {setup.drive.profile.eds}: {problem.what}")
 
 
 def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Contradiction]:
-    """Contradictions between configuration and EDS. Raises LayoutError where the PDOs cannot be
-    laid out."""
+    """Contradictions between configuration and EDS. Raises LayoutError for invalid PDO layouts."""
     sheet, profile = setup.data_sheet, setup.drive.profile
     for index, subindex in MUST_BE_READ:
         if find_object(sheet, index, subindex) is None:
@@ -194,7 +193,7 @@ def problems(setup: DriveSetup, period_ms: int, master_node: int) -> Iterator[Co
         for what in _object_problems(sheet, row):
             yield Contradiction(row.setting, what)
     for i, own in enumerate(profile.write):
-        for what in _meddling(own, profile, rows):
+        for what in _forbidden(own, profile, rows):
             yield Contradiction(("write", i), what)
     for name in ("quick_stop_deceleration", "max_motor_speed"):
         where: Quantity | None = getattr(profile, name)
@@ -217,7 +216,7 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
     variable = find_object(sheet, row.index, row.subindex)
     if variable is None:
         if not row.without:
-            meant = _meant(sheet, row.index, row.subindex)
+            meant = _decimal_hint(sheet, row.index, row.subindex)
             follows = FOLLOWS.get((row.index, row.subindex), "")
             why = f": {follows}, and contactd refuses it" if follows else ""
             yield f"{row.where} is missing, and {row.value} cannot be written to it{why}{meant}"
@@ -225,23 +224,23 @@ def _object_problems(sheet: canopen.ObjectDictionary, row: Wanted) -> Iterator[s
     lowest, highest = value_range(variable)
     if not variable.writable and row.group == "own objects":
         yield f"{row.where} cannot be written (access {variable.access_type})"
-    # A ramp of no deceleration is none, whatever the EDS allows.
+    # A deceleration of 0 is no ramp, whatever the EDS allows.
     lowest = max(lowest, 1) if row.meaning == BRAKING else lowest
     if not lowest <= row.value <= highest:
         yield f"{row.where}: {row.value} is outside {lowest} ... {highest}"
 
 
-def _meddling(own: ObjectValue, profile: CanopenProfile, rows: Sequence[Wanted]) -> Iterator[str]:
-    """Objects that the configuration may not write, as that would disable the drive's own stops."""
+def _forbidden(own: ObjectValue, profile: CanopenProfile, rows: Sequence[Wanted]) -> Iterator[str]:
+    """Problems of an object that the configuration may not write, for the sake of safe stops."""
     where = f"object 0x{own.object:04X}:{own.subindex:02X} (from the configuration)"
     for row in rows:
         theirs = row.group in ("limits", "own objects")
         if not theirs and (row.index, row.subindex) == (own.object, own.subindex):
             yield f"{where} cannot be {own.value}: contactd writes {row.value} ({row.meaning})"
     if own.object in PDO_OBJECTS:
-        yield f"{where} is of a PDO: these are described by `tpdo` and `rpdo`"
+        yield f"{where} belongs to a PDO: configure PDOs by `tpdo` and `rpdo`"
     if own.object in (WORDS["controlword"], profile.target_velocity.object):
-        yield f"{where} energises or moves the drive, which no start does"
+        yield f"{where} would energise or move the drive at boot-up"
 
 
 def _pdo_problems(
@@ -250,11 +249,11 @@ def _pdo_problems(
     mapping, at = communication + 0x200, (kind, str(pdo.number))
     name = f"{kind.upper()} {pdo.number}"
     if communication not in sheet or mapping not in sheet:
-        yield Contradiction(at, f"{name}: has no PDO with parameters at 0x{communication:04X}")
-    # Sub 0 of a mapping is the number of objects that are mapped, not of those that can be.
+        yield Contradiction(at, f"{name}: no PDO parameters at 0x{communication:04X}")
+    # Subindex 0 of a mapping is the number of mapped objects, not its capacity.
     elif find_object(sheet, mapping, len(pdo.fields)) is None:
         yield Contradiction(
-            at, f"{name}: the PDO at 0x{communication:04X} does not take {len(pdo.fields)} objects"
+            at, f"{name}: the PDO at 0x{communication:04X} cannot map {len(pdo.fields)} objects"
         )
     for number, field in enumerate(pdo.fields, start=1):
         fixed = find_object(sheet, mapping, number)
@@ -266,11 +265,11 @@ def _pdo_problems(
                 f"0x{fixed.default:08X} where {field.entry} (0x{ours:08X}) is configured",
             )
         where = f"{field.entry}, object 0x{field.index:04X}:{field.subindex:02X},"
-        # Statusword and controlword have no entry of their own.
+        # Statusword and controlword have no entry in the profile.
         place: ProfileKeys = at if field.entry in WORDS else (field.entry,)
         variable = find_object(sheet, field.index, field.subindex)
         if variable is None:
-            meant = _meant(sheet, field.index, field.subindex) or _NAME_ANOTHER
+            meant = _decimal_hint(sheet, field.index, field.subindex) or _REQUIRED
             yield Contradiction(place, f"{where} is missing{meant}")
         elif type_name(variable) != field.type:
             yield Contradiction(
@@ -282,9 +281,9 @@ def _pdo_problems(
             yield Contradiction(place, f"{where} cannot be mapped to a PDO")
 
 
-def _meant(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:
-    """A hint, if the digits of a missing index would be right in hexadecimal."""
+def _decimal_hint(sheet: canopen.ObjectDictionary, index: int, subindex: int) -> str:
+    """Hint, if the digits of a missing index exist as a hexadecimal index."""
     meant = int(str(index), 16)
     if find_object(sheet, meant, subindex) is None:
         return ""
-    return f"; 0x{meant:04X} is there: {index} without 0x is decimal"
+    return f"; 0x{meant:04X} exists: {index} without 0x is decimal"

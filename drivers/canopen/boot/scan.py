@@ -1,8 +1,8 @@
-"""Scan of a bus: its nodes, by reading alone.
+"""Scan of a bus for nodes, read-only.
 
-One SDO upload after the other, expedited, to every node id, and nothing else: no NMT, no SYNC, no
-heartbeat, no write. It is refused where a master is heard, whose own SDO an answer to ours would
-confuse, and ends where one begins meanwhile; a master that sends nothing is not detected.
+It sends expedited SDO uploads to every node ID and nothing else: no NMT, no SYNC, no heartbeat, no
+write. It is refused if a master is heard, whose own SDO transfers our answers would disturb, and
+aborted if one starts meanwhile; a master that sends nothing is not detected.
 """
 
 import struct
@@ -20,11 +20,11 @@ NODES: Final = range(1, 128)
 LISTEN_S: Final = 1.0
 """Long enough for any master's heartbeat or SYNC."""
 ANSWER_S: Final = 0.5
-"""Longest time until a drive answers."""
+"""Answer timeout of a drive."""
 TWICE: Final = 2
-"""Number of repeated answers from which on a node counts as two drives."""
+"""Number of repeated answers from which a node counts as two drives."""
 AT_ONCE: Final = 8
-"""Pending requests: every adapter's queue holds more."""
+"""Maximum number of pending requests: the queue of any adapter holds more."""
 
 DEVICE_TYPE: Final = (0x1000, 0)
 VENDOR, PRODUCT, REVISION, SERIAL = ((0x1018, sub) for sub in (1, 2, 3, 4))
@@ -51,7 +51,7 @@ Object = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class FoundNode:
-    """One node that answers; None where it does not have an object."""
+    """One node that answers; None for objects that it lacks."""
 
     node: int
     device_type: int | None
@@ -61,16 +61,16 @@ class FoundNode:
     serial: int | None
     modes: int | None
     twice: bool = False
-    """Two nodes answer by this number."""
+    """Two nodes answer under this node ID."""
 
     @property
     def is_drive(self) -> bool:
-        """True for a drive by CiA 402."""
+        """True for a CiA 402 drive."""
         return self.device_type is not None and self.device_type & 0xFFFF == 402
 
     @property
     def mode_names(self) -> str:
-        """Modes that it supports (0x6502) by their short names: `pv hm csv`."""
+        """Supported modes (0x6502) by their abbreviations: `pv hm csv`."""
         modes = self.modes or 0
         return " ".join(name for bit, name in _NAMES.items() if modes >> (bit - 1) & 1)
 
@@ -79,7 +79,7 @@ def scan(
     wire: Wire, *, nodes: Iterable[int] = NODES, listen_s: float = LISTEN_S,
     answer_s: float = ANSWER_S,
 ) -> list[FoundNode]:  # fmt: skip
-    """Nodes that answer, by node id. Raises BusError where a master is heard, or the bus fails."""
+    """Nodes that answer, by node ID. Raises BusError if a master is heard or the bus fails."""
     try:
         _refuse_master(wire, listen_s)
         again: list[int] = []
@@ -118,25 +118,24 @@ def _refuse_master(wire: Wire, listen_s: float) -> None:
         ):
             if heard:
                 raise BusError(
-                    f"a master is on this bus: it sends {what}. End it first (`contactd run` is "
-                    "one): two masters confuse each other's drives"
+                    f"a master is on this bus: it sends {what}. Stop it first (`contactd run` is "
+                    "one): two masters interfere with each other"
                 )
         if can_id & ~NODE == HEARTBEAT:
             drives.add(can_id & NODE)
-    # Drives send no heartbeat before a master has set it, and a master answers no SDO.
+    # Drives send no heartbeat until a master configures it, and a master answers no SDO.
     for node in sorted(drives):
         if not _ask(wire, [(node, DEVICE_TYPE)], ANSWER_S, []):
             raise BusError(
-                f"a master is on this bus: node {node} sends heartbeats and answers no SDO"
+                f"a master is on this bus: node {node} sends heartbeats but answers no SDO"
             )
 
 
 def _ask(
     wire: Wire, requests: list[tuple[int, Object]], answer_s: float, again: list[int]
 ) -> dict[tuple[int, Object], int | None]:
-    """Answers by (node, object); None where refused, no entry where no node answered. One request
-    to a node at a time, as SDO requires. A node that answers one again goes into `again`, each
-    time."""
+    """Answers by (node, object): None if refused, no entry without an answer. At most one request
+    per node is pending, as SDO requires. Each repeated answer appends its node to `again`."""
     left, found = list(requests), dict[tuple[int, Object], int | None]()
     waiting: dict[int, tuple[Object, float]] = {}
     while left or waiting:
@@ -150,7 +149,7 @@ def _ask(
         frame = wire.receive(0.005)
         if frame is not None:
             if frame[0] in (SYNC, NMT):
-                raise BusError("a master began while the bus was asked: end it first")
+                raise BusError("a master started during the scan: stop it first")
             _hear(frame, waiting, found, again)
         now = time.monotonic()
         waiting = {node: one for node, one in waiting.items() if one[1] > now}

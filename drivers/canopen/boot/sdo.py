@@ -1,4 +1,4 @@
-"""Objects of one drive by SDO; every failure is one DriveError in words. Never inside the tick."""
+"""SDO access to the objects of one drive; failures raise DriveError. Never used inside the tick."""
 
 import queue
 import struct
@@ -21,18 +21,18 @@ from drivers.canopen.ids import NMT, SDO_ANSWER, SDO_REQUEST
 
 _SLICE_S: Final = 0.005
 _ABORT: Final = b"\x80"
-#: So many requests that are answered twice are of two drives. Only those for objects of
-#: communication count: another tool on this node's SDO may be polling the statusword.
+#: Number of requests answered twice that proves two drives. Only requests for communication objects
+#: count: another tool may be polling the statusword by this node's SDO.
 TWICE: Final = 3
 _OF_COMMUNICATION: Final = range(0x1000, 0x2000)
 #: First bytes (without their low bits) of requests that name an object.
 _BEGIN: Final = (0x40, 0x20)
-#: No object that is read here has a longer segmented answer.
+#: Bound on a segmented answer [bytes]: all objects read here are shorter.
 LONGEST_ANSWER: Final = 256
 
 
 class _Client(SdoClient):  # type: ignore[misc]
-    """canopen's client, which does something else meanwhile."""
+    """canopen's client, which calls `meanwhile` as it waits, and counts duplicate answers."""
 
     def __init__(
         self, network: canopen.Network, setup: DriveSetup, meanwhile: Callable[[], None]
@@ -42,14 +42,14 @@ class _Client(SdoClient):  # type: ignore[misc]
         self.MAX_RETRIES = 1
         self.network, self._meanwhile = network, meanwhile
         self.twice = 0
-        """Requests that were answered twice, as long as every one was answered in time."""
+        """Requests that were answered twice; not counted after a late answer."""
         self._in_time = True
-        # Places of the last requests that named one, and how often each was answered.
+        # Objects named by the last requests, with one list entry per answer.
         self._places: deque[tuple[bytes, list[None]]] = deque(maxlen=2)
         network.subscribe(SDO_ANSWER + node, self.on_response)
 
     def send_request(self, request: bytes) -> None:
-        """Send, and remember the requested object."""
+        """Send a request, and record the requested object."""
         index = request[1] | request[2] << 8
         if request[0] & 0xE0 in _BEGIN and index in _OF_COMMUNICATION:
             self._places.append((bytes(request[1:4]), []))
@@ -65,14 +65,14 @@ class _Client(SdoClient):  # type: ignore[misc]
         super().on_response(can_id, data, timestamp)
 
     def read_response(self) -> bytes:
-        """The next answer; raises SdoAbortedError, SdoCommunicationError when none comes, or
-        BusError when none can come."""
+        """Next answer. Raises SdoAbortedError, SdoCommunicationError on timeout, or BusError if the
+        bus can no longer be read."""
         give_up = time.monotonic() + self.RESPONSE_TIMEOUT
         in_time = True
         while in_time:
             self._meanwhile()
             left = give_up - time.monotonic()
-            in_time = left > 0.0  # an answer counts if it arrived by then, however late it is read
+            in_time = left > 0.0  # the last pass takes an answer that arrived in time, read late
             try:
                 answer: bytes = self.responses.get(timeout=min(max(left, 0.0), _SLICE_S))
             except queue.Empty:
@@ -81,15 +81,15 @@ class _Client(SdoClient):  # type: ignore[misc]
             if answer[:1] == _ABORT:
                 raise SdoAbortedError(struct.unpack_from("<L", answer, 4)[0])
             return answer
-        self._in_time = False  # a late answer may look like a second one
+        self._in_time = False  # a late answer might look like a duplicate
         raise SdoCommunicationError("no answer")
 
 
 class ObjectAccess:
-    """Access to the objects of one drive, expedited or in segments.
+    """Access to the objects of one drive by expedited or segmented SDO.
 
-    No transfer is repeated here, and none begins after `deadline` (monotonic) has passed: the
-    caller decides what to repeat. `meanwhile` is called while an answer is awaited.
+    Transfers are not retried here, and none begins after `deadline` (monotonic clock): retries are
+    up to the caller. `meanwhile` is called while an answer is awaited.
     """
 
     def __init__(
@@ -110,11 +110,11 @@ class ObjectAccess:
         return find_object(self._setup.data_sheet, index, subindex) is not None
 
     def writable(self, index: int, subindex: int = 0) -> bool:
-        """True if the EDS lets the object be written."""
+        """True if the EDS declares the object writable."""
         return bool(self._variable(index, subindex).writable)
 
     def read(self, index: int, subindex: int = 0) -> int:
-        """Value of an integer object; raises DriveError or BusError."""
+        """Read an integer object. Raises DriveError or BusError."""
         variable = self._variable(index, subindex)
         data = self._upload(index, subindex)
         size = len(variable) // 8
@@ -123,21 +123,21 @@ class ObjectAccess:
                 f"{self._setup}: object 0x{index:04X}:{subindex:02X}: the answer is malformed "
                 f"({len(data)} bytes, {size} expected)"
             )
-        # Some drives fill an answer up to four bytes.
+        # Some drives pad an answer to four bytes.
         return int(variable.decode_raw(data[:size]))
 
     def read_text(self, index: int, subindex: int = 0) -> str:
-        """Value of a string, mostly in segments; raises DriveError or BusError."""
+        """Read a string object, usually by segmented upload. Raises DriveError or BusError."""
         text = self._upload(index, subindex).decode("utf-8", "replace")
         return "".join(c for c in text if c.isprintable()).strip()
 
     def write(self, index: int, subindex: int, value: int, name: str = "") -> None:
-        """Write, and read back; raises DriveError if the drive refuses or does not hold it."""
+        """Write and read back. Raises DriveError if the drive refuses or does not keep a value."""
         self.write_only(index, subindex, value)
         self.compare(index, subindex, value, name, "was written")
 
     def hold(self, index: int, subindex: int, value: int, name: str = "") -> None:
-        """Write and read back an object that the EDS declares writable; only compare others."""
+        """Write and read back an object that the EDS declares writable; otherwise only compare."""
         if self.writable(index, subindex):
             self.write(index, subindex, value, name)
         else:
@@ -146,25 +146,25 @@ class ObjectAccess:
     def compare(
         self, index: int, subindex: int, value: int, name: str = "", verb: str = "must be"
     ) -> None:
-        """Read; raises DriveError if the drive does not hold `value`."""
+        """Read an object. Raises DriveError if it differs from `value`."""
         held = self.read(index, subindex)
         if held != value:
             name = name or f"object 0x{index:04X}:{subindex:02X}"
             raise DriveError(f"{self._setup}: {name} {verb} {value}, reads {held}")
 
     def write_only(self, index: int, subindex: int, value: int) -> None:
-        """Write without reading back: for values that the drive completes by itself."""
+        """Write without reading back, for values that the drive modifies on its own."""
         data = self._variable(index, subindex).encode_raw(value)
-        with self._words(f"object 0x{index:04X}:{subindex:02X}: writing {value}"):
+        with self._translated(f"object 0x{index:04X}:{subindex:02X}: writing {value}"):
             self._client.download(index, subindex, data)
 
     def nmt(self, command: int, name: str) -> None:
         """Send this drive an NMT command."""
-        with self._words(f"NMT {name}"):
+        with self._translated(f"NMT {name}"):
             self._network.send_message(NMT, [command, self._setup.drive.node])
 
     def settle(self) -> None:
-        """Wait out a late answer, so that it is not taken for the answer to the next request."""
+        """Wait for a late answer, so that it is not mistaken for the answer to the next request."""
         end = time.monotonic() + self._timeout_s
         while time.monotonic() < end:
             self._meanwhile()
@@ -178,7 +178,7 @@ class ObjectAccess:
     def _upload(self, index: int, subindex: int) -> bytes:
         doing = f"object 0x{index:04X}:{subindex:02X}: reading"
         data = b""
-        with self._words(doing):
+        with self._translated(doing):
             stream = self._client.open(index, subindex, "rb", buffering=0)
             while part := stream.read(7):
                 data += part
@@ -187,13 +187,13 @@ class ObjectAccess:
         return data
 
     @contextmanager
-    def _words(self, doing: str) -> Iterator[None]:
+    def _translated(self, doing: str) -> Iterator[None]:
         if time.monotonic() > self.deadline:
             raise SilentDriveError(f"{self._setup}: out of time before {doing}")
         if self._client.twice >= TWICE:
             raise DriveError(
                 f"two drives answer as {self._setup}: its SDO requests get two answers; switch one "
-                "off, and give it a node number of its own"
+                "off, and give it another node ID"
             )
         try:
             yield

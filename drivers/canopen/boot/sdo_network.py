@@ -1,8 +1,8 @@
 """canopen's network over the wire of the tick, for the duration of SDO transfers.
 
-Tick and SDO take turns on one bus. Both read it through the same wire, which alone keeps the bytes
-that it has read and not handed out: a frame that came half in one's turn is whole in the other's,
-and an unread one goes to the next reader, at once.
+Tick and SDO take turns on one bus. Both read it through the same wire, which alone buffers bytes
+that are read but not yet returned: a partial frame is completed in the other's turn, and an unread
+frame goes to the next reader.
 """
 
 import logging
@@ -18,7 +18,7 @@ from drivers.can.frame_ring import FrameRing
 from drivers.can.wire import Frame, Wire
 from drivers.canopen.boot.heard_frames import HeardFrames
 
-# Failures are raised, and reported where they are caught; canopen would log them once more.
+# Failures are raised, and reported where they are caught; canopen would log them again.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 _READER_CYCLE_S: Final = 0.02
@@ -26,9 +26,9 @@ _HIGHEST_ID: Final = 0x7FF
 
 
 class SdoNetwork(canopen.Network):  # type: ignore[misc]
-    """canopen's network, sending and read by a wire, in a thread of its own.
+    """canopen's network over a wire, with a reader thread.
 
-    `ring` keeps the frames of both directions, `heard` gets all that come."""
+    `ring` records the frames of both directions; `heard` receives all incoming ones."""
 
     def __init__(
         self, wire: Wire, ring: FrameRing | None = None, heard: HeardFrames | None = None
@@ -41,17 +41,17 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
         self._reader = threading.Thread(target=self._read, name="SDO reader", daemon=True)
 
     def start(self) -> None:
-        """Begin to read; what is queued comes first."""
+        """Start reading, beginning with queued frames."""
         self._reader.start()
 
     def stop(self) -> None:
-        """End reading, after the frame that is being read; the next stays in the wire."""
+        """Stop reading after the current frame; later frames stay in the wire."""
         self._ended.set()
         self._reader.join()
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame; raises one of BUS_FAILURES, or BusError once the reader has failed. A frame
-        that the bus refuses is not kept."""
+        """Send a frame. Raises one of BUS_FAILURES, or BusError once the reader has failed. A frame
+        that the bus refuses is not recorded."""
         assert not remote, "a wire sends no remote frames"
         frame = can_id, bytes(data)
         self._wire.send([frame])
@@ -59,7 +59,7 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
         self.check()
 
     def check(self) -> None:
-        """Raise BusError once the reader has failed: from then on no drive is heard."""
+        """Raise BusError if the reader has failed: no drive is heard any more."""
         if self._failure is not None:
             raise BusError(f"the bus can no longer be read: {self._failure}") from self._failure
 
@@ -73,7 +73,7 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
             self._failure = error
 
     def _hear(self, frame: Frame) -> None:
-        # Kept first: once it is delivered, its receiver may send the next.
+        # Recorded before delivery, as its receiver may then send the next frame.
         self._keep(frame, sent=False)
         if self._heard is not None:
             self._heard.put(frame)
@@ -83,7 +83,7 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
 
     def _keep(self, frame: Frame, *, sent: bool) -> None:
         if self._ring is not None:
-            # Outside the tick, where one may wait: the ring has one writer at a time.
+            # The ring allows one writer at a time; a lock is permitted outside the tick.
             with self._ring_alone:
                 self._ring.put(self._ring.clock(), *frame, sent)
 
@@ -92,8 +92,8 @@ class SdoNetwork(canopen.Network):  # type: ignore[misc]
 def sdo_network(
     wire: Wire, ring: FrameRing | None = None, heard: HeardFrames | None = None
 ) -> Iterator[SdoNetwork]:
-    """An `SdoNetwork` that is read inside the block. Leaving it raises BusError if the reader has
-    failed meanwhile and nothing else was raised."""
+    """`SdoNetwork` that reads within the block. Leaving the block raises BusError if the reader has
+    failed and nothing else was raised."""
     network = SdoNetwork(wire, ring, heard)
     network.start()
     try:

@@ -1,4 +1,4 @@
-"""Steps of one drive's boot-up. Each may be done again without harm."""
+"""Steps of one drive's boot-up. Each can safely be repeated."""
 
 import math
 import threading
@@ -23,13 +23,13 @@ from drivers.canopen.ids import ENTER_PRE_OPERATIONAL, RESET_COMMUNICATION
 from drivers.canopen.settings import PdoEntry
 from drivers.stopping.witness import PAUSE_S, STILL_RAD
 
-_LOOK_S: Final = 0.01
-#: A drive may go on showing the mode it had until its own cycle has taken the new one over.
+_POLL_S: Final = 0.01
+#: Time until a drive must display a new mode, which its own cycle takes over [s].
 _MODE_S: Final = 0.3
-#: A joint that is slower stands [rad/s at the link].
+#: Speed below which a joint stands [rad/s at the link].
 STANDSTILL: Final = 0.02
-#: Beyond the time of its ramp, a drive may take so long until it stands and shows it [s]; and so
-#: long at most, whatever ramp it has.
+#: Time allowed beyond the ramp until a drive stands and reports it [s], and the longest total,
+#: whatever its ramp [s].
 _SETTLING_S: Final = 0.3
 _LONGEST_STOP_S: Final = 2.5
 _MOVES: Final = (
@@ -41,27 +41,27 @@ _MOVES: Final = (
 
 @dataclass(slots=True)
 class BootingDrive:
-    """One drive on its way up."""
+    """One drive during boot-up."""
 
     setup: DriveSetup
     access: ObjectAccess
     wanted: list[Wanted]
-    patience_s: float  # with one step
-    booted: threading.Event  # its boot-up message has come
-    meanwhile: Callable[[], None]  # to be called while waiting
+    patience_s: float  # timeout of one step
+    booted: threading.Event  # its boot-up message has arrived
+    meanwhile: Callable[[], None]  # called while waiting
     sleep: Callable[[float], None]
     identity: DriveIdentity | None = None
     fault: int | None = None  # code of the fault for which its communication was reset
     remarks: list[str] = field(default_factory=list)
 
     def wait(self, seconds: float) -> None:
-        """Let some time pass, in which nothing else falls silent."""
+        """Wait, with a call of `meanwhile`."""
         self.meanwhile()
         self.sleep(seconds)
 
     def write(self, group: Group) -> None:
-        """Write and read back the wanted objects of a group; those that the EDS lacks and that the
-        drive can do without are left out."""
+        """Write and read back the required objects of a group, except optional ones that the EDS
+        lacks."""
         for row in self.wanted:
             if row.group != group or (row.without and not self.access.has(*_place(row))):
                 continue
@@ -70,7 +70,7 @@ class BootingDrive:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step; raises DriveError or BusError."""
+    """One step. `run` raises DriveError or BusError."""
 
     name: str
     run: Callable[[BootingDrive], None]
@@ -81,8 +81,8 @@ def _identify(drive: BootingDrive) -> None:
 
 
 def _quick_stop(drive: BootingDrive) -> None:
-    """Quick stop, by SDO, of a drive that is found in operation: its master died, or it never
-    received a stop. SDO alone needs no SYNC and no mapping."""
+    """Quick-stop, by SDO, a drive that is found in operation: its master died, or it never received
+    a stop. SDO needs neither SYNC nor mapping."""
     statusword = drive.access.read(0x6041)
     if drive_state(statusword) is DriveState.OPERATION_ENABLED:
         drive.access.write_only(0x6040, 0, QUICK_STOP)
@@ -90,8 +90,8 @@ def _quick_stop(drive: BootingDrive) -> None:
 
 
 def _await_standstill(drive: BootingDrive) -> None:
-    """Wait until a drive with torque stands. Nothing is written to one that moves: with another
-    ramp, mode or limit it may do anything."""
+    """Wait until a drive with torque stands. Nothing is written to a moving drive: a changed ramp,
+    mode or limit could have any effect."""
     statusword = drive.access.read(0x6041)
     if drive_state(statusword) not in _MOVES:
         return
@@ -107,8 +107,8 @@ def _await_standstill(drive: BootingDrive) -> None:
             if _rests(drive):
                 return
             left_s -= PAUSE_S
-        drive.wait(_LOOK_S)
-        left_s -= _LOOK_S
+        drive.wait(_POLL_S)
+        left_s -= _POLL_S
         statusword, velocity = drive.access.read(0x6041), _velocity(drive)
     raise DriveError(
         f"{drive.setup} does not stop: {stop_s:.2f} s after a quick stop it is in "
@@ -118,17 +118,17 @@ def _await_standstill(drive: BootingDrive) -> None:
 
 
 def _rests(drive: BootingDrive) -> bool:
-    """True if its positions rest, too: a velocity alone may be wrong. Briefly, since a drive that
-    waits for our heartbeat loses its torque meanwhile."""
+    """True if its positions rest, too: a velocity alone may be wrong. Observed briefly, since a
+    drive that waits for our heartbeat may lose its torque meanwhile."""
     before = _positions(drive)
-    for _ in range(math.ceil(PAUSE_S / _LOOK_S)):
-        drive.wait(_LOOK_S)
+    for _ in range(math.ceil(PAUSE_S / _POLL_S)):
+        drive.wait(_POLL_S)
     pairs = zip(before, _positions(drive), strict=True)
     return all(abs(now - then) <= STILL_RAD for then, now in pairs)
 
 
 def _positions(drive: BootingDrive) -> list[float]:
-    """Positions at the link [rad]: of the link, and of the motor where it has a sensor."""
+    """Positions at the link [rad]: of the link, and of the motor if it has a sensor."""
     of = drive.setup.drive
     entries: list[PdoEntry] = ["link_position"]
     if of.profile.motor_position is not None:
@@ -145,14 +145,14 @@ def _velocity(drive: BootingDrive) -> float:
 
 
 def _ramp_s(drive: BootingDrive, velocity: float) -> float:
-    """Time in which the drive brakes from `velocity` by the ramp that it has now."""
+    """Time to brake from `velocity` by the present ramp of the drive [s]."""
     ramp, gear = drive.setup.drive.profile.quick_stop_deceleration, drive.setup.drive.wiring.gear
     braking = drive.access.read(ramp.object, ramp.subindex) * ramp.scale / gear
     return abs(velocity) / braking if braking > 0.0 else math.inf
 
 
 def _recover(drive: BootingDrive) -> None:
-    """Reset the communication of a drive in fault: it has no torque, so that nothing falls."""
+    """Reset the communication of a drive in fault; it has no torque, so no load falls."""
     state = drive_state(drive.access.read(0x6041))
     if state is not DriveState.FAULT:
         return
@@ -164,10 +164,10 @@ def _recover(drive: BootingDrive) -> None:
 def _await_boot(drive: BootingDrive) -> None:
     if drive.fault is None:
         return
-    for _ in range(math.ceil(drive.patience_s / _LOOK_S)):
+    for _ in range(math.ceil(drive.patience_s / _POLL_S)):
         if drive.booted.is_set():
             break
-        drive.wait(_LOOK_S)
+        drive.wait(_POLL_S)
     else:
         raise DriveError(
             f"{drive.setup}: no boot-up message after NMT reset communication (it was in "
@@ -177,7 +177,7 @@ def _await_boot(drive: BootingDrive) -> None:
 
 
 def _leave_operational(drive: BootingDrive) -> None:
-    """PDOs off; the drive keeps the power state and the torque that it has."""
+    """Disable PDOs by NMT pre-operational; the drive keeps its power state and torque."""
     drive.access.nmt(ENTER_PRE_OPERATIONAL, "pre-operational")
 
 
@@ -185,10 +185,10 @@ def _choose_mode(drive: BootingDrive) -> None:
     drive.write("mode")
     if not drive.access.has(0x6061):
         return
-    for _ in range(math.ceil(_MODE_S / _LOOK_S)):
+    for _ in range(math.ceil(_MODE_S / _POLL_S)):
         if (shown := drive.access.read(0x6061)) in MODES_SHOWN:
             return
-        drive.wait(_LOOK_S)
+        drive.wait(_POLL_S)
     raise DriveError(
         f"{drive.setup}: object 0x6060:00 was written {CYCLIC_SYNCHRONOUS_VELOCITY}, but the "
         f"drive shows mode {shown} (0x6061)"
@@ -209,8 +209,8 @@ def _writes(group: Group) -> Callable[[Any], None]:
 
 WAKE: Final = Step("pre-operational", _leave_operational)
 
-#: Of all drives, one step after the other: nothing is written before all are identified and stand,
-#: and those that have to brake or to boot do it side by side.
+#: Steps that all drives complete before the next step: nothing is written before all are identified
+#: and stand, and drives that have to brake or boot do so in parallel.
 TOGETHER: Final = (
     Step("identity", _identify),
     Step("quick stop", _quick_stop),
@@ -218,7 +218,7 @@ TOGETHER: Final = (
     Step("recovery", _recover),
     Step("boot", _await_boot),
 )
-#: Of one drive after the other.
+#: Steps that one drive completes before the next drive.
 SET_UP: Final = (
     WAKE,
     Step("communication", _writes("communication")),

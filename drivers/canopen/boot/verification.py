@@ -1,7 +1,7 @@
-"""Verification of a drive's set-up, read by SDO without writing anything.
+"""Verification of a drive's set-up by SDO, read-only.
 
-A set-up that was written once may not be there any more: another tool has written to the drive, or
-it has restarted unheard. No heartbeat and no statusword shows that.
+A set-up may be lost because another tool has written to the drive, or because the drive restarted
+unnoticed; neither heartbeat nor statusword shows that.
 """
 
 from collections.abc import Iterator
@@ -25,8 +25,8 @@ _NUMBERS: Final = ((1, "vendor"), (2, "product"), (4, "serial"))
 
 
 def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Wanted]:
-    """All objects that a drive of this EDS shall hold, its PDOs included, each once: a value that
-    the configuration writes takes precedence over a limit."""
+    """All required objects of a drive, PDO parameters included, each once: a value written by the
+    configuration takes precedence over a limit."""
     ours, others = wanted_pdos(setup)
     rows = [
         *wanted(setup, period_ms, master_node),
@@ -39,10 +39,10 @@ def all_wanted(setup: DriveSetup, period_ms: int, master_node: int) -> list[Want
 def deviations(
     setup: DriveSetup, access: ObjectAccess, rows: list[Wanted], identity: DriveIdentity | None
 ) -> list[str]:
-    """Deviations of a drive from its set-up, in words; empty if there are none. Raises BusError.
+    """Deviations of a drive from its set-up, as text; empty if there are none. Raises BusError.
 
-    Each object is read once. One that the EDS declares read-only cannot have changed since the
-    start, where it was compared; `identity` is that of the start, None if there was none.
+    Each object is read once, except those that the EDS declares read-only: they were compared at
+    the start and cannot have changed. `identity` is that of the start, None if there was none.
     """
     found: list[str] = []
     try:
@@ -58,15 +58,15 @@ def deviations(
         found += _of_mode(access)
     except SilentDriveError as error:
         found.append(str(error).removeprefix(f"{setup} "))
-    except DriveError as error:  # it refuses the reading
+    except DriveError as error:  # it refused to be read
         found.append(str(error).removeprefix(f"{setup}: "))
     return found
 
 
 def _locked(access: ObjectAccess) -> Iterator[str]:
-    """Fault of communication, or of unknown cause: some drives take no fault reset before they are
-    set up again, even if they report the cause as over. A reset of communication harms none in
-    fault."""
+    """Communication fault, or one of unknown cause: some drives accept no fault reset before they
+    are set up again, even if they report the cause as cleared. A communication reset is harmless
+    for a drive in fault."""
     statusword = access.read(0x6041)
     if drive_state(statusword) is not DriveState.FAULT:
         return

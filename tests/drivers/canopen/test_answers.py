@@ -75,8 +75,8 @@ def test_short_frames_are_not_believed(scripted, drives):
     ("data", "code", "words"),
     [
         (b"\x10\x23", 0x2310, "0x2310 (over-current), error register 0x00"),
-        (b"\x10", UNKNOWN_CODE, "of unknown code, the message is cut short"),
-        (b"", UNKNOWN_CODE, "of unknown code, the message is cut short"),
+        (b"\x10", UNKNOWN_CODE, "unknown code, the message is truncated"),
+        (b"", UNKNOWN_CODE, "unknown code, the message is truncated"),
     ],
 )
 def test_an_emergency_that_is_cut_short_is_one(scripted, drives, data, code, words):
@@ -94,7 +94,7 @@ def test_an_answer_that_comes_twice_for_one_sync_was_old(scripted, drives):
     assert late.events == ()
     scripted.incoming += everything()[:1]  # and here is the third
     assert tick(drives, scripted, everything(), 4 * PERIOD_S).events == crossed(
-        Fact(Kind.DISTURBED, (1,), "answers later than a whole period")
+        Fact(Kind.DISTURBED, (1,), "answers more than a period late")
     )
     assert tick(drives, scripted, everything(), 5 * PERIOD_S).events == ()
 

@@ -227,7 +227,7 @@ def test_type_limits(kind, limits):
         (
             {"tpdo": {"1": ["statusword", "current", "motor_velocity"],
                       "2": ["link_position", "controlword"]}},
-            "controlword is not for a tpdo",
+            "tpdo: controlword is not allowed",
         ),
     ],
 )  # fmt: skip
@@ -241,7 +241,7 @@ def test_a_layout_that_cannot_be_is_refused(changes, says):
     [
         ({"1": ["controlword"]}, "target_velocity missing"),
         ({"1": ["target_velocity"]}, "controlword missing"),
-        ({"1": ["controlword", "statusword"]}, "statusword is not for a rpdo"),
+        ({"1": ["controlword", "statusword"]}, "rpdo: statusword is not allowed"),
     ],
 )
 def test_an_rpdo_that_cannot_be_is_refused(layout, says):

@@ -25,7 +25,7 @@ def after(emergencies, *events, elbow=ON):
 def test_it_lasts_until_the_drive_takes_it_back(emergencies):
     assert after(emergencies, HOT) == ["emergencies"]
     words = "0x4210 (over-temperature of the drive), error register 0x08"
-    text = f"emergency of node 3 (elbow): {words}, and not over"
+    text = f"emergency of node 3 (elbow): {words}, still active"
     assert list(emergencies.objections()) == [Objection("emergencies", text)]
     assert after(emergencies) == ["emergencies"]
     assert after(emergencies, OVER) == []

@@ -146,7 +146,7 @@ def test_the_stages_of_a_drive_that_stays_in_operation(rested: Arm) -> None:
     assert k == 18
     assert events == {10: crossed(Fact(Kind.NOT_SEEN_TO_STOP, (3,), "NMT stop sent"))}
     sent, happened = arm.tick([])
-    assert happened == crossed(Fact(Kind.UNPROVED, (3,), "no heartbeat of ours any more"))
+    assert happened == crossed(Fact(Kind.UNPROVED, (3,), "our heartbeat is ended"))
     silence = [arm.tick(beats())[0] for _ in range(20)]
     assert {cob_id for sent in silence for cob_id, _ in sent} == {0x600 + n for n in ALL}, (
         "questions, nothing else"

@@ -73,7 +73,7 @@ def test_dead_daemon(tmp_path: Path) -> None:
         ("contact", "join the group contact (sudo usermod -aG contact YOU; it counts from your"),
         ("root", "it belongs to the group root. Create the group contact, add yourself, and start"),
         (KeyError(), "it belongs to the group {}. Create the group contact, add yourself, and"),
-        (PermissionError(), "its folder is closed to you"),
+        (PermissionError(), "you have no access to its folder"),
     ],
 )
 def test_who_may_not_use_the_socket_is_reported_how_to_be_let_in(

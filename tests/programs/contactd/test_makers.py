@@ -138,4 +138,4 @@ def test_the_check_says_that_a_measurement_can_be_written_and_that_modes_are_unk
         "0x30B2:00 (Current threshold for homing mode) can be written (access rww): a parameter, "
         "not a measurement, unless the manual says otherwise"
     ) in said
-    assert "its EDS has no value in 0x6502: the manual says whether it has mode 9" in said
+    assert "its EDS has no value for 0x6502: see the manual for mode 9" in said

@@ -43,9 +43,9 @@ def test_a_lost_answer_costs_a_step_and_not_the_arm(bench, setups):
     lines = []
     bench.boot_up(setups[:3], progress=lines.append)
     assert bench.number(2, 0x605A) == 6
-    (again,) = [line for line in lines if "again" in line]
+    (again,) = [line for line in lines if "repeated" in line]
     assert again.startswith(
-        "node 3 (LElbowRoll): step `stopping` was done again: node 3 (LElbowRoll) does not answer "
+        "node 3 (LElbowRoll): step `stopping` was repeated: node 3 (LElbowRoll) does not answer "
         "(SDO timeout 500 ms; object 0x605A:00: writing 6"
     )
 

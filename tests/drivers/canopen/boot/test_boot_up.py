@@ -141,8 +141,8 @@ def test_another_serial_number(bench, setups):
 @pytest.mark.parametrize(
     ("subindex", "says"),
     [
-        (1, r"0x1018:01 reads 0x999, VendorNumber there is 0xC0DAC7; give drives\.two_"),
-        (2, r"0x1018:02 reads 0x999, ProductNumber there is 0x402; .* or set "
+        (1, r"0x1018:01 reads 0x999, but VendorNumber is 0xC0DAC7; set drives\.two_"),
+        (2, r"0x1018:02 reads 0x999, but ProductNumber is 0x402; .* or "
          r"drives\.two_encoder_drive\.any_product to true; step `identity`"),
     ],
 )  # fmt: skip
@@ -160,7 +160,7 @@ def test_an_eds_that_does_not_say_its_product_is_not_compared(bench, setups, num
     bench.simulated.drives[2].objects.values[key(0x1018, 2)] = 0x999
     lines = []
     bench.boot_up([replace(setups[2], data_sheet=sheet)], progress=lines.append)
-    said = "its EDS has no ProductNumber: which product it is is not compared"
+    said = "its EDS has no ProductNumber: its product is not compared"
     assert f"drive profile two_encoder_drive: {said}" in lines
 
 

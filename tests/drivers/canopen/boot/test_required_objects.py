@@ -47,11 +47,11 @@ def test_romeo_fits(setups):
           "2": ["link_position", "current"]}}, "current.* is INTEGER16, not INTEGER32"),
         (
             {"current": {"object": 6078}},
-            "0x17BE:00, is missing; 0x6078 is there: 6078 without 0x is decimal",
+            "0x17BE:00, is missing; 0x6078 exists: 6078 without 0x is decimal",
         ),
         (
             {"write": [{"object": 6085, "value": 1}]},
-            "0x17C5:00 .* is missing, and 1 .*; 0x6085 is there: 6085 without 0x",
+            "0x17C5:00 .* is missing, and 1 .*; 0x6085 exists: 6085 without 0x",
         ),
         ({"link_position": {"subindex": 2}}, "0x60E4:02, is missing"),
         ({"motor_velocity": {"subindex": 1}}, "0x606C:01, is missing"),
@@ -78,10 +78,10 @@ def test_what_the_drive_has_not_is_refused(setups, fields, says):
         (0x6085, 0, 1, r"cannot be 1: contactd writes \d+ \(deceleration of the quick stop"),
         (0x1016, 1, 0, "cannot be 0: contactd writes 8323172 .*heartbeat"),
         (0x6060, 0, 8, "cannot be 8: contactd writes 9"),
-        (0x1400, 1, 0x203, "is of a PDO"),
-        (0x1A03, 1, 0, "is of a PDO"),
-        (0x6040, 0, 15, "energises or moves the drive"),
-        (0x60FF, 0, 100, "energises or moves the drive"),
+        (0x1400, 1, 0x203, "belongs to a PDO"),
+        (0x1A03, 1, 0, "belongs to a PDO"),
+        (0x6040, 0, 15, "would energise or move the drive"),
+        (0x60FF, 0, 100, "would energise or move the drive"),
     ],
 )
 def test_what_the_configuration_may_not_write(setups, index, subindex, value, says):
@@ -136,8 +136,8 @@ def test_what_a_drive_may_lack(setups):
         0x1005, 0x1014, 0x1029, 0x605E, 0x60C2, 0x6072, 0x6073, 0x6061, 0x6502, 0x6075,
     ]  # fmt: skip
     assert lines[2] == (
-        "without object 0x1029:01 (take no setpoint without a master): what it does with setpoints "
-        "when it has missed its master is its maker's choice"
+        "without object 0x1029:01 (no setpoints without a master): its handling of setpoints "
+        "after the loss of its master is the factory default"
     )
     assert lacks(setups[2], 10, 127) == []
 
@@ -151,12 +151,12 @@ def test_what_a_drive_must_have(setups, index):
 def test_a_pdo_that_is_not_there_or_takes_fewer_objects(setups):
     spread = changed(setups[2], rpdo={"1": ["controlword"], "4": ["target_velocity"]})
     check_drive(spread, 10, 127)
-    with pytest.raises(ConfigurationError, match="no PDO with parameters at 0x1403"):
+    with pytest.raises(ConfigurationError, match="no PDO parameters at 0x1403"):
         check_drive(less(spread, 0x1403), 10, 127)
     poor = less(setups[2])
     poor.data_sheet[0x1A00].subindices.pop(3)
     del poor.data_sheet[0x1A00][0]
-    with pytest.raises(ConfigurationError, match="the PDO at 0x1800 does not take 3 objects"):
+    with pytest.raises(ConfigurationError, match="the PDO at 0x1800 cannot map 3 objects"):
         check_drive(poor, 10, 127)
 
 

@@ -104,7 +104,7 @@ def test_a_value_of_two_bytes_and_one_in_segments():
         ((0x080, b""), "sends SYNC"),
         ((0x000, b"\x01\x00"), "sends NMT commands"),
         ((0x603, bytes(8)), "sends SDO requests to node 3"),
-        ((0x77F, b"\x05"), "node 127 sends heartbeats and answers no SDO"),
+        ((0x77F, b"\x05"), "node 127 sends heartbeats but answers no SDO"),
     ],
 )
 def test_it_gives_way_to_a_master(heard, says, monkeypatch):
@@ -177,6 +177,6 @@ def test_only_the_bus_is_read(tmp_path):
 @pytest.mark.parametrize("heard", [(0x080, b""), (0x000, bytes([1, 0]))])
 def test_it_ends_where_a_master_begins_meanwhile(heard):
     bus = Bus({5: lambda *_: [heard]})
-    with pytest.raises(BusError, match="a master began while the bus was asked"):
+    with pytest.raises(BusError, match="a master started during the scan"):
         quick(bus)
     assert len(bus.sent) < 20

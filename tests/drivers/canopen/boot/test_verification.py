@@ -76,7 +76,7 @@ SAYS = [
     ({(0x6061, 0): 0}, None),
     (
         {(0x1005, 0): 0x81},
-        "object 0x1005:00 (SYNC on 0x080, none of its own) reads 129, must be 128",
+        "object 0x1005:00 (SYNC on 0x080, not produced by the drive) reads 129, must be 128",
     ),
     (
         {(0x1A00, 2): 0x60770010},
@@ -92,7 +92,7 @@ SAYS = [
     ),
     (
         {(0x1803, 1): 0x483},
-        "object 0x1803:01 (a PDO that is off) reads 0x00000483, must be 0x80000000",
+        "object 0x1803:01 (a disabled PDO) reads 0x00000483, must be 0x80000000",
     ),
     ({(0x1018, 4): 99}, "object 0x1018:04 (serial) reads 0x63, was 0x3"),
     ({(0x1018, 2): 7}, "object 0x1018:02 (product) reads 0x7, was 0x402"),
