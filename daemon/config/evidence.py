@@ -58,16 +58,16 @@ def unidentified(step: ArmingStep, found: Identified | None, c: Configuration) -
 
 
 def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
-    """Joints that passed a step before a change that voids it, and whose values are not known
-    otherwise."""
+    """Joints that passed a step before a change that voids it, and whose identified values are used
+    all the same."""
     if found is None:
         return []
-    entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
     return [
         joint.name
         for joint in c.joints
-        if step not in joint.known
-        and (entry := entries.get(joint.name)) is not None
+        if (entry := used_entries(joint, found).get(step)) is not None
+        # Values of an entry are used even if others are stated beside; those of wiring are none.
+        and not (step == "wiring" and step in joint.known)
         and not in_force(entry, joint.name, found, c, urdf)
     ]
 

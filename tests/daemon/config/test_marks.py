@@ -91,6 +91,19 @@ def test_a_change_voids_what_depends_on_it(
     assert void(load_robot(place)) == expected
 
 
+@pytest.mark.parametrize("step", ENTRIES)
+def test_a_void_value_in_use_is_not_armed_with_because_another_is_stated(
+    place: Path, step: ArmingStep
+) -> None:
+    """Values stated in config.yaml win over identified levels alone."""
+    edit(place / "config.yaml", r"(?m)^( *)(half_gap:)", rf"\g<1>known: {{{step}: maker}}\n\g<1>\g<2>")
+    edit(place / "config.yaml", r"gear: [\d.]+", "gear: 77.0")
+    robot = load_robot(place)
+    (joint,) = robot.configuration.joints
+    assert (joint.friction.motor_coulomb, joint.body) == (0.3, BODY)
+    assert void(robot) == ALL - ({step} & {"wiring", "thresholds"})
+
+
 def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:
     """With the old masses the old friction is right again."""
     before = (place / "arm.urdf").read_text()
