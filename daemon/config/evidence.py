@@ -32,7 +32,8 @@ def objections(
         known = found.joints.get(joint.name) if found is not None else None
         if (
             known is not None
-            and known.wiring is not None
+            # Found from logs alone, values are of no known drive.
+            and (known.wiring is not None or known.serial is not None)
             and known.serial != (serial := serials.get(joint.name))
         ):
             reasons.append(
