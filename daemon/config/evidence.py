@@ -109,6 +109,12 @@ def parameters_missing(found: Identified | None, c: Configuration, urdf: str) ->
                 f"the {step} of {', '.join(names)} identified before {ENTRIES[step].depends} were "
                 f"changed ({command} again)"
             )
+    if names := outdated("encoders", found, c, urdf):
+        reasons.append(
+            f"the encoders of {', '.join(names)} identified before {ENTRIES['encoders'].depends} "
+            f"were changed (`contactd identify encoders {' '.join(names)}` again, or delete their "
+            f"`encoders` in {c.identified})"
+        )
     return reasons
 
 
