@@ -98,7 +98,8 @@ def test_a_void_value_in_use_is_not_armed_with_because_another_is_stated(
     place: Path, step: ArmingStep
 ) -> None:
     """Values stated in config.yaml win over identified levels alone."""
-    edit(place / "config.yaml", r"(?m)^( *)(half_gap:)", rf"\g<1>known: {{{step}: maker}}\n\g<1>\g<2>")
+    known = rf"\1known: {{{step}: maker}}\n\1half_gap:"
+    edit(place / "config.yaml", "( *)half_gap:", known)
     edit(place / "config.yaml", r"gear: [\d.]+", "gear: 77.0")
     robot = load_robot(place)
     (joint,) = robot.configuration.joints
