@@ -46,6 +46,8 @@ _SPARSE = 50  # intervals per pose at which the links' inertia is sampled
 _B = COLUMNS.index("B")
 _SHOWS = 0.3
 """Least change of gravity that is evaluated, as a share of Coulomb friction."""
+_LEAST = 1e-3
+"""Least change for a joint without friction, such as one without torque in the log [Nm]."""
 _NOTHING = (
     "it came out as zero, which is impossible: a current that is later than "
     "estimator.current_delay_ms hides it; B keeps its value"
@@ -213,7 +215,8 @@ def _judged(
     settings: EstimatorSettings,
 ) -> FrictionFit:
     change = float(np.ptp(rows.gravity[:, i]))
-    gravity = solved.gravity if change >= _SHOWS * solved.coefficients[0] else float("nan")
+    shows = change >= max(_SHOWS * solved.coefficients[0], _LEAST)
+    gravity = solved.gravity if shows else float("nan")
     verdict, reason = verdict_on(rows.theta_dot[:, i], float(cut[:, i].mean()), gravity, solved)
     if about := wider(play_of_joint, float(t.half_gap[i])):
         verdict, reason = Verdict.WRONG_GAP, about

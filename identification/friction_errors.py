@@ -12,6 +12,7 @@ from common.arrays import Vector
 from estimator.model import Model
 from identification.body_errors import by_bodies
 from identification.friction_fit import FrictionFit
+from identification.friction_verdict import GRAVITY_TOLERANCE
 from identification.log_intervals import Intervals, low_pass
 from identification.regression import COLUMNS, GAIN, NORMAL_95, Regression, Solution
 from identification.setpoint_steps import OF_POSITIONS
@@ -51,8 +52,7 @@ def with_what_is_believed(
     taken for viscous. Guessed torque constants may be off by the shares `guessed` (n,)."""
     scales = np.array([fit.gravity_scale for fit in fits])
     shown = scales[np.isfinite(scales)]
-    least = _IDENTIFIED if weighed else _BY_URDF
-    off = max(float(np.sqrt(np.square(shown - 1.0).mean())) if len(shown) else 0.0, least)
+    off = masses_off(shown, _IDENTIFIED if weighed else _BY_URDF)
     inertial = low_pass(rows.inertial - rows.gravity, rows, GAIN)
     moved = np.zeros_like(inertial)
     if by_urdf is not None:  # what weighing changed is as uncertain: gravity shows no inertia
@@ -91,6 +91,13 @@ def with_what_is_believed(
         }
         new.append(replace(fit, errors=errors, of_masses=of_masses))
     return new
+
+
+def masses_off(scales: Vector, least: float) -> float:
+    """Share by which masses are believed to be off, by gravity's scales (k,). Of a joint whose
+    torque is refused, in another unit or none, one counts as the largest that is not."""
+    off = np.clip(scales - 1.0, -GRAVITY_TOLERANCE, GRAVITY_TOLERANCE)
+    return max(float(np.sqrt(np.square(off).mean())) if len(off) else 0.0, least)
 
 
 def shared(scales: Vector) -> float:

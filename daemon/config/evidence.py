@@ -32,7 +32,8 @@ def objections(
         known = found.joints.get(joint.name) if found is not None else None
         if (
             known is not None
-            and known.wiring is not None
+            # Found from logs alone, values are of no known drive.
+            and (known.wiring is not None or known.serial is not None)
             and known.serial != (serial := serials.get(joint.name))
         ):
             reasons.append(
@@ -59,15 +60,15 @@ def unidentified(step: ArmingStep, found: Identified | None, c: Configuration) -
 
 def outdated(step: str, found: Identified | None, c: Configuration, urdf: str) -> list[str]:
     """Joints that passed a step, whose results a later change of the configuration invalidated, and
-    that do not declare its values in `known`."""
+    whose identified values are used all the same."""
     if found is None:
         return []
-    entries = {name: getattr(joint, step) for name, joint in found.joints.items()}
     return [
         joint.name
         for joint in c.joints
-        if step not in joint.known
-        and (entry := entries.get(joint.name)) is not None
+        if (entry := used_entries(joint, found).get(step)) is not None
+        # Values of an entry are used even if others are stated beside; those of wiring are none.
+        and not (step == "wiring" and step in joint.known)
         and not in_force(entry, joint.name, found, c, urdf)
     ]
 
@@ -108,6 +109,12 @@ def parameters_missing(found: Identified | None, c: Configuration, urdf: str) ->
                 f"the {step} of {', '.join(names)} identified before {ENTRIES[step].depends} were "
                 f"changed ({command} again)"
             )
+    if names := outdated("encoders", found, c, urdf):
+        reasons.append(
+            f"the encoders of {', '.join(names)} identified before {ENTRIES['encoders'].depends} "
+            f"were changed (`contactd identify encoders {' '.join(names)}` again, or delete their "
+            f"`encoders` in {c.identified})"
+        )
     return reasons
 
 

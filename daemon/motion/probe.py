@@ -55,6 +55,7 @@ class Probe:
         self._ticks = 0  # of both
         self._mean, self._time_s = np.zeros((2, 2, n))  # of the work, each way
         self._found: tuple[int, float, float] | None = None  # joint, its mean over its level, size
+        self._left: Vector | None = None  # means over levels as a hand that was found seemed gone
 
     def work(self, residual: Vector, velocity: Vector, dt: float) -> None:
         """Take dt [s] of the work: residual [Nm] and velocities of the motors [rad/s]."""
@@ -85,8 +86,8 @@ class Probe:
 
     def hand(self, jacobian: Matrix | None = None) -> int | None:
         """Joint on which a hand rests most, over its level; None without one. One that was found
-        rests on until its mean has changed: near its limit it would come and go. jacobian: of the
-        tool (3, n); None, an arm without."""
+        rests on until its mean has changed, as near its limit it would come and go, and a second
+        probe shows what it left. jacobian: of the tool (3, n); None, an arm without."""
         level = np.maximum(self._level, 1e-9)
         mean = self._sum / level
         known = self._time_s.min(axis=0) > NEEDED_S
@@ -103,8 +104,16 @@ class Probe:
             self._found = (joint, now, size) if abs(now - before[1]) < CHANGED else None
         if before is not None and size < min(SINKS * before[2], WEAK):
             self._found = None
-        return None if self._found is None else self._found[0]
+        left, self._left = self._left, None
+        if before is None or (self._found is not None and (left is None or size > 1.0)):
+            return None if self._found is None else self._found[0]
+        # What a hand left stays; of one that moves, another probe shows something else.
+        if left is not None and float(np.abs(beyond - left).max()) < CHANGED:
+            self._found = None
+            return None
+        self._found, self._left = (before[0], float(beyond[before[0]]), size), beyond
+        return before[0]
 
     def forget(self) -> None:
         """Forget a hand that was found."""
-        self._found = None
+        self._found = self._left = None

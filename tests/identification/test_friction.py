@@ -8,11 +8,14 @@ import msgspec
 import numpy as np
 import pytest
 
+from bench.rigs.foreign_logs import stranger
 from common.errors import LogError
+from daemon.assembly import build_transmission
+from daemon.config.load import load_robot
 from estimator.model import Model
 from estimator.transmission import STICTION_ERROR
 from identification.friction import identify_friction
-from identification.friction_errors import constant_off, shared
+from identification.friction_errors import constant_off, masses_off, shared
 from identification.friction_fit import adopt
 from identification.friction_verdict import GIVE, LOWEST_R2, WIDEST_PLAY, Verdict
 from identification.motion_log import MotionLog
@@ -204,6 +207,26 @@ def test_a_torque_constant_is_as_sure_as_data_sheets_and_gravity_make_it(gravity
 )  # fmt: skip
 def test_joints_that_gravity_turns_say_how_far_off_the_others_are(scales, found):
     assert shared(np.array(scales)) == pytest.approx(found, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("scales", "off"),
+    [([], 0.03), ([1.0, 1.02], 0.03), ([0.9, 1.1], 0.1), ([1.0, 1000.0], 0.3 / math.sqrt(2.0))],
+)
+def test_a_torque_in_another_unit_makes_no_mass_unsure(scales: list[float], off: float) -> None:
+    assert masses_off(np.array(scales), 0.03) == pytest.approx(off)
+
+
+def test_a_wrong_sign_where_gravity_turns_nothing_shows_no_error_of_masses(tmp_path) -> None:
+    """It turns about the vertical: others' friction was stated to +- 100000 Nm, and good."""
+    of = stranger(7, 12.0, tmp_path)
+    robot, log = load_robot(tmp_path), of.log.select(slice(None, None, 5))
+    log = replace(log, current=log.current * np.where(np.arange(log.n) > 0, 1.0, -1.0))
+    c, most = robot.configuration, np.full(log.n, 1e3)
+    first, *fits = identify_friction(log, robot.model, build_transmission(c), c.estimator, most)[0]
+    assert first.verdict is not Verdict.GOOD
+    assert math.isnan(first.gravity_scale)
+    assert all(fit.errors["K_theta_s"] < fit.values["K_theta_s"] for fit in fits)
 
 
 def test_standard_errors_are_no_decoration(fitted, moved):

@@ -97,6 +97,15 @@ def test_all_that_is_missing_is_named(tmp_path: Path) -> None:
         assert command in reason
 
 
+@pytest.mark.parametrize(("drive", "refused"), [(1, False), (2, True), (None, True)])
+def test_a_wiring_that_is_known_makes_no_other_drive_this_one(
+    tmp_path: Path, drive: int | None, refused: bool
+) -> None:
+    robot = arm(tmp_path, "{wiring: by hand}", "gap", "friction", "thresholds")
+    against = objections(robot.identified, robot.configuration, robot.urdf, {"joint": drive})
+    assert against == [f"joint was identified on drive 1, this is drive {drive}"] * refused
+
+
 def test_what_is_identified_is_not_known_otherwise(tmp_path: Path) -> None:
     robot = arm(tmp_path, "{gap: of the data sheet, friction: by the maker}", "gap", "thresholds")
     assert check_parameters(robot).text == "known otherwise: friction of all: by the maker"

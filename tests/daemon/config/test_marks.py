@@ -13,6 +13,7 @@ from bench.rigs.generated_arms import in_yaml
 from bench.rigs.lockstep import ROMEO
 from daemon.config.evidence import objections, outdated, parameters_missing
 from daemon.config.identified import (
+    EncodersEntry,
     Entry,
     FrictionEntry,
     GapEntry,
@@ -26,6 +27,7 @@ from daemon.config.identified import (
 from daemon.config.load import Robot, load_robot
 from daemon.config.marks import fingerprint, marks
 from daemon.config.schema import ArmingStep, Friction, Levels
+from drivers.wiring import Harmonic
 from estimator.body_inertia import BodyInertia
 from programs.identify.merge import merged
 
@@ -89,6 +91,38 @@ def test_a_change_voids_what_depends_on_it(
     assert void(load_robot(place)) == set()
     edit(place / file, pattern, new)
     assert void(load_robot(place)) == expected
+
+
+@pytest.mark.parametrize("step", ENTRIES)
+def test_a_void_value_in_use_is_not_armed_with_because_another_is_stated(
+    place: Path, step: ArmingStep
+) -> None:
+    """Values stated in config.yaml win over identified levels alone."""
+    known = rf"\1known: {{{step}: maker}}\n\1half_gap:"
+    edit(place / "config.yaml", "( *)half_gap:", known)
+    edit(place / "config.yaml", r"gear: [\d.]+", "gear: 77.0")
+    robot = load_robot(place)
+    (joint,) = robot.configuration.joints
+    assert (joint.friction.motor_coulomb, joint.body) == (0.3, BODY)
+    assert void(robot) == ALL - ({step} & {"wiring", "thresholds"})
+
+
+def test_an_encoder_is_not_corrected_as_one_of_before(place: Path) -> None:
+    correction = [Harmonic(order=1, cosine=0.04)]
+    encoders = EncodersEntry(**DAY, link_correction=correction, left=0.3)
+    for gear, step, entry in (
+        (77.0, "encoders", encoders), *((78.0, *one) for one in ENTRIES.items())
+    ):  # fmt: skip
+        edit(place / "config.yaml", r"gear: [\d.]+", f"gear: {gear}")
+        found = merged(load_robot(place), step, {"joint": entry}, {"joint": 1})
+        write_identified(place / "identified.yaml", found)
+    robot = load_robot(place)
+    assert robot.configuration.joints[0].wiring.link_correction == correction
+    (reason,) = parameters_missing(robot.identified, robot.configuration, robot.urdf)
+    assert "the encoders of joint identified before drives, wiring, period" in reason
+    edit(place / "config.yaml", r"gear: [\d.]+", "gear: 77.0")
+    robot = load_robot(place)
+    assert outdated("encoders", robot.identified, robot.configuration, robot.urdf) == []
 
 
 def test_what_is_void_is_asked_for_again_and_comes_back(place: Path) -> None:

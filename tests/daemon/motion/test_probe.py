@@ -69,7 +69,7 @@ def test_a_contact_on_the_way_begins_it_anew() -> None:
 @pytest.mark.parametrize(
     ("first", "later", "found"),
     [(1.1, 0.95, 1), (1.1, 1.2, 1), (1.1, 0.85, None), (1.1, 0.6, None), (1.1, -0.9, None),
-     (1.1, -1.1, 1), (2.0, 1.25, 1), (2.0, 1.15, None)],
+     (1.1, -1.1, 1), (2.0, 1.25, 1), (2.0, 1.15, 1)],
 )  # fmt: skip
 def test_a_hand_that_was_found_rests_until_its_mean_changes(
     first: float, later: float, found: int | None
@@ -79,10 +79,23 @@ def test_a_hand_that_was_found_rests_until_its_mean_changes(
         swung(probe, first * SHARE)
         assert probe.hand() == 1
         probe.stop()
+    for hand in (1, found):  # what it left stays
+        swung(probe, later * SHARE)
+        assert probe.hand() == hand
+        probe.stop()
     swung(probe, later * SHARE)
-    assert probe.hand() == found
     probe.forget()
     assert (probe.hand() is None) == (abs(later) < 1.0)
+
+
+@pytest.mark.parametrize(("last", "found"), [(0.0, None), (0.3, None), (0.6, 1), (-0.6, 1)])
+def test_a_hand_that_moves_is_not_gone_where_it_shows_least(last: float, found: int | None) -> None:
+    """It pressed at right angles to what shows, and the trajectory went on in it."""
+    probe = Probe(2, QUIET_S)
+    for mean, hand in ((1.4, 1), (0.7, 1), (0.0, 1), (last, found)):
+        swung(probe, mean * SHARE)
+        assert probe.hand() == hand
+        probe.stop()
 
 
 @pytest.mark.parametrize(("ends", "found"), [(0.18, 1), (0.17, None)])
@@ -91,7 +104,7 @@ def test_a_hand_whose_mean_fades_slowly_rests_until_it_is_no_more_than_without_o
 ) -> None:
     """Friction that has slid sticks anew, and takes over a part."""
     probe = Probe(2, QUIET_S)
-    for mean in np.linspace(0.28, ends, 6):
+    for mean in (*np.linspace(0.28, ends, 6), ends):
         swung(probe, mean)
         hand = probe.hand()
         probe.stop()
