@@ -1,21 +1,29 @@
 """The arm in a hand: what it asks of one that leads it, and whether it goes on in one that rests.
 
-    python -m bench.hand [--arms N] [--first SEED] [--part PART] [--no-probe] [--assist]
-                         [--circle PNG] [--jobs N] [--json]
+    python -m bench.hand [--arms N] [--first SEED] [--part PART]
+                         [--no-probe] [--assist] [--circle PNG] [--jobs N]
+                         [--json]
 
 N arms as wide as the world, with the three laws of friction, each around a pose of its own, armed
 after a minute of work, with the gains of `contactctl gain --balance`.
 
-leads   A hand of 1000, 1500 or 4000 N/m sets out each joint by itself, from rest, leads it by 0.3
-        rad at 0.25 rad/s and lets go in motion; beside it the same arm with its drives off,
-        weightless. Forces are those of a hand that holds the tool, at least 8 cm off the axis.
-rests   One of 300, 1500 or 4000 N/m at the tool takes the arm from its trajectory, then rests with
-        0.2 to 0.9 of the level in force on the joint that it loads most, holds still for 30 s, and
-        lets go; or lets go at once. A miss is a trajectory that goes on while the hand is there.
-pulled  A steady torque of 1.2 times what sets a joint out, as of a load or a cable, for 3 s.
-guide   Romeo's arm, OpenArm's and the beam arm, with Romeo's drives, on a line along an axis of the
-        tool: 20 N press across, along each held axis that the drives can stand; then a hand of 1500
-        N/m leads the tool along by 0.1 m at 0.05 m/s, with the guide and without. Not by default.
+    leads   A hand of 1000, 1500 or 4000 N/m sets out each joint by itself,
+            from rest, leads it by 0.3 rad at 0.25 rad/s and lets go in
+            motion; beside it the same arm with its drives off, weightless.
+            Forces are those of a hand that holds the tool, at least 8 cm
+            off the axis.
+    rests   One of 300, 1500 or 4000 N/m at the tool takes the arm from its
+            trajectory, then rests with 0.2 to 0.9 of the level in force on
+            the joint that it loads most, holds still for 30 s, and lets go;
+            or lets go at once. A miss is a trajectory that goes on while
+            the hand is there.
+    pulled  A steady torque of 1.2 times what sets a joint out, as of a load
+            or a cable, for 3 s.
+    guide   Romeo's arm, OpenArm's and the beam arm, with Romeo's drives, on
+            a line along an axis of the tool: 20 N press across, along each
+            held axis that the drives can stand; then a hand of 1500 N/m
+            leads the tool along by 0.1 m at 0.05 m/s, with the guide and
+            without. Not by default.
 
 --circle draws instead the circle of a hand at the tool of the first arm, and its force, as a PNG.
 """
@@ -161,15 +169,9 @@ def by_joint(results: Sequence[Result]) -> dict[str, Any]:
 @click.option("--circle", type=click.Path(path_type=Path), default=None, help="Draw a circle.")
 @JOBS
 def main(
-    arms: int,
-    first: int,
-    part: Part | None,
-    no_probe: bool,
-    assist: bool,
-    circle: Path | None,
-    processes: int,
-    as_json: bool,
-) -> None:
+    arms: int, first: int, part: Part | None, no_probe: bool, assist: bool, circle: Path | None,
+    processes: int, as_json: bool,
+) -> None:  # fmt: skip
     if circle is not None:
         from bench.study.circle import circles  # noqa: PLC0415  # matplotlib takes a second
 

@@ -5,6 +5,7 @@ import numpy as np
 from common.arrays import Vector
 from common.errors import ModelError
 from daemon.motion.guide import Guide
+from daemon.motion.hand_witness import agreed
 from daemon.protocol.guide import BASE, TOOL, GuideAxes
 from estimator.dynamics import Place
 from estimator.model import Model
@@ -28,6 +29,8 @@ class Guidance:
         """Axes of the guide, and their description; empty without a guide"""
         self.sure = True
         """False if sensing is doubtful: the guide then restarts, without its spring"""
+        self.led = True
+        """False without a witnessed hand: velocities fade, and no joint turns for another"""
         self._model, self._velocity, self._rate = model, velocity, rate
         self._guide: Guide | None = None
 
@@ -38,15 +41,9 @@ class Guidance:
         if axes.guides:
             if self._model is None:
                 raise ModelError("no guide while the signs of the links are not checked")
-            guide = Guide(
-                self._model,
-                guide_place(self._model, axes),
-                self._velocity,
-                self._rate,
-                np.array(axes.kinds()),
-                turned=axes.frame != BASE,
-                redundant=axes.redundant == "free",
-            )
+            place, kinds = guide_place(self._model, axes), np.array(axes.kinds())
+            how = {"turned": axes.frame != BASE, "redundant": axes.redundant == "free"}
+            guide = Guide(self._model, place, self._velocity, self._rate, kinds, **how)
         self.axes, self._guide = axes, guide
         self.words = str(axes) if guide else ""
 
@@ -75,6 +72,9 @@ class Guidance:
         assert self._guide is not None
         if not self.sure:
             self._guide.forget()
+        if not self.led:
+            fades = before - share * before
+            return agreed(fades, fades + share * asked)
         most, out = np.maximum(self._rate * room, 0.0), np.empty_like(asked)
         self._guide.step(q, moved, sent, before, asked, share, gain, most, pushed, out)
         return out

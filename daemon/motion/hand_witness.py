@@ -10,9 +10,10 @@ therefore moved
 
 A hand is witnessed where the residual exceeds the stated level, and exceeds the configured one by
 the whole identified friction: the motor is then driven instead of driving, whatever friction is.
-Only from such a hand does an arm back away. A joint that moves in the direction of its residual
-without that moves because of an error, or of a hand too light to be distinguished from one: after
-ALONE_S it stands, until a hand is witnessed or the residual has been below its level.
+Only from such a hand does an arm back away, and only for one, on any joint, does a guide turn
+joints. A joint that moves in the direction of its residual without that moves because of an error,
+or of a hand too light to be distinguished from one: after ALONE_S it stands, until a hand is
+witnessed or the residual has been below its level.
 
 Pure; time is an argument; arrays of shape (n,).
 """
@@ -66,21 +67,17 @@ class HandWitness:
         self._coulomb, self._viscous = coulomb, viscous
         n = len(coulomb)
         self._alone_s, self._alone_rad, self._seen_s = np.zeros((3, n))
-        self._stands = np.zeros(n, dtype=np.bool_)
-        self.hand = False
-        """True once a hand was witnessed since the arm began to yield."""
+        self.stands = np.zeros(n, dtype=np.bool_)
+        """True for a joint that is held because it moved without a witnessed hand (n,)"""
+        self.hand = self.leads = False
+        """True once a hand was witnessed since the arm began to yield; and in the last ALONE_S"""
         self.excess: Vector = np.zeros(n)
         """residual beyond what witnesses a hand (n,) [Nm]; against the residual where it is less"""
-
-    @property
-    def stands(self) -> bool:
-        """True while a joint is held because it moved without a witnessed hand."""
-        return bool(self._stands.any())
 
     def begin(self) -> None:
         """Reset when the arm begins to yield: no hand has been witnessed yet."""
         self._alone_s[:] = self._alone_rad[:] = self._seen_s[:] = 0.0
-        self._stands[:] = self.hand = False
+        self.stands[:] = self.hand = self.leads = False
 
     def witnessed(
         self, independent: IndependentResidual, motor_velocity: Vector
@@ -103,7 +100,7 @@ class HandWitness:
         hand, self.excess = beyond > 0.0, np.sign(independent.agreed) * beyond
         self.hand = self.hand or bool(hand.any())
         self._seen_s = np.where(hand, ALONE_S, np.maximum(self._seen_s - dt, 0.0))
-        seen = self._seen_s > 0.0
+        self.leads = bool((seen := self._seen_s > 0.0).any())
         along = (independent.agreed * motor_velocity > 0.0) & (size > independent.threshold) & ~seen
         moves = along & (speed > SETTLES)
         kept = np.where(hand, 0.0, 1.0 - LEAK * dt * ~along)
@@ -111,8 +108,8 @@ class HandWitness:
         self._alone_rad = kept * self._alone_rad + dt * speed * along
         gone = size <= independent.threshold
         alone = (self._alone_s > ALONE_S) | (self._alone_rad > ALONE_RAD)
-        self._stands = ((self._stands & ~gone) | (alone & along)) & ~hand
+        self.stands = ((self.stands & ~gone) | (alone & along)) & ~hand
         push = dead_band(
             independent.agreed, np.where(seen, independent.threshold, independent.stated)
         )
-        return np.where(self._stands, 0.0, push)
+        return np.where(self.stands, 0.0, push)

@@ -185,11 +185,12 @@ class Controller:
     def _push(self, observed: ControlInput, dt: float) -> Vector:
         """Thresholded residual (n,) [Nm] that moves an arm that yields."""
         witness, independent = self._witness, observed.independent
-        self.motion.excess = None
+        self.motion.excess, self.motion.guidance.led = None, True
         self.motion.guidance.sure = observed.sure
         if self.machine.mode is not Mode.ADMITTANCE or witness is None or independent is None:
             return observed.thresholded
         push = witness.step(independent, observed.motor_velocity, dt)
+        self.motion.guidance.led = witness.leads
         self.motion.excess = witness.excess if self._tuning.assists and observed.sure else None
         return push
 

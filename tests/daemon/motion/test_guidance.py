@@ -15,7 +15,7 @@ ROBOT = load_robot(OPENARM)
 MODEL, LIMITS = ROBOT.model, limits_of(ROBOT.configuration)
 GAIN = np.array([joint.admittance_gain for joint in ROBOT.configuration.joints])
 Q = LIMITS.lower + 0.65 * (LIMITS.upper - LIMITS.lower)
-STILL = np.zeros(MODEL.n)
+STILL, ROOM = np.zeros(MODEL.n), np.ones((2, MODEL.n))
 PUSH = GAIN * np.random.default_rng(4).normal(size=MODEL.n) * 0.1
 
 
@@ -26,8 +26,7 @@ def guided(axes: GuideAxes) -> Guidance:
 
 
 def step(guidance: Guidance, q: Vector, asked: Vector, *, pushed: bool = True) -> Vector:
-    room = np.full((2, MODEL.n), 1.0)
-    return guidance.step(q, STILL, STILL, STILL, asked, STILL + 1.0, GAIN, room, pushed=pushed)
+    return guidance.step(q, STILL, STILL, STILL, asked, STILL + 1.0, GAIN, ROOM, pushed=pushed)
 
 
 @pytest.mark.parametrize("frame", ["tool", "base"])
@@ -42,12 +41,8 @@ def test_axes_are_those_of_the_frame_that_is_named(frame: str) -> None:
 
 def test_redundant_joints_stand_only_where_that_is_asked_for() -> None:
     given, free, held = (
-        step(guided(axes), Q, PUSH)
-        for axes in (
-            GuideAxes(held=("z",)),
-            GuideAxes(held=("z",), redundant="free"),
-            GuideAxes(held=("z",), redundant="held"),
-        )
+        step(guided(GuideAxes(held=("z",), **how)), Q, PUSH)
+        for how in ({}, {"redundant": "free"}, {"redundant": "held"})
     )
     np.testing.assert_array_equal(given, free)
     assert np.linalg.norm(held / np.sqrt(GAIN)) < 0.99 * np.linalg.norm(free / np.sqrt(GAIN))
@@ -65,6 +60,17 @@ def test_the_spring_is_for_a_hand_that_is_sure(sure: bool, pushed: bool, springs
     assert step(guidance, off, STILL, pushed=pushed).any() == springs
     guidance.sure = True
     assert step(guidance, off, STILL).any() == sure  # after a doubt it begins where it is
+
+
+def test_without_a_witnessed_hand_no_joint_moves_further_than_without_a_guide() -> None:
+    """Nor the other way: the velocity with which an arm begins to yield is no hand's."""
+    guidance, rng = guided(GuideAxes(stiff=("y", "z", "rx", "ry", "rz"))), np.random.default_rng(5)
+    guidance.led = False
+    for _ in range(50):
+        before, push = rng.normal(size=(2, MODEL.n)) * rng.integers(0, 2, (2, MODEL.n)) * 0.2
+        free = before + 0.2 * (push - before)
+        out = guidance.step(Q, STILL, before, before, push, STILL + 0.2, GAIN, ROOM, pushed=True)
+        assert (abs(np.clip(out, np.minimum(free, 0.0), np.maximum(free, 0.0)) - out) < 1e-12).all()
 
 
 def test_words_of_a_guide_and_of_none() -> None:

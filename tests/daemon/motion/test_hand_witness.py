@@ -75,6 +75,7 @@ def test_the_learned_level_counts_no_longer_once_the_hand_is_gone() -> None:
     light = [step(on, 0.3, 0.0) for _ in range(round(2 * ALONE_S / T))]
     assert light[0] == pytest.approx(0.2)
     assert light[-1] == 0.0
+    assert (on.hand, on.leads) == (True, False)
 
 
 def test_a_joint_that_goes_on_by_what_friction_may_pretend_stands() -> None:
@@ -93,21 +94,14 @@ def test_creeping_has_a_bound_in_distance() -> None:
     assert on.stands
 
 
-def test_it_goes_on_when_a_hand_is_witnessed() -> None:
-    on = witness()
-    for _ in range(50):
-        step(on, 0.6, 0.3)
-    assert step(on, 1.0, 0.0) == pytest.approx(1.0 - LEARNED)
-    assert not on.stands
-
-
-def test_it_stands_until_the_residual_was_below_its_level() -> None:
+@pytest.mark.parametrize(("size", "push"), [(1.0, 1.0 - LEARNED), (0.05, 0.0)])
+def test_it_stands_until_a_hand_or_a_residual_below_its_level(size: float, push: float) -> None:
     on = witness()
     for _ in range(50):
         step(on, 0.6, 0.3)
     assert step(on, 0.2, 0.0) == 0.0
     assert on.stands
-    step(on, 0.05, 0.0)
+    assert step(on, size, 0.0) == pytest.approx(push)
     assert not on.stands
 
 
@@ -135,7 +129,7 @@ def test_a_hand_is_remembered_until_the_arm_begins_to_yield_anew() -> None:
     on = witness()
     for size, seen in [(0.5, False), (-0.84, False), (-0.85, True), (0.1, True)]:
         step(on, size, 0.0)
-        assert on.hand == seen
+        assert (on.hand, on.leads) == (seen, seen)
     on.begin()
     assert not on.hand
 

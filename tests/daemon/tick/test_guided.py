@@ -41,7 +41,12 @@ def test_20_newtons_across_give_less_than_2_mm_and_what_is_free_is_led(on: ArmIn
 def test_nothing_moves_without_a_hand_whatever_the_guide(on: ArmInTheLoop) -> None:
     """Off its line by a few millimetres, as it is let go of, the arm stays there."""
     across(on, LINE, 1, -1.0)
+    guidance = on.tick.controller.motion.guidance
+    assert guidance.led
     on.drives.hold = None
+    on.run(0.5)
+    assert on.mode is Mode.ADMITTANCE
+    assert not guidance.led
     while on.mode is not Mode.HOLDING:
         on.step()
     on.run(2.0)
