@@ -111,7 +111,7 @@ def test_what_cannot_be_read_or_written_is_answered(
         ("faulted", "reset", Controller, "request", Mode.FAULTED),
         ("tracking", "payload", Tick, "carry", Mode.TRACKING),
         # ...also where it was done, and only its answer broke...
-        ("holding", "start", Commands, "_set_out", Mode.HOLDING),
+        ("holding", "start", Commands, "_start_motion", Mode.HOLDING),
         ("holding", "arm", Commands, "_granted", Mode.HOLDING),
         # ...and what should have made the arm stiller does so.
         ("tracking", "stop", Controller, "request", Mode.FAULTED),
