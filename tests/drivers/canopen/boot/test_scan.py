@@ -71,7 +71,7 @@ def test_two_nodes_of_one_number_are_named():
     bus = Bus({5: lambda *what: 2 * answer(*what), 9: drive(9, OBJECTS)})
     found = quick(bus)
     assert [one.twice for one in found] == [True, False]
-    assert table(found, {})[-1].startswith("two nodes answer as node 5: ")
+    assert table(found, {})[-1].startswith("two drives answer as node 5: ")
 
 
 @pytest.mark.parametrize(
