@@ -105,7 +105,7 @@ def test_pause_while_guided_without_a_trajectory(run: Run, fake_daemon: Any) -> 
     result = run("pause")
     assert (result.exit_code, result.stdout) == (
         0,
-        "admittance: no trajectory goes on; the arm holds once it is released\n",
+        "admittance: no trajectory will continue; the arm holds once it is released\n",
     )
 
 
@@ -141,7 +141,7 @@ def test_a_stop_that_no_one_has_seen_is_a_failure(
         "contactctl: not seen to stand: LElbowRoll, LWristYaw; press the emergency stop if it moves"
     )
     where = f"  - {command} done" if no_wait else f"  - {mode}: because of {mode}"
-    silent = ["  - the drives hear nothing of contactd until `reset`"] if silenced else []
+    silent = ["  - contactd sends nothing to the drives until `reset`"] if silenced else []
     assert others == [where, *silent]
     answer = json.loads(run("--json", command, *no_wait).stdout)
     assert (answer["ok"], answer["unproved"]) == (False, ["LElbowRoll", "LWristYaw"])
