@@ -183,7 +183,7 @@ async def test_read_only_commands_nothing(fake_daemon: FakeDaemon, tmp_path: Pat
         for path in ("/arms/0/stop", "/arms/0/disarm", "/arms/0/record", "/recordings/end"):
             status, text = await visitor.command(path)
             assert status == 403
-            assert "only shows" in text
+            assert "read-only" in text
         texts, _ = await messages(await visitor.live(), {"hello"})
         assert not texts["hello"]["may_command"]
         assert {name for name, _ in fake_daemon.seen} <= {"status", "subscribe"}
