@@ -153,7 +153,7 @@ def test_touch_needs_a_begin_and_a_release():
     [
         (True, 3, "all as expected"),
         (False, 0, "it failed"),
-        (False, 6, "it failed: this machine was too busy, 6 deadlines were missed; try again"),
+        (False, 6, "it failed: this computer was too busy, 6 deadlines were missed; try again"),
     ],
 )
 def test_a_machine_that_was_late_is_said_so(passed: bool, missed: int, says: str) -> None:
