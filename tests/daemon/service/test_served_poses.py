@@ -116,7 +116,7 @@ def test_poses_are_listed(served: ServedDaemon) -> None:
         (["go", "joint=nan", "--yes"], 2, "'nan' is not a position in rad"),
         (["go", "joint=inf", "--yes"], 2, "'inf' is not a position in rad"),
         (["go", "=1", "--yes"], 2, "give either one POSE or JOINT=VALUE for each joint"),
-        (["go", "home", "joint=1", "--yes"], 2, "'home': either one POSE"),
+        (["go", "home", "joint=1", "--yes"], 2, "'home': give either one POSE"),
         (["go", "joint=1", "joint=1", "--yes"], 2, "joint is given twice"),
         (["go", "--yes"], 2, "to which POSE, or JOINT=VALUE?"),
         (["go", "", "--yes"], 2, "'': give either one POSE or JOINT=VALUE for each joint"),
@@ -208,7 +208,7 @@ def test_short_of_a_limit_by_its_gap_it_says_so_before_and_where_it_stands(
     warning, end, where = result.stderr.splitlines()
     assert "warning: joint may stop up to 0.200 rad short of -1.400" in warning
     assert end.endswith("not arrived: holding, the way to joint=-1.4 came to its end")
-    assert re.fullmatch(r"  - joint stands at -1.2\d\d rad, 0.1\d\d rad from -1.400", where)
+    assert re.fullmatch(r"  - joint is at -1.2\d\d rad, 0.1\d\d rad from -1.400", where)
 
 
 def test_interrupted_it_stops(served: ServedDaemon, monkeypatch: pytest.MonkeyPatch) -> None:

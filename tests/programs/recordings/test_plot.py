@@ -176,9 +176,7 @@ def test_without_matplotlib_it_says_what_to_do(
     target = tmp_path / "a.png"
     answer = plotted(recording, "-o", target)
     assert (answer.exit_code, target.exists()) == (65, False)
-    assert (
-        "a.png: a picture needs matplotlib; write an .html, which needs none, or" in answer.stderr
-    )
+    assert "a.png: a plot needs matplotlib; write an .html, which needs none, or" in answer.stderr
     assert said in answer.stderr
     assert plotted(recording, "-o", tmp_path / "a.html").exit_code == 0
 

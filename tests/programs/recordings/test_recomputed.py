@@ -125,7 +125,7 @@ def test_what_is_missing_is_said(run: tuple[Path, list[State]], tmp_path: Path) 
     context_of_log(log).write_bytes(b"{")
     assert "cannot be read" in plotted(log).stderr
     context_of_log(log).unlink()
-    assert ".json is not beside it" in plotted(log).stderr
+    assert "describes its frames, is not beside it" in plotted(log).stderr
     log.unlink()
     answer = plotted("--last-fault")
     assert answer.exit_code == 65

@@ -185,7 +185,7 @@ def test_levels_are_swept_in_recordings_of_each_format(version: int) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [
-        ("bus.channel", "can1", "=can1: has no effect: a replay goes by estimator"),
+        ("bus.channel", "can1", "=can1: has no effect: a replay uses only estimator"),
         ("admittance.quiet_s", "0.2", "has no effect"),
         ("estimator.gian", "3", "no setting 'gian'; there are: residual, beside, gain"),
         ("joints.LElbow.half_gap", "3", "no setting 'LElbow'; there are: joint"),

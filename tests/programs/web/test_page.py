@@ -257,7 +257,7 @@ def test_events_are_filtered(screens: Screens, arm: FakeDaemon, page: Page) -> N
     screen.until("!document.querySelectorAll('#events li[data-kind]').length")
     screen.page.check("#filter [name=contact]")
     screen.page.fill("#filter [name=text]", "nothing like it")
-    screen.shows("#events", "None of them")
+    screen.shows("#events", "No event passes")
 
 
 def test_a_recording_from_the_page(screens: Screens, arm: FakeDaemon, tmp_path: Path) -> None:

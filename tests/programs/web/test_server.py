@@ -207,5 +207,5 @@ async def test_there_are_signs_of_life_while_there_is_no_daemon(tmp_path: Path) 
 
 
 def test_a_name_that_is_no_address_is_said_to_be_none() -> None:
-    with pytest.raises(UnreachableError, match=r"at no address port 0: no such address"):
+    with pytest.raises(UnreachableError, match=r"on no address port 0: no such address"):
         listen("no address", 0)

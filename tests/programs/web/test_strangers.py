@@ -236,7 +236,7 @@ async def test_no_connection_is_used_twice(fake_daemon: FakeDaemon) -> None:
         ({"bind": "10.0.0.7"}, "use --token-file or --read-only"),
         ({"bind": "unix:/tmp/page.sock"}, "--host is required"),
         ({"tls": True}, "--bind unix:PATH"),
-        ({"hosts": ("arm.local/page",)}, "--host arm.local/page: a name or an address"),
+        ({"hosts": ("arm.local/page",)}, "--host arm.local/page: must be a name or an address"),
         ({"hosts": ("https://arm.local",)}, "a name or an address"),
         ({"hosts": ("fe80::1",)}, "in brackets"),
         ({"hosts": ("",)}, "a name or an address"),

@@ -160,7 +160,7 @@ def test_an_eds_of_another_product_does_not_fit():
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("joints: 3\n", "no `bus`"),
+        ("joints: 3\n", "`bus` is missing"),
         ("bus: {interface: carrier_pigeon, channel: a}\n", r"bus.interface: must be one of slcan"),
     ],
 )
