@@ -317,6 +317,6 @@ def test_an_answer_that_has_no_room_is_one_line(fake_daemon: Any, command: list[
         done = subprocess.run(
             words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
-    assert done.stderr == "contactctl: the answer cannot be written: No space left on device\n"
+    assert done.stderr == "contactctl: cannot write the output: No space left on device\n"
     assert done.returncode == 65
     assert [seen for seen, _ in fake_daemon.seen] == [one for one in command if one[0] != "-"]

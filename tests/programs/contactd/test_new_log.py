@@ -215,9 +215,9 @@ def test_no_drive_of_it_can_be_run(tmp_path: Path, arm: Stranger) -> None:
         ("time,base_pos,elbow_cur", "no joint of arm.urdf (base, shoulde"),
         ("time,base_pos,base_cur\n", "too short: 0 samples, at least 100"),
         ("time,base_pos,base_cur\n1,2,nan", "log.csv:2: base_cur is nan"),
-        ("time,base_pos,base_cur,base_pos", "two columns base_pos"),
+        ("time,base_pos,base_cur,base_pos", "duplicate columns base_pos"),
         ("time,base_pos,base_cur", "time does not grow at sample 1"),
-        ("time;base_pos;base_cur", "log.csv:1: fields stand apart by ';', allowed are commas"),
+        ("time;base_pos;base_cur", "log.csv:1: fields are separated by ';', allowed are commas"),
         ("time,base_pos,base_cur\n1,off,3", "log.csv:2: base_pos is 'off': not a number"),
     ],
 )

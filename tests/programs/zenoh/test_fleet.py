@@ -333,7 +333,7 @@ def test_without_the_extra_it_says_which(monkeypatch: pytest.MonkeyPatch) -> Non
     result = CliRunner().invoke(contactd.main, ["fleet"])
     assert result.exit_code == 78
     assert result.output == (
-        "contactd: it needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
+        "contactd: `fleet` needs the extra `ros` (zenoh): pip install 'contactd[ros]'\n"
     )
 
 

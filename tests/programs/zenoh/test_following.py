@@ -111,7 +111,7 @@ def test_one_publisher_at_a_time() -> None:
     assert len(network.lines) == 1
     assert len(network.lines[0].sent) == 31
     assert [line for line in network.said if B.hex() in line] == [
-        f"does not follow publisher {B.hex()} until it falls silent: another publisher streams"
+        f"does not follow publisher {B.hex()} until it falls silent: another publisher is streaming"
     ]
 
 
